@@ -215,12 +215,12 @@ class OpenRenderer:
     def __call__(self) -> Renderer:
         """The renderer; the process's share of the processors is settled before its context is made."""
         share_processors(self.processes)
-        from simulator.render.earth.map_textures import begin_maps_of  # noqa: PLC0415 - who asks need not load OpenGL
+        from simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who asks need not load OpenGL
 
-        prefetched = begin_maps_of(self.first)
+        prefetched = prefetch_maps_of(self.first)
         from simulator.render.renderer import Renderer  # noqa: PLC0415 - the same; maps are read meanwhile
 
-        return Renderer(device_index=self.device_index, begun=prefetched)
+        return Renderer(device_index=self.device_index, prefetched=prefetched)
 
 
 class _FramesElsewhere(FrameProducer[Taken]):
@@ -345,12 +345,12 @@ def open_frames(
         with _FramesElsewhere(stage, opener, ahead=ahead, restarts=restarts) as elsewhere:
             yield elsewhere
         return
-    from simulator.render.earth.map_textures import begin_maps_of  # noqa: PLC0415 - who draws elsewhere need not load OpenGL
+    from simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who draws elsewhere need not load OpenGL
     from simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
 
-    maps = begin_maps_of(first) if prefetched is None else prefetched
+    maps = prefetch_maps_of(first) if prefetched is None else prefetched
     with (
-        Renderer(device_index=device_index, begun=maps) as renderer,
+        Renderer(device_index=device_index, prefetched=maps) as renderer,
         _FramesHere(renderer, stage, target) as here,
     ):
         yield here

@@ -19,7 +19,7 @@ from flyaround.commands.terminal import progress_bar, say, terminal
 from simulator.errors import UserError
 from simulator.labels.request import LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
-from simulator.render.earth.map_textures import EarthMaps, begin_earth_maps, begin_maps_of
+from simulator.render.earth.map_textures import EarthMaps, prefetch_earth_maps, prefetch_maps_of
 from simulator.scenario.poses import PosePlan, read_poses
 from simulator.scene.environments import environment_section
 from simulator.scene.illumination.bands import Bands
@@ -76,7 +76,7 @@ def render(
         if poses is not None:
             raise UserError("--poses needs a SCENARIO for camera and light; leave out --from-truth")
         record = read_truth(from_truth)
-        prefetched = begin_maps_of(record.scene)
+        prefetched = prefetch_maps_of(record.scene)
         scene, target = record.scene, load_target(record.scene.target.name)
         request = LabelRequest(layers=record.layers, flow=record.flow)
     else:
@@ -87,7 +87,7 @@ def render(
         if flown.environment.layers().earth:
             # two at a time: an empty cache is filled while the target is built and flown
             in_bands = bands or flown.output.bands
-            prefetched[in_bands] = begin_earth_maps(in_bands, flown.environment.layers(), flown.epoch_utc)
+            prefetched[in_bands] = prefetch_earth_maps(in_bands, flown.environment.layers(), flown.epoch_utc)
         from simulator.scenario.plan import plan_flight  # noqa: PLC0415 - slow to import: maps are read before
 
         plan = plan_flight(flown, times=(time_s,), seed=seed, bands=bands, quality=quality_preset(quality))

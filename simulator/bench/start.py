@@ -18,16 +18,16 @@ from simulator.runtime.memory import keep_freed_memory
 from simulator.runtime.threads import use_one_for_matrices
 keep_freed_memory()  # as the program does
 use_one_for_matrices()
-from simulator.render.earth.map_textures import begin_earth_maps
+from simulator.render.earth.map_textures import prefetch_earth_maps
 from simulator.scenario.load import load_scenario
 scenario = load_scenario("{SCENE}")
 bands = scenario.output.bands
-begun = begin_earth_maps(bands, scenario.environment.layers(), scenario.epoch_utc)
+prefetched = prefetch_earth_maps(bands, scenario.environment.layers(), scenario.epoch_utc)
 from simulator.frame import take_frame
 from simulator.scenario.plan import plan_flight
 from simulator.render.renderer import Renderer
 plan = plan_flight(scenario, n=1)
-with Renderer(begun={{bands: begun}}) as renderer:
+with Renderer(prefetched={{bands: prefetched}}) as renderer:
     take_frame(renderer, plan.scene(0), plan.target, labels=False)
     print("frame", flush=True)
     status = open("/proc/self/status").read() if sys.platform == "linux" else ""

@@ -173,7 +173,7 @@ def _over_passing_ground(
     motion = float(np.nanmax(np.hypot(*(ends[1] - ends[0]).T), initial=0.0))
     moments = instants_of(motion, scene.exposure_s)
     # the driver draws the first craft's samples while the ground's are prepared, and shades it during the last smear
-    first = renderer.begin_craft(at(moments.times_s[0]), target)
+    first = renderer.start_craft(at(moments.times_s[0]), target)
     for k in range(n_drawings):
         mid, early, late = (at((k + part) * span_s - scene.exposure_s / 2) for part in (0.5, 0.0, 1.0))
         rendered = renderer.render(mid, target, layer="sky")

@@ -26,7 +26,7 @@ def start_surfaces(
     """`surfaces`, which the driver draws while other things are done; the result, called once, waits for it."""
     if len(row_bands(scene, target)) > 1:
         return partial(surfaces, renderer, scene, target, layers=layers)
-    return renderer.begin_surfaces(scene, target, layers=layers)
+    return renderer.start_surfaces(scene, target, layers=layers)
 
 
 def surfaces(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from simulator.render.earth.albedo import sky_light
 from simulator.render.earth.earth_pass import EarthFrame
 from simulator.render.earth.earth_view import earth_values, earth_view
-from simulator.render.earth.map_textures import begin_earth_maps, stand_ins
+from simulator.render.earth.map_textures import prefetch_earth_maps, stand_ins
 from simulator.render.earth.screen_tiles import uniform_tiles
 from simulator.render.frame_resources import (
     AIR,
@@ -60,11 +60,11 @@ class Drawing:
 
     Parameters
     ----------
-    begun : `begin_earth_maps` of the first scenes to be drawn.
+    prefetched : `prefetch_earth_maps` of the first scenes to be drawn.
     """
 
     def __init__(
-        self, device: Device, path: DrawingPath, begun: Mapping[Bands, EarthMaps] | None = None
+        self, device: Device, path: DrawingPath, prefetched: Mapping[Bands, EarthMaps] | None = None
     ) -> None:
         self._device, self._path = device, path
         self._targets: dict[bool, TargetPasses] = {}
@@ -73,7 +73,7 @@ class Drawing:
         self._moon: MoonPass | None = None
         self._earths: dict[Bands, EarthPass] = {}
         # of the first scene that needs them, until they are uploaded
-        self._begun: dict[Bands, EarthMaps] = dict(begun or {})
+        self._prefetched: dict[Bands, EarthMaps] = dict(prefetched or {})
 
     # what is uploaded
 
@@ -90,21 +90,27 @@ class Drawing:
     def earth(self, bands: Bands) -> EarthPass:
         """The Earth for some bands; waits for its maps when it is first drawn."""
         if bands not in self._earths:
-            begun = self._begun.pop(bands)
+            prefetched = self._prefetched.pop(bands)
             self._earths[bands] = self._path.earth_pass(
-                self._device.context, self._device.programs, bands, begun
+                self._device.context, self._device.programs, bands, prefetched
             )
             self._device.check("uploading the Earth's maps")
         return self._earths[bands]
 
-    def begin_maps(self, scene: SceneState) -> None:
+    def prefetch_maps(self, scene: SceneState) -> None:
         """Have a first frame's Earth decoded while its craft is made ready."""
-        if scene.environment.earth and scene.bands not in self._earths and scene.bands not in self._begun:
-            self._begun[scene.bands] = begin_earth_maps(scene.bands, scene.environment, scene.epoch_utc)
+        if (
+            scene.environment.earth
+            and scene.bands not in self._earths
+            and scene.bands not in self._prefetched
+        ):
+            self._prefetched[scene.bands] = prefetch_earth_maps(
+                scene.bands, scene.environment, scene.epoch_utc
+            )
 
     def maps_of(self, bands: Bands) -> EarthMaps | None:
         """The maps that are being decoded for some bands; ``None`` once they are uploaded, or if nothing asked."""
-        return self._begun.get(bands)
+        return self._prefetched.get(bands)
 
     @contextmanager
     def stand_in_earth(self, scene: SceneState) -> Iterator[None]:
@@ -162,9 +168,9 @@ class Drawing:
         """Work out the light of Earth and Moon on the target, from maps that a first frame waits for here."""
         scene, view = r[SCENE], r[VIEW]
         if r.find(GIVEN_SKY_LIGHT) is None:
-            begun = self.maps_of(scene.bands)
-            if begun is not None:
-                begun.albedo.result()
+            prefetched = self.maps_of(scene.bands)
+            if prefetched is not None:
+                prefetched.albedo.result()
             view = replace(view, sky=sky_light(scene))
         r[VIEW] = view
         self._device.blocks.frame.write(frame_values(scene, view))

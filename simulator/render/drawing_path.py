@@ -30,7 +30,7 @@ class DrawingPath(Protocol):
         context: moderngl.Context,
         programs: ProgramLibrary,
         bands: Bands,
-        begun: EarthMaps,
+        prefetched: EarthMaps,
         *,
         precompiles: bool = False,
     ) -> EarthPass:

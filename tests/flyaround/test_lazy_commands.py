@@ -41,7 +41,7 @@ def test_an_earth_scenarios_maps_are_begun_before_what_flies_and_draws_it_is_imp
     code = (
         "import sys; import simulator.render.earth.map_textures as earth_maps; from flyaround.__main__ import run; "
         "begin = lambda *_: print([m for m in ('scipy', 'moderngl') if m in sys.modules]) or sys.exit(7); "
-        "earth_maps.begin_earth_maps = begin; sys.exit(run(['render', 'tango-flyaround', '-t', '0']))"
+        "earth_maps.prefetch_earth_maps = begin; sys.exit(run(['render', 'tango-flyaround', '-t', '0']))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout.strip()) == (7, "[]")

@@ -83,12 +83,14 @@ def check_pictures(
     ----------
     frames : to be drawn, all of them readable. target : that the card and the records name.
     """
-    from simulator.render.earth.map_textures import begin_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
+    from simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
     from simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
 
     faults: list[tuple[int, str]] = []
     try:
-        renderer = Renderer(begun=begin_maps_of(read_truth(frame_paths(folder, frames[0]).truth).scene))
+        renderer = Renderer(
+            prefetched=prefetch_maps_of(read_truth(frame_paths(folder, frames[0]).truth).scene)
+        )
     except UserError as error:
         return Redrawn(0, (), str(error))
     with renderer:

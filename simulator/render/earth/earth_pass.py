@@ -23,12 +23,8 @@ from simulator.render.earth.seasons import SLOPE_MAX as RELIEF_SLOPE_MAX
 from simulator.render.earth.terrain_detail import SLOPE_MAX as VALLEY_SLOPE
 from simulator.render.earth.terrain_detail import valley_texture
 from simulator.render.gl.fences import draw_to, flush
-from simulator.render.gl.mipmaps import (
-    draw_one_point,
-    mipmap_chain,
-    mipmapped_texture,
-    release_mipmapped,
-)
+from simulator.render.gl.library import draw_one_point
+from simulator.render.gl.mipmaps import mipmap_chain, mipmapped_texture, release_mipmapped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -126,7 +122,7 @@ class EarthPass:
 
     Parameters
     ----------
-    begun : of a scene of these bands; it is waited for here.
+    prefetched : of a scene of these bands; it is waited for here.
     precompiles : draw one tile of each kind alone, while other threads go on: a software driver compiles the programs
         then.
     """
@@ -136,7 +132,7 @@ class EarthPass:
         context: moderngl.Context,
         programs: ProgramLibrary,
         bands: Bands,
-        begun: EarthMaps,
+        prefetched: EarthMaps,
         *,
         precompiles: bool = False,
     ) -> None:
@@ -147,16 +143,16 @@ class EarthPass:
         self._names: Bands = bands
         # in the order in which they are ready where one thread makes them all
         # one at a time: what is uploaded need not stay in memory until the next is
-        waiting = begun.maps.result()
+        waiting = prefetched.maps.result()
         self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
-        self._months = {k: self._mapped(levels) for k, levels in begun.months.result().items()}
-        self._detail_levels = begun.detail.result()
+        self._months = {k: self._mapped(levels) for k, levels in prefetched.months.result().items()}
+        self._detail_levels = prefetched.detail.result()
         self._detail: moderngl.Texture | None = None
         self._valleys: moderngl.Texture | None = None  # of `high`
-        self._relief = self._mapped(begun.relief.result())
-        self._keep_air(begun.air.result())
+        self._relief = self._mapped(prefetched.relief.result())
+        self._keep_air(prefetched.air.result())
         self._ice: tuple[str, moderngl.Texture] | None = None  # of a day
-        self._shoals: Future[MipmapChain] | moderngl.Texture = begun.shoals
+        self._shoals: Future[MipmapChain] | moderngl.Texture = prefetched.shoals
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
         self._kept: dict[tuple[object, ...], Program] = {}
 

@@ -40,7 +40,7 @@ class EarthMaps:
     ----------
     albedo : that the Earth-shine looks up. maps : one for one band, two for three. months : by number.
     shoals : uploaded only when such water is in view. air : of the scene's thickness.
-    later : writes what is made of them to the cache, when a first picture is drawn.
+    deferred_writes : writes what is made of them to the cache, when a first picture is drawn.
     """
 
     albedo: Future[Float32Array]
@@ -50,19 +50,21 @@ class EarthMaps:
     months: Future[dict[int, MipmapChain]]
     shoals: Future[MipmapChain]
     air: Future[AirTables]
-    later: DeferredWrites
+    deferred_writes: DeferredWrites
 
 
-def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
+def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
     """Start on what a scene's Earth needs, and return at once; NumPy and OpenCV leave Python free meanwhile.
 
-    Before there is a scene it may be begun for the renderer that will draw it.
+    Before there is a scene it may be prefetched for the renderer that will draw it.
     """
     bands = 1 if of_bands == "mono" else 3
     dates = season(epoch_utc) if environment.seasons else AUGUST
     # what takes longest first: the detail alone is as long as the maps
-    later = DeferredWrites()
-    pools = [ThreadPoolExecutor(1, initializer=later.use) for _ in range(min(beside_the_caller(), 2))]
+    deferred_writes = DeferredWrites()
+    pools = [
+        ThreadPoolExecutor(1, initializer=deferred_writes.use) for _ in range(min(beside_the_caller(), 2))
+    ]
     with_maps, others = pools[0], pools[-1]
     # sources of the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
     files = DecodedMaps()
@@ -72,7 +74,7 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
     months = with_maps.submit(_months, sorted({dates.before, dates.after}), bands)
     # few pictures wait for them
     water = with_maps.submit(lambda: mipmap_chain(shoals(bands, sources.result()), globe=True))
-    begun = EarthMaps(
+    prefetched = EarthMaps(
         albedo,
         maps,
         others.submit(lambda: mipmap_chain(detail_texture(), globe=False)),
@@ -80,22 +82,22 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
         months,
         water,
         others.submit(air_tables, of_bands, environment.atmosphere_thickness_km * 1e3),
-        later,
+        deferred_writes,
     )
     for pool in pools:
         pool.shutdown(wait=False)
-    return begun
+    return prefetched
 
 
-def begin_maps_of(first: SceneState | None) -> dict[Bands, EarthMaps]:
-    """Maps begun for the first scene to be drawn, as `Renderer` takes them; none where it has no Earth."""
+def prefetch_maps_of(first: SceneState | None) -> dict[Bands, EarthMaps]:
+    """Maps prefetched for the first scene to be drawn, as `Renderer` takes them; none where it has no Earth."""
     if first is None or not first.environment.earth:
         return {}
-    return {first.bands: begin_earth_maps(first.bands, first.environment, first.epoch_utc)}
+    return {first.bands: prefetch_earth_maps(first.bands, first.environment, first.epoch_utc)}
 
 
 def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
-    """Black maps of a few texels, of the same kinds as those that `begin_earth_maps` begins, and air without light.
+    """Black maps of a few texels, of the same kinds as those that `prefetch_earth_maps` begins, and air without light.
 
     A driver's programs depend on a texture's channels, on its levels, and on whether its sides are powers of two.
     """

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import itertools
-import sys
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from simulator.render.gl.library import gl_library
 from simulator.runtime.cached_arrays import cached_array, entry_of
 
 if TYPE_CHECKING:
@@ -19,12 +18,6 @@ if TYPE_CHECKING:
 
     from simulator.runtime.arrays import ByteArray
 
-_LIBRARIES = {
-    "darwin": ("/System/Library/Frameworks/OpenGL.framework/OpenGL",),
-    "win32": ("opengl32",),
-}
-_LINUX = ("libGL.so.1", "libOpenGL.so.0")
-_POINTS = 0
 _TEXTURE_2D, _UNSIGNED_BYTE, _UNPACK_ALIGNMENT = 0x0DE1, 0x1401, 0x0CF5
 _FORMATS = {1: (0x8229, 0x1903), 4: (0x8058, 0x1908)}  # R8 and RED, RGBA8 and RGBA
 _OWN_NAME = "name made here"
@@ -109,16 +102,6 @@ def level_textures(context: moderngl.Context, levels: MipmapChain) -> list[moder
     return textures
 
 
-def draw_one_point(array: moderngl.VertexArray) -> None:
-    """Draw the first vertex of an array of points while Python's other threads go on; moderngl holds them up."""
-    library = gl_library()
-    if library is None:
-        array.render(vertices=1)
-        return
-    array.render(vertices=0)  # puts program and vertices to use
-    library.glDrawArrays(_POINTS, 0, 1)
-
-
 def _sizes(width: int, height: int) -> list[tuple[int, int]]:
     """Of the levels from the second on, as OpenGL counts them."""
     sizes = []
@@ -157,18 +140,3 @@ def _as_wide_as_high(level: ByteArray) -> ByteArray:
         around = np.concatenate([rows[:, width - reach :], rows, rows[:, :reach]], axis=1)
         out[first:end] = cv2.blur(around, (count, 1))[:, reach : reach + width].reshape(rows.shape)
     return out
-
-
-@lru_cache(maxsize=1)
-def gl_library() -> ctypes.CDLL | None:
-    """OpenGL itself: moderngl uploads to levels that exist, and has no call that makes one."""
-    for name in _LIBRARIES.get(sys.platform, _LINUX):
-        try:
-            library = ctypes.CDLL(name)
-            library.glTexImage2D.argtypes = [*[ctypes.c_int] * 8, ctypes.c_void_p]
-            library.glGenTextures.argtypes = [ctypes.c_int, ctypes.c_void_p]
-            library.glDeleteTextures.argtypes = [ctypes.c_int, ctypes.c_void_p]
-        except (OSError, AttributeError):
-            continue
-        return library
-    return None

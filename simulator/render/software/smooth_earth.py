@@ -74,11 +74,11 @@ class SmoothEarthPass(EarthPass):
         context: moderngl.Context,
         programs: ProgramLibrary,
         bands: Bands,
-        begun: EarthMaps,
+        prefetched: EarthMaps,
         *,
         precompiles: bool = False,
     ) -> None:
-        super().__init__(context, programs, bands, begun, precompiles=precompiles)
+        super().__init__(context, programs, bands, prefetched, precompiles=precompiles)
         self._details = level_textures(context, self._detail_levels)
 
     def release(self) -> None:

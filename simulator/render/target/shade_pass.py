@@ -8,7 +8,7 @@ import numpy as np
 
 from simulator.render.bake.radiance_transfer import LARGEST_SLOPE
 from simulator.render.gl.fences import draw_to
-from simulator.render.gl.mipmaps import draw_one_point
+from simulator.render.gl.library import draw_one_point
 from simulator.render.target.edge_pass import edge_defines
 from simulator.render.target.gbuffer_pass import normal_bits
 from simulator.render.target.sample_pattern import lattice_defines
@@ -85,7 +85,7 @@ class ShadePass:
         program: Program,
         textures: dict[str, moderngl.Texture],
         *,
-        ahead: bool = False,
+        one_tile: bool = False,
     ) -> None:
         """Shade the pixels of ``rect`` that the target may touch.
 
@@ -93,7 +93,7 @@ class ShadePass:
         ----------
         tiles_px : (K, 2) centres of the tiles of those pixels.
         textures : by the names of the program's samplers.
-        ahead : draw the first tile alone, while other threads go on: a software driver compiles the program then.
+        one_tile : draw the first alone, while other threads go on: a software driver compiles the program then.
         """
         draw_to(framebuffer)
         # whole tiles, beyond the image's edge too: a point is dropped when its middle is outside
@@ -113,7 +113,7 @@ class ShadePass:
         for name, image in (("u_texel", "t_surface"), ("u_slope_texel", "t_slope")):
             columns, rows = textures[image].size
             program.set(name, (1 / columns, 1 / rows))
-        if ahead:
+        if one_tile:
             draw_one_point(self._arrays[program])
         else:
             self._arrays[program].render(vertices=len(tiles))

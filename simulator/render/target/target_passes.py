@@ -236,10 +236,10 @@ class TargetPasses:
             tiles_px,
             program,
             {**samples.textures, "t_shadow": shadow.map, **textures},
-            ahead=one_tile,
+            one_tile=one_tile,
         )
 
-    def begin_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
+    def start_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
         """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""
         mesh, camera = self._loaded.get(target).mesh, scene.camera
         place = locate(mesh, _matrix_of(scene), camera)

@@ -54,10 +54,10 @@ def test_a_sky_drawn_between_a_crafts_samples_and_its_shading_changes_neither(re
     later = propagated_scene(scene, 0.2)
     craft = renderer.render(scene, plan.target, layer="craft")
     ground = renderer.render(later, plan.target, layer="sky").radiance
-    begun = renderer.begin_craft(scene, plan.target)
+    started = renderer.start_craft(scene, plan.target)
     between = renderer.render(later, plan.target, layer="sky").radiance
-    begun.shade()
-    again = begun.read()
+    started.shade()
+    again = started.read()
     assert again.window == craft.window
     for ours, theirs in (
         (again.radiance, craft.radiance),

@@ -11,7 +11,7 @@ import pytest
 from simulator.bench import start
 from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.render.earth.earth_pass import EarthPass
-from simulator.render.earth.map_textures import begin_earth_maps
+from simulator.render.earth.map_textures import prefetch_earth_maps
 from simulator.render.renderer import Renderer
 from simulator.render.software.smooth_earth import SmoothEarthPass
 from simulator.runtime.cache import cache_folder
@@ -38,8 +38,8 @@ def test_the_first_frame_needs_no_program_that_was_not_compiled_ahead(bands, nam
 
     monkeypatch.setattr(EarthPass, "run", watch(EarthPass.run))
     monkeypatch.setattr(SmoothEarthPass, "run_smooth", watch(SmoothEarthPass.run_smooth))
-    begun = begin_earth_maps(bands, scenario.environment.layers(), scene.epoch_utc)
-    with Renderer(begun={bands: begun}) as renderer:
+    prefetched = prefetch_earth_maps(bands, scenario.environment.layers(), scene.epoch_utc)
+    with Renderer(prefetched={bands: prefetched}) as renderer:
         first = renderer.render(scene, plan.target).radiance
         again = renderer.render(scene, plan.target).radiance
     assert [ahead for ahead, _ in runs] == [True, False, False]

@@ -22,7 +22,8 @@ from simulator.render.earth.sea_ice import (
     sea_ice,
 )
 from simulator.render.earth.seasons import ANCHORS, season
-from simulator.render.gl.mipmaps import gl_library, mipmapped_texture
+from simulator.render.gl.library import gl_library
+from simulator.render.gl.mipmaps import mipmapped_texture
 from simulator.render.software import tiles as cells
 from simulator.scene.environments import Environment
 from simulator.scene.illumination.bands import sun_irradiance_w_m2

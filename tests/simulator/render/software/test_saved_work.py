@@ -12,13 +12,8 @@ from simulator.bench.scenes import bench_scenes
 from simulator.camera.lens.camera_model import Camera
 from simulator.render.earth.earth_view import earth_view
 from simulator.render.gl.depth_buffer import MOST_RANGES
-from simulator.render.gl.mipmaps import (
-    VERSION,
-    gl_library,
-    mipmap_chain,
-    mipmapped_texture,
-    release_mipmapped,
-)
+from simulator.render.gl.library import gl_library
+from simulator.render.gl.mipmaps import VERSION, mipmap_chain, mipmapped_texture, release_mipmapped
 from simulator.render.projection import PixelRect
 from simulator.render.renderer import Renderer
 from simulator.render.software import quad_packing, software_path

@@ -1,0 +1,43 @@
+"""OpenGL called by name: what moderngl has no call for, or holds Python's lock for."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import moderngl
+
+_LIBRARIES = {
+    "darwin": ("/System/Library/Frameworks/OpenGL.framework/OpenGL",),
+    "win32": ("opengl32",),
+}
+_LINUX = ("libGL.so.1", "libOpenGL.so.0")
+_POINTS = 0
+
+
+@lru_cache(maxsize=1)
+def gl_library() -> ctypes.CDLL | None:
+    """OpenGL itself, or ``None`` where it has no name that Python finds."""
+    for name in _LIBRARIES.get(sys.platform, _LINUX):
+        try:
+            library = ctypes.CDLL(name)
+            library.glTexImage2D.argtypes = [*[ctypes.c_int] * 8, ctypes.c_void_p]
+            library.glGenTextures.argtypes = [ctypes.c_int, ctypes.c_void_p]
+            library.glDeleteTextures.argtypes = [ctypes.c_int, ctypes.c_void_p]
+        except (OSError, AttributeError):
+            continue
+        return library
+    return None
+
+
+def draw_one_point(array: moderngl.VertexArray) -> None:
+    """Draw the first vertex of an array of points while Python's other threads go on; moderngl holds them up."""
+    library = gl_library()
+    if library is None:
+        array.render(vertices=1)
+        return
+    array.render(vertices=0)  # puts program and vertices to use
+    library.glDrawArrays(_POINTS, 0, 1)
