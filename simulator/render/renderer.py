@@ -155,7 +155,7 @@ class Renderer:
     context : an existing OpenGL >= 4.1 context to draw with instead; it is not released on close.
     timed : wait for the driver after every pass, so that ``stage_ms`` is each pass's own time. Without it the passes
         queue up, nothing stalls, and their time shows in the read-back. May be changed between frames.
-    begun : `begin_earth_maps` of the first scenes to be drawn, for a quicker first frame.
+    prefetched : `prefetch_earth_maps` of the first scenes to be drawn, for a quicker first frame.
     software_path : have Python find what need not be drawn, or may be interpolated. A software driver takes a fraction
         of the time then, and a GPU would wait for it. ``None``: where a software driver draws.
 
@@ -171,14 +171,14 @@ class Renderer:
         device_index: int | None = None,
         context: moderngl.Context | None = None,
         timed: bool = False,
-        begun: Mapping[Bands, EarthMaps] | None = None,
+        prefetched: Mapping[Bands, EarthMaps] | None = None,
         software_path: bool | None = None,
     ) -> None:
         self.timed = timed
         self._device = device = Device(device_index, context)
         self.takes_software_path = device.info.is_software if software_path is None else software_path
         self._path = SoftwarePath(device) if self.takes_software_path else PlainPath()
-        self._draw = Drawing(device, self._path, begun)
+        self._draw = Drawing(device, self._path, prefetched)
         self._graphs: dict[str, FrameGraph] = {}
         device.check("start-up")
 
@@ -216,11 +216,11 @@ class Renderer:
             If ``target`` is not the one the scene was made for.
         """
         if layer == "craft":
-            craft = self.begin_craft(scene, target, sky=sky)
+            craft = self.start_craft(scene, target, sky=sky)
             craft.shade()
             return craft.read()
         frame = self._begin(scene, target, sky)
-        self._draw.begin_maps(scene)
+        self._draw.prefetch_maps(scene)
         maps = self._draw.maps_of(scene.bands)
         with_target = layer == "all"
         if not with_target:
@@ -237,20 +237,20 @@ class Renderer:
         if labels:
             clock = StageClock(self._device.context, finish=self.timed)
             coverage = frame[COVERAGE].read_coverage()
-            depth = self._draw.target.begin_surfaces(scene, target, layers=False)().depth_m
+            depth = self._draw.target.start_surfaces(scene, target, layers=False)().depth_m
             inside = self._draw.target.silhouette_inside(scene, target)
             clock.lap("labels")
             stage_ms |= clock.stage_ms
         self._device.check("a frame")
         if maps is not None:
-            maps.later.start()
+            maps.deferred_writes.start()
         return Rendered(frame[PICTURE], coverage, depth, inside, stage_ms)
 
-    def begin_craft(self, scene: SceneState, target: Target, *, sky: SkyLight | None = None) -> Craft:
+    def start_craft(self, scene: SceneState, target: Target, *, sky: SkyLight | None = None) -> Craft:
         """Have the driver draw a craft's samples, alone; parameters as of `render`."""
         frame, draw = self._begin(scene, target, sky), self._draw
         if sky is None:
-            draw.begin_maps(scene)
+            draw.prefetch_maps(scene)
         stage_ms = self._run("samples", lambda: [_set_up(draw), *sampling_passes(draw)], frame)
 
         def shade() -> None:
@@ -273,7 +273,7 @@ class Renderer:
 
         return Craft(shade, read)
 
-    def begin_surfaces(
+    def start_surfaces(
         self, scene: SceneState, target: Target, *, layers: bool = False
     ) -> Callable[[], Surfaces]:
         """What of the target lies at each pixel's centre, without drawing the picture.
@@ -285,7 +285,7 @@ class Renderer:
         layers : normals and parts too, not depth alone.
         """
         self._device.prepare(scene)
-        finish = self._draw.target.begin_surfaces(scene, target, layers=layers)
+        finish = self._draw.target.start_surfaces(scene, target, layers=layers)
 
         def surfaces() -> Surfaces:
             self.make_current()
@@ -296,8 +296,8 @@ class Renderer:
         return surfaces
 
     def surfaces(self, scene: SceneState, target: Target, *, layers: bool = False) -> Surfaces:
-        """`begin_surfaces`, waited for."""
-        return self.begin_surfaces(scene, target, layers=layers)()
+        """`start_surfaces`, waited for."""
+        return self.start_surfaces(scene, target, layers=layers)()
 
     def silhouette_inside(self, scene: SceneState, target: Target) -> float:
         """Share of the target's whole silhouette that falls on the image."""
@@ -332,7 +332,7 @@ class Renderer:
         shading = Pass("target.programs", draw.compile_shading, (SCENE, *sampled, *_IMAGES), _IMAGES)
         return [
             Pass("earth.programs", self._compile_earth, (SCENE, VIEW, *_IMAGES), _IMAGES, optional=(TARGET,)),
-            *([shading] if target else []),
+            *((shading,) if target else ()),
             Pass("clear.again", draw.clear, (SCENE,), _IMAGES),
         ]
 
