@@ -1,7 +1,7 @@
-"""Where in a textured picture something made by people may be: a small network on measures of texture.
+"""Saliency of the target before a textured background: a small network on local measures of texture.
 
-Against an Earth full of clouds no single measure tells the craft. Taken together, brightness, edges, their straightness
-and long segments at several reaches do: two layers of weights trained on rendered pictures weigh them.
+Before an Earth full of clouds no single measure tells a spacecraft. Brightness, edges, their straightness and long
+segments, each at several scales, do together: two layers trained on rendered images weigh them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from hil.board.svd.image.line_segments import lsd_stream
 
 Array = np.ndarray
 
-# Cells are this many pixels of the reduced picture; reaches of the measures [cells].
+# Pixels of the reduced image in a cell, each way; scales of the measures [cells].
 CELL_PX = 2
 REACHES = (3, 7, 15, 31)
 
@@ -72,7 +72,7 @@ def measures(
     segments: Optional[Array] = None,
     slopes: Optional[Tuple[Array, Array]] = None,
 ) -> Array:
-    """(h, w, F) float32 measures of each cell.
+    """(h, w, F) float32 texture measures of each cell.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def _cells(layer: Array, w: int, h: int) -> Array:
 
 
 def _straightness(gx: Array, gy: Array, sigma: float, w: int, h: int) -> Array:
-    """How much of the gradient about a cell runs one way: 1 along a straight edge, 0 in texture."""
+    """Coherence of the gradient about a cell: 1 along a straight edge, 0 in texture."""
     xx, yy = gx * gx, gy * gy
     energy = xx + yy
     weight = np.minimum(energy, (20 * sigma) ** 2)
@@ -163,7 +163,7 @@ def saliency_map(
     segments: Optional[Array] = None,
     slopes: Optional[Tuple[Array, Array]] = None,
 ) -> Array:
-    """(h, w) probability that a cell shows the craft; others as in ``measures``."""
+    """(h, w) probability that a cell shows the target; others as in ``measures``."""
     m = measures(small, noise, segments, slopes)
     h, w, n = m.shape
     # measures less their mean over their scale, taken into the weights
@@ -181,7 +181,7 @@ def saliency_map(
 
 
 def boxes(probability: Array, most: int = 4) -> List[Tuple[float, float, float, float]]:
-    """Boxes around the likeliest regions, best first [cells].
+    """Boxes around the most salient regions, best first [cells].
 
     Regions at several thresholds: a craft half in shadow comes in pieces, and a low one may join it to a cloud.
     """

@@ -1,7 +1,7 @@
-"""The learned proposal: regions of the picture shown to the network twice, and the poses it thinks likely.
+"""The learned proposal: poses of a region of interest by a network that corrects its crop and scores attitudes.
 
-Glances correct a region's place and size; the last, from four sides, give a likelihood on SO(3). The likeliest
-attitudes are then ranked by how well their faces explain the picture as well. Which is right, the full picture decides.
+A first pass corrects each crop's centre and size, a second rates it; four quarter turns of the best are averaged into a
+likelihood on SO(3). The likeliest attitudes are ranked again by how well the target's faces explain the crop.
 
 References
 ----------
@@ -29,35 +29,36 @@ from hil.board.svd.propose.learned.view_subspaces import QUARTERS, ViewSubspaces
 
 Array = np.ndarray
 
-# Diameter of the craft's sphere over the diagonal of a region, and where a region often holds but a part of it.
+# Diameter of the target's bounding sphere over the diagonal of a region; two of them for sources that often hold a
+# part.
 SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("saliency", "straight")
 
-# Attitudes handed on from one place, and how much less likely than the first the last may be [log].
+# Attitudes proposed for one crop, and how much less likely than the first the last may be [log].
 ATTITUDES, LESS = 16, 9.0
 
-# The same of each of many places, and attitudes that are compared there.
+# The same for each of many given crops, and attitudes compared there.
 HELD_ATTITUDES, HELD_COMPARED = 8, 150
 
 # What a crop that the network wants narrower counts against one that it wants wider.
 TOO_WIDE = 0.5
 
-# Attitudes closer than this are one [rad].
+# Non-maximum suppression of attitudes [rad].
 APART_RAD = float(np.radians(11.0))
 
 # How near to a pose the attitudes are that tell its likelihood [rad]: about the step from one to the next.
 NEAR_RAD = float(np.radians(10.0))
 
-# A place this much less sure of a craft than the surest is left out, unless it is sure by itself [logit] and the
-# surest may be a part of it: an instrument on a white plate inputs like a far craft in front of a bright Earth.
+# A crop this much less sure of a target than the surest is left out [logit], unless it is sure by itself and the surest
+# may be a part of it: an instrument on a white plate inputs like a far craft in front of a bright Earth.
 DOUBT, CERTAIN = 4.0, 8.0
 
 # By how much a whole is wider than its part.
 WIDER = 1.5
 
-# Starts looked at a second time.
+# Crops that get a second pass.
 SECOND = 5
 
-# How often a place that is handed on is looked at from four sides, each time where the network said the time before.
+# How often a proposed crop is averaged over quarter turns, each time at the crop corrected before.
 ROUNDS = 2
 
 # How far the sphere and centre of a model may be from those of the training [radii].
@@ -69,7 +70,7 @@ SHIFT, SIZE = 0.7, 0.7
 
 @dataclass(frozen=True, eq=False)
 class LearnedProposal:
-    """What the network says of one place.
+    """Poses that the network proposes for one crop.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ class LearnedProposal:
     likely: Array
 
     def region(self, camera: CameraIntrinsics) -> Region:
-        """Square about the craft's sphere; may reach beyond the picture."""
+        """Square about the target's bounding sphere; may reach beyond the image."""
         u, v = camera.pixels(self.crop.direction)
         r = 0.5 * self.crop.diameter_px
         return Region(float(u - r), float(v - r), float(u + r), float(v + r), "learned")
@@ -95,7 +96,7 @@ class LearnedProposal:
 
 @lru_cache(maxsize=4)
 def shipped_network(name: str) -> Optional[ProposalNetwork]:
-    """The network shipped for a target of this name, or None."""
+    """The network shipped for a target of this name, `None` if there is none."""
     if not name.replace("-", "").replace("_", "").isalnum():
         return None
     try:
@@ -107,7 +108,7 @@ def shipped_network(name: str) -> Optional[ProposalNetwork]:
 
 
 def network_for(model: BoardModel) -> Optional[ProposalNetwork]:
-    """The network trained for this model, None where there is none or the model is another by now."""
+    """The network trained for this model, `None` if there is none or the model has changed since."""
     net = shipped_network(model.name)
     if net is None:
         return None
@@ -117,7 +118,7 @@ def network_for(model: BoardModel) -> Optional[ProposalNetwork]:
 
 @dataclass(frozen=True, eq=False)
 class LearnedProposer:
-    """A target's network and the views of its faces, ready for pictures of one camera."""
+    """A target's network and the views of its faces, prepared for images of one camera."""
 
     network: ProposalNetwork
     views: ViewSubspaces
@@ -127,7 +128,7 @@ class LearnedProposer:
 
     @staticmethod
     def prepare(model: BoardModel, camera: CameraIntrinsics) -> Optional[LearnedProposer]:
-        """None where there is no network for this model, or it has no faces."""
+        """`None` if there is no network for this model, or it has no faces."""
         net = network_for(model)
         if net is None or model.faces is None:
             return None
@@ -143,12 +144,12 @@ class LearnedProposer:
         keep: int,
         reduced: Optional[Array] = None,
     ) -> List[LearnedProposal]:
-        """The likeliest places with their poses, the surest of a craft first.
+        """Proposals for the most likely crops of these regions, the surest of a target first.
 
         Parameters
         ----------
-        image : (H, W). noise : its standard deviation. regions : proposals. keep : places at most. reduced : the
-            picture reduced by area averaging, where it is at hand.
+        image : (H, W). noise : its standard deviation. regions : of interest. keep : proposals at most. reduced :
+            the image reduced by area averaging, if at hand.
         """
         if not regions:
             return []
@@ -193,9 +194,9 @@ class LearnedProposer:
         keep: int,
         reduced: Optional[Array] = None,
     ) -> List[LearnedProposal]:
-        """What the network says of the ``keep`` crops it would correct least, as they are; others as in ``propose``.
+        """Proposals for the ``keep`` crops that the network would correct least, as given; others as in ``propose``.
 
-        Those that are not kept are looked at from one side alone.
+        Only those kept are averaged over quarter turns.
         """
         inputs = network_inputs(image, noise, self.camera, crops, reduced)
         said, rest = self.network(inputs)
@@ -217,7 +218,7 @@ class LearnedProposer:
         return out
 
     def log_likelihood(self, learned: Sequence[LearnedProposal], q: Array, t: Array) -> float:
-        """What the network alone says of a pose's attitude: the best near it, against the likeliest of all.
+        """Log-likelihood of a pose's attitude by the network alone, over that of the likeliest attitude.
 
         Parameters
         ----------
@@ -240,16 +241,16 @@ class LearnedProposer:
         return float(np.max(proposal.likely[near], initial=-np.inf) - proposal.likely.max())
 
     def _turned(self, image: Array, noise: float, crop: ImageCrop, reduced: Optional[Array]) -> Array:
-        """(4, 64, 64, 2) a look from four sides."""
+        """(4, 64, 64, 2) the network's input in four quarter turns."""
         one = network_inputs(image, noise, self.camera, [crop], reduced)[0]
         return np.stack([np.rot90(one, k) for k in range(QUARTERS)])
 
     def _averaged_over_turns(
         self, image: Array, noise: float, crop: ImageCrop, reduced: Optional[Array]
     ) -> Tuple[Array, float, ImageCrop]:
-        """Coefficients (ROUNDS, 4, J) of inputs turned by quarters, logit of a craft, corrected crop.
+        """Coefficients (ROUNDS, 4, J) of inputs in quarter turns, logit of a target, corrected crop.
 
-        The network was trained on crafts turned at will: four views of one look err differently, their mean less.
+        Test-time augmentation: the network was trained on every roll, so four turns of one input err differently.
         """
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         coefficients, sure = [], 0.0
@@ -277,7 +278,7 @@ class LearnedProposer:
         return coefficients, rest[:, 3], moved
 
     def _placed(self, crop: ImageCrop, q_sight: Array, move: Array) -> Tuple[Array, Array]:
-        """Poses q (K, 4), t (K, 3) in the camera of attitudes against the line of sight, each with its correction."""
+        """Camera poses q (K, 4), t (K, 3) of attitudes against the line of sight, each with its correction."""
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         q, t = [], []
         for attitude, m in zip(q_sight, move):  # noqa: B905 - Python 3.9 has no strict=
@@ -292,7 +293,7 @@ class LearnedProposer:
 
 @dataclass(frozen=True)
 class _ModelKey:
-    """A model known by its hash."""
+    """A model as a cache key: its hash."""
 
     sha256: str
     model: BoardModel = field(compare=False)
@@ -300,14 +301,14 @@ class _ModelKey:
 
 @lru_cache(maxsize=1)
 def _views(drawn: _ModelKey) -> ViewSubspaces:
-    """Drawn once for all estimators of one model."""
+    """Views of a model, rendered once for all estimators."""
     faces = drawn.model.faces
     assert faces is not None  # noqa: S101 - the caller asked
     return ViewSubspaces.of(drawn.model, faces)
 
 
 def plausible_crops(sure: Sequence[float], crops: Sequence[ImageCrop], f_px: float) -> List[int]:
-    """Which of the places that were looked at are handed on.
+    """Indices of the crops worth proposing.
 
     Parameters
     ----------
@@ -321,13 +322,13 @@ def plausible_crops(sure: Sequence[float], crops: Sequence[ImageCrop], f_px: flo
 
 
 def _holds(a: ImageCrop, b: ImageCrop, f_px: float) -> bool:
-    """Whether what a crop is at may be a part of what a wider one is at."""
+    """Whether a crop may be a part of what a wider one shows."""
     off = f_px * np.linalg.norm(a.direction - b.direction)
     return bool(a.diameter_px > WIDER * b.diameter_px and off < 0.5 * a.diameter_px)
 
 
 def _apart(a: ImageCrop, b: ImageCrop, f_px: float) -> bool:
-    """Whether two crops are at different things: a quarter of the craft's size apart, or of another size."""
+    """Whether two crops show different things: a quarter of the target's size apart, or of another size."""
     size = min(a.diameter_px, b.diameter_px)
     ratio = max(a.diameter_px, b.diameter_px) / size
     return bool(ratio > 1.3 or f_px * np.linalg.norm(a.direction - b.direction) > 0.25 * size)

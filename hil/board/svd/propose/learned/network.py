@@ -1,4 +1,4 @@
-"""A small convolutional network in numpy: what it is shown, its layers, and its weights file."""
+"""The pose proposal network in numpy: input channels, layers, weights file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hil.board.svd.native.learned.convolution import network_convolutions as nat
 
 Array = np.ndarray
 
-# Side of what the network is shown [px], and share of it that the craft's sphere fills when the region is right.
+# Side of the network's input [px], and share of it that the target's sphere fills when the crop is right.
 INPUT_PX, INPUT_FILL = 64, 0.72
 
 # Side of the neighbourhood of the contrast channel [px].
@@ -31,7 +31,7 @@ VERSION = 1
 
 @dataclass(frozen=True, eq=False)
 class ProposalNetwork:
-    """Weights of one target's learned proposal.
+    """Weights of one target's pose proposal network.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class ProposalNetwork:
             )
 
     def __call__(self, inputs: Array) -> Tuple[Array, Array]:
-        """Attitude coefficients (B, J) and (B, 4) shift, log size, logit of there being a craft.
+        """Attitude coefficients (B, J), and (B, 4) shift x y, log size, logit of a target being there.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ def convolve(x: Array, kernel: Array, stride: int) -> Array:
 
 @accelerated(native_input.contrast)
 def contrast(pictures: Array, noise: Array) -> Array:
-    """(B, 64, 64, 2) what the network is shown of pictures: their level, and their contrast against the surroundings.
+    """(B, 64, 64, 2) input channels of crops: their level, and their local contrast.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the network is shown: the picture as a small camera turned to a part of it would see it."""
+"""Input of the pose proposal network: crops of the image by a small virtual camera turned to a part of it."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class ImageCrop:
-    """A direction, and how large the craft is thought to be there.
+    """A crop: the direction of its centre, and the diameter of the target's sphere there.
 
     Parameters
     ----------
-    direction : (3,) unit vector, camera axes. diameter_px : of the craft's sphere were it on the boresight, which
-        is its focal length times twice the tangent of its half angle.
+    direction : (3,) unit vector, camera axes. diameter_px : of the target's sphere were it on the boresight,
+        which is its focal length times twice the tangent of its half angle.
     """
 
     direction: Array
@@ -34,12 +34,12 @@ class ImageCrop:
 
     @staticmethod
     def at(camera: CameraIntrinsics, u_px: float, v_px: float, diameter_px: float) -> ImageCrop:
-        """Through a pixel; the lens is left out of account, as a second crop corrects the first."""
+        """Centred on a pixel, without the lens's distortion: a second pass corrects the first."""
         d = np.array([(u_px - camera.cx_px) / camera.fx_px, (v_px - camera.cy_px) / camera.fy_px, 1.0])
         return ImageCrop(d / np.linalg.norm(d), diameter_px)
 
     def moved(self, f_px: float, shift: Array, log_size: float) -> ImageCrop:
-        """Corrected by what the network says: shift (2,) in half sides of its picture, logarithm of the size.
+        """Corrected by the network's output: shift (2,) in half sides of its input, logarithm of the size.
 
         Parameters
         ----------
@@ -50,7 +50,7 @@ class ImageCrop:
         return ImageCrop(d / length(d), self.diameter_px * float(np.exp(log_size)))
 
     def swing(self) -> Array:
-        """(3, 3) the shortest turn of the boresight to this direction."""
+        """(3, 3) the shortest rotation from the boresight to this direction."""
         x, y, z = self.direction.tolist()
         c = 1.0 / (1.0 + max(z, -0.99))
         return np.array([[1 - x * x * c, -x * y * c, x], [-x * y * c, 1 - y * y * c, y], [-x, -y, z]])
@@ -64,7 +64,7 @@ def crop_image(
     sphere_px: float,
     reduced: Optional[Array] = None,
 ) -> Array:
-    """(side, side) float32 the picture by a small camera along a crop, averaged over what each pixel covers.
+    """(side, side) float32 the image in a crop, averaged over what each pixel covers.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def crop_images(
     sphere_px: float,
     reduced: Optional[Array] = None,
 ) -> Array:
-    """(N, side, side) the same along many crops."""
+    """(N, side, side) the same of many crops."""
     return np.stack([_crop_image(image, camera, g, side_px, sphere_px, reduced) for g in crops])
 
 
@@ -132,7 +132,7 @@ def network_inputs(
     crops: Sequence[ImageCrop],
     reduced: Optional[Array] = None,
 ) -> Array:
-    """(B, 64, 64, 2) float32 what the network is shown along each crop.
+    """(B, 64, 64, 2) float32 the network's input for each crop.
 
     Parameters
     ----------
