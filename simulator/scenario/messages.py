@@ -1,4 +1,4 @@
-"""Orbits and attitudes that a scenario takes from TLEs and CCSDS messages, turned into plain states at its epoch."""
+"""Replaces TLEs, CCSDS orbit and attitude messages of a scenario by the states they give at its epoch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a scene that came from a file can be drawn: every number finite and within what it means."""
+"""Limits of a scene read from a file: every number finite and within its physical range."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scene a moment earlier or later: its own propagated rates, carried over an exposure."""
+"""Motion during an exposure: a scene propagated by its own rates to a moment earlier or later."""
 
 from __future__ import annotations
 

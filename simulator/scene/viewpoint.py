@@ -1,4 +1,4 @@
-"""A scene from a place above the Earth at a date, without any spacecraft in view: for galleries and comparisons."""
+"""A scene seen from a place above the Earth at a date, without spacecraft: for galleries and validation."""
 
 from __future__ import annotations
 

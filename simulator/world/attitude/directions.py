@@ -1,4 +1,4 @@
-"""Directions that a spacecraft may point at, and the attitude that two of them give."""
+"""Directions that a spacecraft may point at, and the attitude that two of them define (TRIAD)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A chaser that points its camera by reaction wheels: controller, limits of torque and momentum, rigid body."""
+"""Reaction wheels of the chaser: feedback controller, limits of torque and momentum, rigid-body dynamics."""
 
 from __future__ import annotations
 

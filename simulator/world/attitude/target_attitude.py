@@ -1,4 +1,4 @@
-"""How the target turns: a free or driven tumble, a steady spin, pointing, or the attitude that a file gives."""
+"""Attitude of the target over a flight: free or driven tumble, steady spin, inertial or LVLH hold, pointing."""
 
 from __future__ import annotations
 

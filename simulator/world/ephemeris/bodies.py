@@ -1,4 +1,4 @@
-"""The two bodies that a flight may circle: their gravity, their size, and where they are."""
+"""Central bodies, Earth and Moon: gravitational parameter, radius and geocentric state."""
 
 from __future__ import annotations
 

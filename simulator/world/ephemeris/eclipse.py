@@ -1,4 +1,4 @@
-"""How much of the Sun's disc a spacecraft sees past the Earth's ellipsoid and the Moon's sphere."""
+"""Visible share of the Sun's disc past the Earth's ellipsoid and the Moon's sphere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Earth orientation, Sun and Moon tabulated over a flight, so that each step of the propagator costs little."""
+"""Earth orientation, Sun and Moon interpolated from a table over a flight, for the integrator's many steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Putting a flight together: target orbit, tumble, chaser and its camera, propagated one after the other."""
+"""Propagates a flight: target orbit, target attitude, chaser, and camera attitude, in this order."""
 
 from __future__ import annotations
 

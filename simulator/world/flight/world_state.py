@@ -1,4 +1,4 @@
-"""WorldState: where everything is at one moment, before any picture is thought of."""
+"""State of the world at one moment: orbits, attitudes, Sun and Moon, before a camera is chosen."""
 
 from __future__ import annotations
 

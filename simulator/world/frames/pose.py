@@ -1,4 +1,4 @@
-"""A rigid transform that knows its two frames, so that mismatched ones cannot be composed."""
+"""Pose: a rigid transform that knows its two frames, so that mismatched ones cannot be composed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Chaser: how it moves and what it has for it; each guidance mode is a subclass, in this folder."""
+"""Chaser: base of all guidance modes, with its camera pointing, thrusters, reaction wheels and keep-out sphere."""
 
 from __future__ import annotations
 

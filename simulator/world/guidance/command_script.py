@@ -1,4 +1,4 @@
-"""A chaser steered by a written list of commands, in LVLH or camera axes, with its keep-out sphere defended."""
+"""A chaser flown by a script of commands, in LVLH or camera axes, with its keep-out sphere defended."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The keep-out sphere about the target, its approach corridor, and the abort that defends them."""
+"""Keep-out sphere about the target with an approach corridor, and the guard that overrules commands."""
 
 from __future__ import annotations
 

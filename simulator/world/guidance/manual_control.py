@@ -1,4 +1,4 @@
-"""A chaser under manual control: six degrees of freedom, commanded in camera or LVLH axes, keep-out defended."""
+"""Manual control of the chaser: commands of six degrees of freedom, the keep-out guard, the predicted drift."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A chaser flown by its thrusters: guidance aims, control asks, thrusters give, gravity does the rest."""
+"""A chaser under thrusters: guidance gives the reference, a controller commands impulses, thrusters limit them."""
 
 from __future__ import annotations
 

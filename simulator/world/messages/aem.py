@@ -1,4 +1,4 @@
-"""CCSDS attitude ephemeris messages (AEM, 504.0-B): an attitude or its history out of one, and a flight into one."""
+"""CCSDS attitude ephemeris messages (AEM, 504.0-B): reads an attitude or its history, writes a flight's."""
 
 from __future__ import annotations
 

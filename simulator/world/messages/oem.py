@@ -1,4 +1,4 @@
-"""CCSDS orbit ephemeris messages (OEM, 502.0-B): reading a state out of one, and writing a flight's."""
+"""CCSDS orbit ephemeris messages (OEM, 502.0-B): reads a state, writes a flight's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Burns of either craft: an impulse, or a constant push over a while, along the target's LVLH axes."""
+"""Burns of either craft along the target's LVLH axes: impulsive, or of constant acceleration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A propagated state between the steps of the integrator: polynomials of the seventh degree, piece by piece."""
+"""Dense output of the integrator: piecewise polynomials of degree seven, evaluated at any time."""
 
 from __future__ import annotations
 

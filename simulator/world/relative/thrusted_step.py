@@ -1,4 +1,4 @@
-"""One step of a chaser's motion relative to the target, under thrust that does not follow from its orbit."""
+"""One integration step of the chaser's motion relative to the target under thrust."""
 
 from __future__ import annotations
 
