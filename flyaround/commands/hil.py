@@ -23,15 +23,15 @@ from hil.host.bundle import write_bundle
 from hil.host.faults.camera_faults import with_camera_faults, with_exposure_faults
 from hil.host.faults.definitions import NO_FAULTS, read_faults
 from hil.host.ledger.frames_csv import LedgerRow
-from hil.host.ledger.report import write_report
 from hil.host.ledger.summary import LedgerSummary
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.plan_frames import check_one_channel, frames_of_plan
 from hil.host.recording.ros_log import RosLog
 from hil.host.recording.space_packets import SpacePacketSink
+from hil.host.report import write_report
 from hil.host.run import RunConfig, run_host
 from hil.host.time_code import with_time_code
-from hil.host.truth.policy import truth_kept_home
+from hil.host.truth_policy import truth_kept_home
 from hil.link.transports.url import parse_url
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder

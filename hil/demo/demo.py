@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from hil.demo.page import DemoResults, write_page
-from hil.host.ledger.report import write_report
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.plan_frames import frames_of_plan
+from hil.host.report import write_report
 from hil.host.run import RunConfig, run_host
 from hil.host.truth.logger import TruthLogger
 from simulator.dataset.capture import capture

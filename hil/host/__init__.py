@@ -1,5 +1,5 @@
-"""Streams frames to a board, keeps the timing ledger and the truth endpoint.
+"""The camera's side: streams frames to a board and keeps the books. No pose is estimated here.
 
-``run`` drives a run frame by frame; ``server`` holds the link, whose I/O and timestamps live in a process
-of their own (``link_process``), because a renderer that draws in software holds the interpreter's lock.
+``run`` drives a run frame by frame; ``link_process`` has the line and its timestamps in a process of its own, because
+a renderer that draws in software holds the interpreter's lock; ``ledger`` is what remains, ``report`` shows it.
 """

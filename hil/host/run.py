@@ -27,7 +27,7 @@ from hil.host.link_process.host_link import CLOSE_TIMEOUT_S, QUICK_TIMEOUT_S, Ho
 from hil.host.link_process.ipc import FrameResult, LinkConfig
 from hil.host.recording.recorder import Recorder
 from hil.host.signals import signals_held
-from hil.host.truth.policy import truth_kept_home, with_truth_endpoint
+from hil.host.truth_policy import truth_kept_home, with_truth_endpoint
 from hil.link.packets.messages import HelloAck, Mode, TruthPolicy
 from simulator.errors import UserError
 from simulator.frame import Frame

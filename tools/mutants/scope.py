@@ -22,7 +22,7 @@ LEFT_OUT = {
     "hil/evaluate/evaluation_page.py": "how a page looks",
     "hil/evaluate/evaluation_plots.py": "how a plot looks",
     "hil/evaluate/failure_tiles.py": "how a page looks",
-    "hil/host/ledger/plots.py": "how a plot looks",
+    "hil/host/report_plots.py": "how a plot looks",
     "shaders/bench/reference.frag": "measures time; its picture says nothing",
 }
 """Files without a right and a wrong that a fast test could tell, and why."""

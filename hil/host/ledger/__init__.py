@@ -1,1 +1,1 @@
-"""One row a frame in frames.csv, its summary, and the report made of both. Reads and writes files only."""
+"""One row a frame in frames.csv, and the summary of all. Reads and writes files only."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from hil.host.recording.ros_messages import TIMES_MS
-from hil.host.truth.policy import is_loopback
+from hil.host.truth_policy import is_loopback
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
 from simulator.world.time.instant import nanoseconds_utc

@@ -1,1 +1,1 @@
-"""Where ground truth may go: the policy, the endpoint that sends it, and a logger that receives it."""
+"""Ground truth on an endpoint of its own, and a logger that receives it. Nothing here reaches a board."""

@@ -13,9 +13,9 @@ from rosbags.highlevel import AnyReader
 from space_packet_parser import SpacePacket, load_xtce  # noqa: F401 - the type that its generator gives
 from space_packet_parser.generators import ccsds_generator
 
-from hil.host.ledger.report import write_report
 from hil.host.recording.ros_log import RosLog
 from hil.host.recording.space_packets import KINDS, SpacePacketSink, cds_time, xtce_document
+from hil.host.report import write_report
 from simulator.errors import UserError
 from simulator.world.time.instant import nanoseconds_utc
 

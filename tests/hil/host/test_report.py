@@ -15,20 +15,11 @@ import pytest
 
 from flyaround.commands.hil import board_url, listening_text, summary_text
 from hil.host.ledger.frames_csv import COLUMNS, LedgerRow, LedgerWriter, pose_errors, read_ledger
-from hil.host.ledger.plots import (
-    GREEN,
-    MARKERS,
-    ORANGE,
-    RED,
-    WRONG,
-    kind_of,
-    outcome_colour,
-    plot_errors,
-)
-from hil.host.ledger.report import write_report
 from hil.host.ledger.summary import RUN_JSON, RunTerms, summarise, this_machine
 from hil.host.link_process.ipc import LinkConfig
-from hil.host.truth.policy import truth_kept_home
+from hil.host.report import write_report
+from hil.host.report_plots import GREEN, MARKERS, ORANGE, RED, WRONG, kind_of, outcome_colour, plot_errors
+from hil.host.truth_policy import truth_kept_home
 from simulator.errors import UserError
 
 RUN = {

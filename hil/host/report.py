@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import msgspec
 
 from hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
-from hil.host.ledger.plots import draw_plots
 from hil.host.ledger.summary import RUN_JSON, SUMMARY_JSON, LedgerSummary, RunTerms, summarise
 from hil.host.recording.chrome_trace import write_trace
+from hil.host.report_plots import draw_plots
 from simulator.errors import UserError
 from simulator.reports.markup import Markup, element, markup
 from simulator.reports.page import Page, key_figures, link, note, plot, table
