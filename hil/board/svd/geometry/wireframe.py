@@ -56,7 +56,7 @@ class EdgeSamples:
 
 
 @dataclass(frozen=True, eq=False)
-class Occluders:
+class OccludingTriangles:
     """Triangles prepared for rays from one point: first vertex, two edges, their cross product."""
 
     v0: Array

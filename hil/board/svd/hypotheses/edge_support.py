@@ -13,7 +13,7 @@ import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders, Projection, project
+from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles, Projection, project
 from hil.board.svd.image.edge_field import EdgeField
 from hil.board.svd.model.silhouette import inward_sign, silhouette
 from hil.board.svd.model.view_tables import ViewTable
@@ -80,7 +80,7 @@ def support(
     q: Array,
     t: Array,
     samples: EdgeSamples,
-    occ: Occluders,
+    occ: OccludingTriangles,
     field: EdgeField,
     camera: CameraIntrinsics,
     spacing_m: float,

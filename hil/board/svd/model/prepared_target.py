@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.faces import ROUND_STEPS, Faces
-from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders
+from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles
 from hil.board.svd.model.shadow_map import ShadowMapTable
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.model.view_tables import ViewTable, build_views, is_round, with_outlines
@@ -34,7 +34,7 @@ class PreparedTarget:
     camera: CameraIntrinsics
     samples: EdgeSamples
     spacing_m: float
-    occ: Occluders
+    occ: OccludingTriangles
     tables: Tuple[ViewTable, ...]
     centre_m: Array
     radius_m: float

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.wireframe import Occluders
+from hil.board.svd.geometry.wireframe import OccludingTriangles
 
 Array = np.ndarray
 
@@ -19,7 +19,7 @@ PROBE_PX = 3.0
 def silhouette(
     R: Array,
     t: Array,
-    occ: Occluders,
+    occ: OccludingTriangles,
     camera: CameraIntrinsics,
     origin: Tuple[float, float],
     factor: float,

@@ -11,7 +11,7 @@ from typing import Tuple
 import numpy as np
 
 from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders, project
+from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles, project
 from hil.board.svd.model.occluding_contours import Outlines
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.model.visibility import visible_samples
@@ -79,7 +79,7 @@ def look_at(direction: Array) -> Array:
 
 
 def build_views(
-    model: BoardModel, samples: EdgeSamples, occ: Occluders, distance_m: float, views: int = VIEWS
+    model: BoardModel, samples: EdgeSamples, occ: OccludingTriangles, distance_m: float, views: int = VIEWS
 ) -> ViewTable:
     """Tables for ``views`` directions at ``distance_m``."""
     rng = np.random.default_rng(0)

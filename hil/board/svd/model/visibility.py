@@ -7,7 +7,7 @@ from typing import Tuple
 import numpy as np
 
 from hil.board.svd.geometry.vectors import cross
-from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders
+from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.native.backend import accelerated
 from hil.board.svd.native.raster import visibility as native
@@ -49,16 +49,16 @@ def sample_edges(model: BoardModel, spacing_m: float) -> EdgeSamples:
     )
 
 
-def occluders(model: BoardModel) -> Occluders:
+def occluders(model: BoardModel) -> OccludingTriangles:
     """The model's hiding mesh, as vertex and edge vectors."""
     tri = model.vertices_m[model.triangles] if model.triangles.size else np.zeros((0, 3, 3))
     e1, e2 = tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]
     n = np.cross(e1, e2)
     keep = np.linalg.norm(n, axis=1) > 1e-12
-    return Occluders(tri[keep, 0], e1[keep], e2[keep], n[keep])
+    return OccludingTriangles(tri[keep, 0], e1[keep], e2[keep], n[keep])
 
 
-def hidden(occ: Occluders, C_m: Array, X_m: Array, skin_m: Array) -> Array:
+def hidden(occ: OccludingTriangles, C_m: Array, X_m: Array, skin_m: Array) -> Array:
     """Whether points (S, 3) are hidden from camera centre (3,): Moeller and Trumbore's test (1997).
 
     With one ray origin for all points the triple products become three matrix products.
@@ -97,7 +97,7 @@ def facing(samples: EdgeSamples, C_m: Array, X_m: Array) -> Tuple[Array, Array]:
 
 
 @accelerated(native.visible_samples)
-def visible_samples(samples: EdgeSamples, occ: Occluders, C_m: Array) -> Tuple[Array, Array]:
+def visible_samples(samples: EdgeSamples, occ: OccludingTriangles, C_m: Array) -> Tuple[Array, Array]:
     """(S,) visible and (S,) outline flags from camera centre ``C_m`` (3,), target frame."""
     idx = np.arange(len(samples))[None]
     X = samples.outline(idx, C_m[None])[0][0]

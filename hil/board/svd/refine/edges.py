@@ -11,7 +11,7 @@ import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders, jacobian, project
+from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles, jacobian, project
 from hil.board.svd.hypotheses.hypothesis import EdgeFit, PoseFit
 from hil.board.svd.image.edge_field import EdgeField
 from hil.board.svd.model.silhouette import inward_sign, silhouette
@@ -146,7 +146,7 @@ def fine_align(
     samples: EdgeSamples,
     idx: Array,
     gradients: Gradients,
-    occ: Occluders,
+    occ: OccludingTriangles,
     camera: CameraIntrinsics,
     radius_m: float,
     reach_px: Tuple[int, ...],

@@ -11,7 +11,7 @@ import numpy as np
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.vectors import cross
-from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders, jacobian, project
+from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles, jacobian, project
 from hil.board.svd.model.visibility import visible_samples
 from hil.board.svd.refine.edges import gauss_newton_step, parameter_scale
 from hil.board.svd.refine.robust import tukey
@@ -78,7 +78,7 @@ def track_edges(
     q: Array,
     t: Array,
     samples: EdgeSamples,
-    occ: Occluders,
+    occ: OccludingTriangles,
     camera: CameraIntrinsics,
     radius_m: float,
     reach_px: float,

@@ -56,9 +56,8 @@ static void enlarge(const float *small, int64_t sh, int64_t sw, int64_t h, int64
  * empty times it added to picture (h, w). Returns -1 where there is no memory; h and w are 2 at least.
  */
 int64_t fly_background(const float *gray, const uint8_t *core, const uint8_t *centre, int64_t h, int64_t w,
-                       double shown,
-                   double level, const struct response *r, const struct gaussian *blur, const float *empty, float *behind,
-                   float *picture)
+                       double shown, double level, const struct response *r, const struct gaussian *blur,
+                       const float *empty, float *behind, float *picture)
 {
     const int64_t sh = h / REDUCED > 2 ? h / REDUCED : 2, sw = w / REDUCED > 2 ? w / REDUCED : 2, n = h * w;
     float *own = malloc((size_t)(2 * n + 4 * sh * sw + sh * w) * sizeof *own), *value = own + n;

@@ -10,7 +10,7 @@
 /* Shares that are no more are none (face_gains.py, coverage). */
 #define LITTLE 2e-4f
 
-/* Columns of a canvas's row, from one to before another: none where they are in no order. */
+/* Columns of a patch's row, from one to before another: none where they are in no order. */
 struct span {
     int32_t from, to;
 };
@@ -31,7 +31,7 @@ static int64_t alike(const uint8_t *a, int64_t i, int64_t n)
     return i;
 }
 
-/* Columns (n, h) of each canvas row in which the chosen groups are. */
+/* Columns (n, h) of each patch row in which the chosen groups are. */
 static void spans(struct drawing d, const uint8_t *chosen, int64_t n, struct span *span)
 {
     const int64_t wide = d.w * d.f;
@@ -120,7 +120,7 @@ static struct span lines(struct span s, int64_t w)
     return (struct span){s.from / WIDE * WIDE, to < w ? to : (int32_t)w};
 }
 
-/* Drawn pixels of a group in the canvas pixels s of row y, into out (w,). count (w,) is scratch. */
+/* Drawn pixels of a group in the patch pixels s of row y, into out (w,). count (w,) is scratch. */
 static void counted(struct drawing d, uint8_t group, int64_t y, struct span s, uint8_t *restrict count,
                     float *restrict out)
 {

@@ -171,7 +171,7 @@ static void cores(const uint8_t *centre, const uint8_t *solid, int64_t h, int64_
         kind[x] = (uint8_t)(2 - solid[x] - core[x]);
 }
 
-/* A drawn pixel of a thin group: its group, and its canvas pixel's place among those that hold any. */
+/* A drawn pixel of a thin group: its group, and its patch pixel's place among those that hold any. */
 struct piece {
     int32_t at;
     uint8_t own;

@@ -62,15 +62,15 @@ def shade(
 
 
 def _of_craft(faces: Faces, patch: ImagePatch) -> NativeStruct:
-    """What ``shade`` is told of a craft and a patch, kept for the next pose."""
-    of, held = patch.kept.get("shade", (None, None))
+    """Arguments of ``shade`` that hang on target and patch alone, kept for the next pose."""
+    of, struct = patch.kept.get("shade", (None, None))
     if of is not faces:
         (h, w), n = patch.gray.shape, len(faces.corners)
         arrays, response = (
             (contiguous(faces.labels, "uint16"), contiguous(patch.gray, "float32")),
             response_tables(patch.response),
         )
-        held = NativeStruct(
+        struct = NativeStruct(
             (
                 ctypes.c_void_p(checked_pointer(arrays[0], "uint16", (n + 1,))),
                 ctypes.c_int64(n),
@@ -83,8 +83,8 @@ def _of_craft(faces: Faces, patch: ImagePatch) -> NativeStruct:
             # others' responses may have taken this one's place where it is kept
             (*arrays, *response.arrays),
         )
-        patch.kept["shade"] = faces, held
-    return held
+        patch.kept["shade"] = faces, struct
+    return struct
 
 
 def with_background(
@@ -129,10 +129,10 @@ def unexplained(
     covered: float,
 ) -> float:
     """As ``photometric._unexplained``, of groups that a byte holds; what holds for all poses is kept with the patch."""
-    if "told" not in patch.kept:
+    if "comparison" not in patch.kept:
         bare = none if patch.textured else None
-        patch.kept["told"] = _comparison(patch, blurs_px, noise, bound, bare, covered)
-    told, picture, group = patch.kept["told"], shading.picture, shading.group
+        patch.kept["comparison"] = _comparison(patch, blurs_px, noise, bound, bare, covered)
+    constants, picture, group = patch.kept["comparison"], shading.picture, shading.group
     h, w = patch.gray.shape
     picture = contiguous(picture, "float32")
     run, at = library.fly_photometric_cost, ctypes.c_void_p
@@ -140,7 +140,7 @@ def unexplained(
     out = run(
         at(checked_pointer(picture, "float32", (h, w))),
         at(checked_pointer(group, "uint8", (h * patch.fine, w * patch.fine))),
-        *told.at,
+        *constants.at,
     )
     if out < 0:
         raise MemoryError("no memory to compare a drawn craft with the picture")
@@ -155,7 +155,7 @@ def _comparison(
     none: Optional[Array],
     covered: float,
 ) -> NativeStruct:
-    """What ``unexplained`` is told of a patch, the same for every pose.
+    """Arguments of ``unexplained`` that hang on the patch alone.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def _comparison(
     bare = None if none is None else contiguous(none, "float32")
     optics, score, cover = (gaussian(b) for b in blurs_px)
     response, at = response_tables(patch.response), ctypes.c_void_p
-    told = (
+    constants = (
         *(ctypes.c_int64(side) for side in (h, w, patch.fine)),
         optics.at,
         response.at,
@@ -181,4 +181,4 @@ def _comparison(
     )
     # the blurs' weights and the response's tables live as long as the patch, too
     arrays = *optics.arrays, *score.arrays, *cover.arrays, *response.arrays, gray
-    return NativeStruct(told, arrays if bare is None else (*arrays, bare))
+    return NativeStruct(constants, arrays if bare is None else (*arrays, bare))

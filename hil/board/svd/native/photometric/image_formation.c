@@ -214,7 +214,7 @@ void fly_brightness_differences(const struct response *r, const float *away, int
     }
 }
 
-/* Shares of a row of canvas pixels of two drawn ones each way. count (w,) is scratch. */
+/* Shares of a row of patch pixels of two drawn ones each way. count (w,) is scratch. */
 static void shared(const uint8_t *restrict top, const uint8_t *restrict end, int64_t w, uint8_t craft,
                    uint8_t *restrict count, float *restrict share)
 {

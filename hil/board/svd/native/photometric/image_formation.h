@@ -1,4 +1,4 @@
-/* Pictures on a canvas, and what is done to all of them: face_gains.py (blurred), response.py. Rows first, (h, w);
+/* Pictures on a patch, and what is done to all of them: face_gains.py (blurred), response.py. Rows first, (h, w);
  * numbers are the picture's own units [grey levels] unless said otherwise.
  */
 #ifndef FLYAROUND_IMAGE_FORMATION_H
@@ -29,10 +29,10 @@ struct response {
     int64_t end; /* where the scale ends, in steps of the tables */
 };
 
-/* Drawn pixels of a canvas. */
+/* Drawn pixels of a patch. */
 struct drawing {
     const uint8_t *group; /* (h f, w f) */
-    int64_t h, w, f;      /* canvas pixels, and drawn ones in each, each way: 15 at most */
+    int64_t h, w, f;      /* patch pixels, and drawn ones in each, each way: 15 at most */
 };
 
 /* Place i on a line of n, mirrored at its ends without repeating them (BORDER_REFLECT_101). */

@@ -77,7 +77,7 @@ def response_tables(curve: Response) -> NativeStruct:
     x, below = (np.ascontiguousarray(curve.sigma * a, np.float64) for a in response.means())
     end = round(curve.full * response.STEPS / curve.sigma) if curve.sigma > 0 else 0
     arrays = lift, share, x, below
-    held = _Response(
+    struct = _Response(
         float(curve.sigma), float(curve.full), *(a.ctypes.data for a in arrays), len(x), min(end, 1 << 40)
     )
-    return NativeStruct(ctypes.byref(held), arrays)
+    return NativeStruct(ctypes.byref(struct), arrays)

@@ -102,7 +102,7 @@ static void put_right(const struct pose_motion *m, const struct rays *r, const u
     put(part, cell + WIDE * c);
     any[c] = 1;
     if (shared) {
-        /* along the side of a canvas pixel it lies half in the next one */
+        /* along the side of a patch pixel it lies half in the next one */
         put(part, cell + WIDE * (c + 1));
         any[c + 1] = 1;
     }

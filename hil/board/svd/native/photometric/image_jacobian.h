@@ -22,8 +22,8 @@ struct pose_motion {
     double u, v, step_u, step_v;   /* normalised coordinates of the first drawn pixel, and from one to the next */
 };
 
-/* What the row of a canvas is made from: inverse depth n / d of each face's plane, zero first; the rays' coordinates
- * at drawn columns and half-way to the next ones, the canvas pixel that each lies in, and whether it is its last.
+/* What the row of a patch is made from: inverse depth n / d of each face's plane, zero first; the rays' coordinates
+ * at drawn columns and half-way to the next ones, the patch pixel that each lies in, and whether it is its last.
  */
 struct rays {
     float *near;           /* (faces + 1, 4) */
@@ -33,10 +33,10 @@ struct rays {
     double least, most;    /* inverse depths that can be trusted [1 / m] */
 };
 
-/* The rays of a canvas; one piece of memory, to be freed, NULL where there is none. */
+/* The rays of a patch; one piece of memory, to be freed, NULL where there is none. */
 float *fly_patch_rays(const struct pose_motion *m, struct drawing d, struct rays *r);
 
-/* Derivatives cell (w, WIDE) of row y of the canvas, by turn about the target's origin and shift, added to what is
+/* Derivatives cell (w, WIDE) of row y of the patch, by turn about the target's origin and shift, added to what is
  * there, the last two left alone; any (w,) : becomes 1 where there are some.
  */
 void fly_jacobian_row(const struct pose_motion *m, const struct rays *r, struct drawing d, int64_t y, float *cell,

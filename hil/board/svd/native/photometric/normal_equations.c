@@ -5,7 +5,7 @@
 
 #include "photometric/coverage.h"
 
-/* Pixels that a shift by a pixel of the canvas changes by less, in units of the noise, are left out
+/* Pixels that a shift by a pixel of the patch changes by less, in units of the noise, are left out
  * (photometric.py, TELLS).
  */
 #define TELLS 0.02

@@ -45,7 +45,7 @@ def _pose_motion(
     behind = None if shading.behind is None else contiguous(shading.behind, "float32")
     seen, R, t = contiguous(shading.seen, "int32"), contiguous(R, "float64"), contiguous(t, "float64")
     planes, rays = _of_craft(faces, patch, camera)
-    held = _PoseMotion(
+    struct = _PoseMotion(
         checked_pointer(seen, "int32", (h * patch.fine, w * patch.fine)),
         pointer(level),
         None if behind is None else checked_pointer(behind, "float32", (h, w)),
@@ -55,19 +55,19 @@ def _pose_motion(
         *rays,
     )
     kept = (seen, level, R, t, *planes.arrays)
-    return NativeStruct(ctypes.byref(held), kept if behind is None else (*kept, behind))
+    return NativeStruct(ctypes.byref(struct), kept if behind is None else (*kept, behind))
 
 
 def _of_craft(
     faces: Faces, patch: ImagePatch, camera: CameraIntrinsics
 ) -> Tuple[NativeStruct, Tuple[float, float, float, float]]:
     """Planes of a craft and rays of a patch as ``struct pose_motion`` has them, kept for the next pose."""
-    of, told = patch.kept.get("moving", ((None, None), None))
+    of, constants = patch.kept.get("moving", ((None, None), None))
     if of[0] is not faces or of[1] is not camera:
         n, (across, down) = len(faces.corners), patch.scale
         arrays = contiguous(faces.normals, "float64"), contiguous(faces.offset, "float64")
         planes = checked_pointer(arrays[0], "float64", (n, 3)), checked_pointer(arrays[1], "float64", (n,)), n
-        told = (
+        constants = (
             NativeStruct(planes, arrays),
             # as ``ImagePatch.rays``
             (
@@ -77,8 +77,8 @@ def _of_craft(
                 1.0 / (down * camera.fy_px),
             ),
         )
-        patch.kept["moving"] = (faces, camera), told
-    return told
+        patch.kept["moving"] = (faces, camera), constants
+    return constants
 
 
 def motion_images(

@@ -1,4 +1,4 @@
-/* The pixels of a canvas that a pose moves, their blurred derivatives and weights: see residuals.h. */
+/* The pixels of a patch that a pose moves, their blurred derivatives and weights: see residuals.h. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-/* The pixels of a canvas that a pose moves: photometric.py (photo_step, _weights). */
+/* The pixels of a patch that a pose moves: photometric.py (photo_step, _weights). */
 #ifndef FLYAROUND_RESIDUALS_H
 #define FLYAROUND_RESIDUALS_H
 
@@ -12,7 +12,7 @@ struct rows {
     float *weight;  /* (n,) */
     int32_t *x;     /* (n,) */
     uint8_t *craft; /* (n,) whether a face is in its middle */
-    int32_t *first; /* (h w + 1,) the first at or after each pixel of the canvas */
+    int32_t *first; /* (h w + 1,) the first at or after each pixel of the patch */
     int64_t n;
 };
 

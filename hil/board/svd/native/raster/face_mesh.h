@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Faces and the tree that orders them (rasteriser.py, Faces): T faces, N nodes, M members of all nodes. */
+/* Faces and the tree that orders them (geometry/faces.py): T faces, N nodes, M members of all nodes. */
 struct faces {
     const double *corners;   /* (T, 4, 3) [m], the last twice where there are three */
     const double *normals;   /* (T, 3) outward */

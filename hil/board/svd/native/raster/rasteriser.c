@@ -447,7 +447,7 @@ static void farthest_first(int64_t *out, double *away, int64_t n)
     }
 }
 
-/* rasteriser.py's Faces.order: faces that look at C (3,) [m], the farthest first, into out (M,).
+/* rasteriser.py's order_faces: faces that look at C (3,) [m], the farthest first, into out (M,).
  *
  * Fuchs, Kedem and Naylor (1980): from any place everything behind a node's plane is farther than what is on it.
  * Returns how many; -1 where memory is short.

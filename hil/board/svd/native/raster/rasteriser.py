@@ -38,12 +38,12 @@ class _View(ctypes.Structure):
 
 def pinhole_view(camera: CameraIntrinsics, patch: ImagePatch) -> ctypes.Structure:
     """What a patch shows of a pinhole's picture: struct view, kept for the next pose."""
-    of, held = patch.kept.get("view", (None, None))
+    of, struct = patch.kept.get("view", (None, None))
     if of is not camera:
         c, (across, down) = camera, patch.scale
-        held = _View(c.fx_px, c.fy_px, c.cx_px, c.cy_px, patch.x0, patch.y0, across, down)
-        patch.kept["view"] = camera, held
-    return held
+        struct = _View(c.fx_px, c.fy_px, c.cx_px, c.cy_px, patch.x0, patch.y0, across, down)
+        patch.kept["view"] = camera, struct
+    return struct
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +62,10 @@ class PackedFaces:
     @staticmethod
     def of(faces: Faces) -> PackedFaces:
         """The faces, kept for the next call."""
-        held = faces.kept.get("packed")
-        if held is None:
-            held = faces.kept["packed"] = PackedFaces._of(faces)
-        return held
+        struct = faces.kept.get("packed")
+        if struct is None:
+            struct = faces.kept["packed"] = PackedFaces._of(faces)
+        return struct
 
     @staticmethod
     def _of(faces: Faces) -> PackedFaces:

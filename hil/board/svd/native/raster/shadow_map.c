@@ -5,7 +5,7 @@
 
 #include "raster/shadow_map.h"
 
-/* shadow_map.py's Sunlight.of but for its order: polygons p (n, 4, 2) of faces order (n,) on the Sun's picture of
+/* shadow_map.py's ShadowMap.of but for its order: polygons p (n, 4, 2) of faces order (n,) on the Sun's picture of
  * side^2 pixels, with where it begins, its pixels and their first middle [m].
  *
  * axes : (3, 3) of the picture and the direction to the Sun. out : origin (2,), then pitch [m].
@@ -120,7 +120,7 @@ static void behind(const struct sun *sun, const float inverse[3], float along[3]
     }
 }
 
-/* shadow_map.py's Sunlight.shadows: drawn pixels (h, w) that look at the Sun but lie behind something, into dark
+/* shadow_map.py's ShadowMap.shadows: drawn pixels (h, w) that look at the Sun but lie behind something, into dark
  * (h, w),
  * which holds zeros.
  *

@@ -50,7 +50,7 @@ static inline void inverse_depth(const struct faces *f, int64_t face, const doub
         inverse[k] = (float)(n[k] / d);
 }
 
-/* Normalised coordinate of drawn pixel k: rasteriser.py's Canvas.rays, across or down. */
+/* Normalised coordinate of drawn pixel k: geometry/image_patch.py, ImagePatch.rays, across or down. */
 static inline float ray(int64_t k, double scale, double corner, double centre, double focal)
 {
     return (float)((((double)k + 0.5) / scale - 0.5 + corner - centre) / focal);

@@ -140,7 +140,7 @@ def packed_sun(
     n = len(height)
     at = np.array([*origin, pitch_m])
     kind = "uint16" if seen.dtype == np.uint16 else "int32"
-    held = _Sun(
+    struct = _Sun(
         checked_pointer(frame, "float64", (3, 3)),
         checked_pointer(at, "float64", (3,)),
         checked_pointer(height, "float32", (n, n)),
@@ -148,7 +148,7 @@ def packed_sun(
         n,
         seen.itemsize,
     )
-    return held, (frame, at, height, seen)
+    return struct, (frame, at, height, seen)
 
 
 def packed_table(

@@ -1,4 +1,4 @@
-/* Where the Sun stands, by the shadows on the picture: shadow_map.py (SunTable.find). */
+/* Where the Sun stands, by the shadows on the picture: shadow_map.py (ShadowMapTable.find). */
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,7 +13,7 @@
 typedef float line __attribute__((vector_size(4 * LINE), aligned(4), may_alias));
 typedef int32_t whole __attribute__((vector_size(4 * LINE), may_alias));
 
-/* shadow_map.py's SunTable: pictures from S directions. */
+/* shadow_map.py's ShadowMapTable: pictures from S directions. */
 struct sun_table {
     const double *frames; /* (3, S, 3) axes of each picture and its direction */
     const double *origin; /* (S, 2) [m] */
@@ -25,7 +25,7 @@ struct sun_table {
 /* The drawn craft and the picture, for the Sun's search. */
 struct sun_image {
     const int32_t *seen;   /* (h * fine, w * fine) face + 1 */
-    const void *centre;    /* (h, w) label at a canvas pixel's middle: uint8 or uint16 */
+    const void *centre;    /* (h, w) label at a patch pixel's middle: uint8 or uint16 */
     const uint8_t *good;   /* (labels,) whether pixels of it may be looked at */
     const float *gray;     /* (h, w) */
     const int64_t *group;  /* (T,) of each face */
@@ -73,7 +73,7 @@ static int32_t renumbered(int32_t *number, int64_t old, int64_t *count)
     return number[old];
 }
 
-/* Points that are looked at, evenly of all that may be: SunTable.find.
+/* Points that are looked at, evenly of all that may be: ShadowMapTable.find.
  *
  * numbers : (groups + faces,) scratch. inside : (h * w,) scratch.
  */
@@ -159,7 +159,7 @@ static void *sort(const struct points *p, struct sorted *s)
     return block;
 }
 
-/* Which of the points lie in the light of direction d: SunTable._lit. */
+/* Which of the points lie in the light of direction d: ShadowMapTable._lit. */
 static void light(const struct faces *f, const struct sun_table *table, int64_t d, const struct points *p,
                   const struct sorted *q)
 {
@@ -254,7 +254,7 @@ static void spread(const struct points *p, float *scratch, float *lowest, float 
     *scale = (float)(1.0 / (SPREAD * sqrt(squares / (double)p->n) + 0.2));
 }
 
-/* shadow_map.py's SunTable.find but for the choice: what is left by each of the directions some (n,), into costs (n,).
+/* ShadowMapTable.find but for the choice: what is left by each of the directions some (n,), into costs (n,).
  *
  * dim : brightness that is as good as none. most : points that are looked at. Returns how many were, whose costs
  * stand where they are 40; -1 where memory is short.

@@ -21,7 +21,7 @@ struct samples {
     int64_t n;
 };
 
-/* visibility.py's Occluders. */
+/* visibility.py's OccludingTriangles. */
 struct occluders {
     const double *v0, *e1, *e2, *n; /* (T, 3) [m], [m^2] */
     int64_t triangles;

@@ -10,7 +10,7 @@ import numpy as np
 from hil.board.svd.native.arrays import checked_pointer, contiguous
 
 if TYPE_CHECKING:
-    from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders
+    from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles
 
 Array = np.ndarray
 
@@ -37,8 +37,8 @@ def packed_samples(samples: EdgeSamples) -> Tuple[Any, Tuple[Array, ...]]:
     """The samples as C takes them, and what keeps their arrays alive; kept for the next call."""
     if "packed" not in samples.kept:
         samples.kept["packed"] = _packed_samples(samples)
-    held: Tuple[Any, Tuple[Array, ...]] = samples.kept["packed"]
-    return held
+    struct: Tuple[Any, Tuple[Array, ...]] = samples.kept["packed"]
+    return struct
 
 
 def _packed_samples(samples: EdgeSamples) -> Tuple[Any, Tuple[Array, ...]]:
@@ -50,22 +50,22 @@ def _packed_samples(samples: EdgeSamples) -> Tuple[Any, Tuple[Array, ...]]:
     return _Samples(*at, n), arrays
 
 
-def packed_occluders(occ: Occluders) -> Tuple[Any, Tuple[Array, ...]]:
+def packed_occluders(occ: OccludingTriangles) -> Tuple[Any, Tuple[Array, ...]]:
     """The triangles as C takes them, and what keeps their arrays alive; kept for the next call."""
     if "packed" not in occ.kept:
         occ.kept["packed"] = _packed_occluders(occ)
-    held: Tuple[Any, Tuple[Array, ...]] = occ.kept["packed"]
-    return held
+    struct: Tuple[Any, Tuple[Array, ...]] = occ.kept["packed"]
+    return struct
 
 
-def _packed_occluders(occ: Occluders) -> Tuple[Any, Tuple[Array, ...]]:
+def _packed_occluders(occ: OccludingTriangles) -> Tuple[Any, Tuple[Array, ...]]:
     arrays = tuple(contiguous(a, "float64") for a in (occ.v0, occ.e1, occ.e2, occ.n))
     n = len(occ.v0)
     return _Occluders(*(checked_pointer(a, "float64", (n, 3)) for a in arrays), n), arrays
 
 
 def visible_samples(
-    library: ctypes.CDLL, samples: EdgeSamples, occ: Occluders, C_m: Array
+    library: ctypes.CDLL, samples: EdgeSamples, occ: OccludingTriangles, C_m: Array
 ) -> Tuple[Array, Array]:
     """As ``visibility.visible_samples``."""
     C = contiguous(C_m, "float64")
