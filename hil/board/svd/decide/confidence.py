@@ -20,7 +20,8 @@ LEAST_MARGIN, LEAST_PICTURE_MARGIN = 0.015, 0.005
 # The weights are those of these crafts. Of another the margin must be this share of the score: half turns of round
 # bodies differ by 4 % of it, and the wrong one looked right to 0.98. Of one without a learned proposal the logit must
 # be that much higher. Of 109 development poses of Soyuz, Tianzhou and the thesis's Tango with theirs (seed 9310) 13
-# were wrong, none of them accepted so; of 425 accepted poses of six crafts on unused frames 11 were (docs/svd.md).
+# were wrong, none of them accepted so; of 425 accepted poses of six crafts on unused frames 11 were
+# (docs/lab/2026-11-estimator.md).
 TRIED, UNTRIED_MARGIN, UNLOOKED = ("tango",), 0.1, 2.0
 
 # An accepted pose is held against its near minima where confidence is below this. A small margin alone is a twin's,
@@ -34,6 +35,10 @@ LITTLE = 0.3
 # so many pixels, and growing with its size to this power. What is not drawn is the same share of a craft whatever its
 # size, and noise is less of a large one. Fitted on 414 poses of seeds 9501 and 9502 that are right and accepted.
 ERRORS, ERRORS_AT_PX, ERRORS_POWER = 0.23, 400.0, 1.2
+
+# Fewer edge samples decide nothing; the least support by edges that a decision by edges alone takes: share of the
+# model's length drawn before empty space and before a texture, and share of the samples found.
+LEAST_EDGES, LEAST_DRAWN, LEAST_DRAWN_TEXTURED, LEAST_FOUND = 25, 0.35, 0.5, 0.3
 
 # Below this size a speck fits any pose [px].
 SMALLEST_PX = 70.0
@@ -79,8 +84,8 @@ class Evidence:
 def confidence(e: Evidence) -> float:
     """Probability-like figure 0..1 that the pose is right to 5 degrees and 5 % of range.
 
-    A logistic fit on 200 rendered frames against black space (docs/svd.md); what it does not weigh (drawn,
-    explained) bounds the decision instead.
+    A logistic fit on 200 rendered frames against black space (docs/lab/2026-11-estimator.md); what it does not
+    weigh (drawn, explained) bounds the decision instead.
     """
     if e.score is not None:
         return picture_confidence(e, e.score)
@@ -94,7 +99,9 @@ def confidence(e: Evidence) -> float:
 
 
 def picture_confidence(e: Evidence, score: float) -> float:
-    """The same where poses were judged by the whole picture: a logistic fit on development frames (docs/svd.md).
+    """The same where poses were judged by the whole picture: a logistic fit on development frames.
+
+    docs/lab/2026-11-estimator.md has the frames and the weights' source.
 
     Nothing in it has a unit of the picture: neither its scale, nor the size of the craft, nor the noise but by what
     they do to the predicted error.
@@ -148,11 +155,13 @@ def least_margin(e: Evidence) -> float:
 
 def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
     """Empty when the pose is to be accepted, else the reason it is not."""
-    if e.edges < 25:
+    if e.edges < LEAST_EDGES:
         return "too few edges found"
     if e.size_px < SMALLEST_PX:
         return "target too small in the picture"
-    if e.score is None and (e.drawn < (0.35 if e.empty else 0.5) or e.found < 0.3):
+    if e.score is None and (
+        e.drawn < (LEAST_DRAWN if e.empty else LEAST_DRAWN_TEXTURED) or e.found < LEAST_FOUND
+    ):
         return "too little of the model is supported by edges"
     if e.margin < least_margin(e):
         return "ambiguous: another pose explains the picture as well"

@@ -1,4 +1,4 @@
-"""How well the whole model, where it should be visible, explains the edges of the picture.
+"""Edge support of a pose: the share of visible model edges that lie on image edges of like direction.
 
 Support counts for a pose; model edges without picture edges, and picture edges without model edges, count
 against it.

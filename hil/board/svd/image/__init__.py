@@ -1,1 +1,1 @@
-"""What one picture alone says: noise, gradients, edges, line segments. Knows no target and no pose."""
+"""What one image alone says: noise, gradients, edges, line segments. Knows no target and no pose."""

@@ -18,10 +18,12 @@ from hil.board.svd.model.visibility import visible_samples
 
 Array = np.ndarray
 
-VIEWS = 500
-TURNS = 36
-SHAPE_SAMPLES = 40
-TRACK_SAMPLES = 120
+# Directions of the templates, 9 deg apart, and turns of each in the image, 10 deg: an alignment on edges reaches as far
+# (docs/lab/2026-11-estimator.md).
+VIEWS, TURNS = 500, 36
+
+# Samples of a template, and of a view whose edges are tracked: few enough for thousands of poses at once.
+SHAPE_SAMPLES, TRACK_SAMPLES = 40, 120
 
 # Share of the outlines' points on surfaces curved more gently than a tenth of the craft, from which it counts as round.
 ROUND, GENTLE = 0.08, 0.1

@@ -1,1 +1,1 @@
-"""Generators: from a picture to regions and pose hypotheses. Refines and decides nothing."""
+"""Generators: from an image to regions and pose hypotheses. Refines and decides nothing."""

@@ -1,4 +1,7 @@
-"""Poses of one region by its edges: perceptual groups with PnP, and viewpoint templates."""
+"""Poses of one region by its edges: perceptual groups with PnP, and viewpoint templates.
+
+How many poses go on was set on development frames: docs/lab/2026-11-estimator.md.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +35,15 @@ COARSE_PX, FINE_PX = 170, 360
 # Poses kept of the templates and of the perceptual groups for the first alignment.
 TEMPLATE_POSES, GROUP_POSES = 240, 160
 
+# Longest lines kept, the reach of a corner and the shortest line of LSD in shares of the region's diagonal.
+MOST_LINES, CORNER_REACH, SHORTEST = 45, 0.08, 0.04
+
 # Edge pixels below which a region shows nothing.
 LEAST_EDGES = 20
 
-# Ranking of thousands of poses: every so many-th sample of a view, and the poses kept by it.
-GLANCES = ((10, 1200), (3, GROUP_POSES))
+# Ranking of thousands of poses: every so many-th sample of a view, and the poses kept by it; distance beyond which an
+# edge costs no more [field px].
+RANKINGS, RANK_CAP_PX = ((10, 1200), (3, GROUP_POSES)), 12.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,14 +107,14 @@ def group_poses(
     streams = [
         merge_segments(wge_stream(small, diagonal), diagonal),
         merge_segments(cleaned_stream(fine.mask, diagonal), diagonal),
-        lsd_stream(cv2.GaussianBlur(small, (0, 0), 1.0), 0.04 * diagonal),
+        lsd_stream(cv2.GaussianBlur(small, (0, 0), 1.0), SHORTEST * diagonal),
     ]
     frame.keep("streams", dict(zip(("WGE stream", "S&H stream", "LSD stream"), streams)))  # noqa: B905 - 3.9
     frame.keep("stream_field", fine)
     frame.mark("lines")
-    lines = Lines.of(merge_segments(np.concatenate(streams), diagonal, keep=45))
+    lines = Lines.of(merge_segments(np.concatenate(streams), diagonal, keep=MOST_LINES))
     frame.mark("merge")
-    chains = image_triads(lines, proximity_pairs(lines, 0.08 * diagonal))
+    chains = image_triads(lines, proximity_pairs(lines, CORNER_REACH * diagonal))
     frame.keep("merged", lines)
     frame.keep("chains", chains)
     frame.count("lines", len(lines.length))
@@ -118,10 +125,10 @@ def group_poses(
     )
     frame.count("hypotheses", len(q))
     frame.mark("pnp")
-    for every, keep in GLANCES:
+    for every, keep in RANKINGS:
         if len(q) > keep:
             cost = quick_cost(
-                q, t, target.samples, edges.views, coarse, target.camera, target.centre_m, 12.0, every
+                q, t, target.samples, edges.views, coarse, target.camera, target.centre_m, RANK_CAP_PX, every
             )
             top = np.argpartition(cost, keep)[:keep]
             q, t = q[top], t[top]
