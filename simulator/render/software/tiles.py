@@ -33,6 +33,78 @@ _MOONLIT_MU = -0.06  # of the same: there moonlight begins to count, shaders/ear
 _NIGHT_MU = 0.03  # cosine of the Sun's zenith angle: city lights are out where it is higher
 
 
+class _CornerRays:
+    """The rays through the corners of all tiles: what of the Earth they meet, and how much of it a tile spans there.
+
+    Parameters
+    ----------
+    directions : (N, M, 3) and ``along``: their products with the camera's place. perigee2 : square of how near they
+        pass to the centre. disc : of their depth under the sphere, 1 at the nadir. distance : to the ground [radii].
+    footprint_km : of a pixel. span : of a tile on the ground across its ray [radii].
+    """
+
+    def __init__(self, earth: EarthView, camera: Camera) -> None:
+        self.earth, self.size_px = earth, tile_size_px(camera)
+        self.pixel_rad = pixel_rad = camera.pixel_angle_rad()
+        self.x_px = tile_edges(camera.width_px, self.size_px)
+        self.y_px = tile_edges(camera.height_px, self.size_px)
+        self.directions = directions(camera, self.x_px, self.y_px, earth.earth_from_camera)
+        self.along = self.directions @ earth.camera
+        self.perigee2 = np.maximum(float(earth.camera @ earth.camera) - self.along**2, 0)
+        self.disc = 1 - self.perigee2
+        self.depth = np.sqrt(np.maximum(self.disc, 0))
+        self.distance = -self.along - self.depth
+        # the mean of its two axes, as in shaders/earth/point.glsl
+        self.footprint_km = self.distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(self.depth, 0.02))
+        # seen from far away a tile spans much of the Earth
+        self.span = self.distance * self.size_px * pixel_rad
+
+    def smooth(self, camera: Camera) -> tuple[BoolArray, BoolArray]:
+        """Tiles that are smooth as they are, and others that are when they are cut into two by two fine ones."""
+        before, largest = self.along < 0, _LARGEST_GROUND * self.depth
+        off_pole = np.abs(self.earth.camera[2] + self.distance * self.directions[..., 2]) < _POLE_SINE
+        smooth = _all_corners(before & (self.disc > _SMOOTH_DISC) & off_pole & (self.span < largest))
+        fine_corner = before & (self.disc > _FINE_DISC) & off_pole & (self.footprint_km < _FINE_KM)
+        # their quarters are of whole pixels by four
+        fine_corner &= (0.5 * self.span < largest) & (self.size_px % 8 == 0)
+        fine = _all_corners(fine_corner)
+        if not camera.distortion.is_none:
+            # a lens's rays are known inside the image only, and a tile must know those of its corners
+            across, down = self.x_px[1:] < camera.width_px, self.y_px[1:] < camera.height_px
+            smooth &= across[None, :] & down[:, None]
+            fine &= across[None, :] & down[:, None]
+        return smooth, fine & ~smooth
+
+    def touched(self) -> tuple[BoolArray, BoolArray]:
+        """Tiles that the Earth or its air touches, and those of which none is ground."""
+        # a ray's perigee moves by at most the camera's distance times the angle: within a tile, half its diagonal
+        camera = float(np.linalg.norm(self.earth.camera))
+        reach, perigee = camera * 0.75 * self.size_px * self.pixel_rad * 1.01, np.sqrt(self.perigee2)
+        touched = (self.along < reach) & (perigee < np.sqrt(self.earth.top2) + reach)
+        air = (self.along < 0) & (perigee > 1 + reach)
+        return ~_all_corners(~touched), _all_corners(air)
+
+    def sun_sines(self) -> FloatArray:
+        """(N, M) of the Sun's elevation on the ground."""
+        earth = self.earth
+        return np.asarray(earth.camera @ earth.sun + self.distance * (self.directions @ earth.sun))
+
+    def waters(self, day: str) -> tuple[BoolArray, BoolArray]:
+        """Tiles that may be near sea ice, and near water that is shallow or turbid."""
+        # a tile seen from far away, or over the limb, reaches beyond its corners
+        span = self.span / np.fmax(self.depth, 0.1)
+        ground = [self.earth.camera[k] + self.distance * self.directions[..., k] for k in range(3)]
+        longitude, narrow = np.arctan2(ground[1], ground[0]), ~(span > _LARGEST_OPEN)
+        no_ice = (np.abs(ground[2]) + span < ICE_SINE) | (~near_ice(ground[2], longitude, day) & narrow)
+        deep = ~near_shoals(ground[2], longitude) & narrow
+        return ~_all_corners(no_ice), ~_all_corners(deep)
+
+    def middles_px(self, row: IntArray, column: IntArray) -> Float32Array:
+        """(K, 2) of tiles."""
+        corner = np.stack([self.x_px[column], self.y_px[row]], axis=1).astype(np.float32)
+        return np.asarray(corner + np.float32(self.size_px / 2))
+
+
 def earth_tiles(earth: EarthView, camera: Camera, target_px: FloatArray | None, day: str) -> ScreenTiles:
     """Cut the image into tiles and sort them.
 
@@ -41,71 +113,25 @@ def earth_tiles(earth: EarthView, camera: Camera, target_px: FloatArray | None, 
     target_px : (K, 2) centres of the tiles (`coverage_mask`) that the target may touch, ``None`` without target.
     day : ISO 8601, whose sea ice is drawn.
     """
-    pixel_rad, size = camera.pixel_angle_rad(), tile_size_px(camera)
-    bent = not camera.distortion.is_none
-    x, y = tile_edges(camera.width_px, size), tile_edges(camera.height_px, size)
-    d = directions(camera, x, y, earth.earth_from_camera)
-    along = d @ earth.camera
-    perigee2 = np.maximum(float(earth.camera @ earth.camera) - along**2, 0)
-    disc = 1 - perigee2
-    smooth_corner = (along < 0) & (disc > _SMOOTH_DISC)
-    depth = np.sqrt(np.maximum(disc, 0))
-    distance = -along - depth
-    off_pole = np.abs(earth.camera[2] + distance * d[..., 2]) < _POLE_SINE
-    # footprint: the mean of its two axes, as in shaders/earth/point.glsl
-    footprint_km = distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(depth, 0.02))
-    # seen from far away a tile spans much of the Earth
-    ground_span = distance * size * pixel_rad
-    smooth = _all_corners(smooth_corner & off_pole & (ground_span < _LARGEST_GROUND * depth))
-    fine_corner = (along < 0) & (disc > _FINE_DISC) & off_pole & (footprint_km < _FINE_KM)
-    # their quarters are of whole pixels by four
-    fine_corner &= (0.5 * ground_span < _LARGEST_GROUND * depth) & (size % 8 == 0)
-    fine = _all_corners(fine_corner)
-    if bent:
-        # a lens's rays are known inside the image only, and a tile must know those of its corners
-        inside = (x[1:] < camera.width_px)[None, :] & (y[1:] < camera.height_px)[:, None]
-        smooth &= inside
-        fine &= inside
-    fine &= ~smooth
-    # a ray's perigee moves by at most the camera's distance times the angle: within a tile, half its diagonal
-    reach = float(np.linalg.norm(earth.camera)) * 0.75 * size * pixel_rad * 1.01
-    touched_corner = (along < reach) & (np.sqrt(perigee2) < np.sqrt(earth.top2) + reach)
-    touched = ~_all_corners(~touched_corner)
-    air = _all_corners((along < 0) & (np.sqrt(perigee2) > 1 + reach))
-    covered = np.zeros_like(smooth)
-    if target_px is not None:
-        # a tile of the target's is no larger than one of these: it lies in those of its corners, mostly in one
-        first_px = (target_px - (TILE_PX - 1) / 2).astype(np.int32)
-        low, high = first_px // size, (first_px + TILE_PX - 1) // size
-        last = (len(x) - 2, len(y) - 2)
-        ends = (low,) if np.array_equal(low, high) else (low, high)
-        for column, row in itertools.product(ends, ends):
-            covered[np.minimum(row[:, 1], last[1]), np.minimum(column[:, 0], last[0])] = True
-    sun = earth.camera @ earth.sun + distance * (d @ earth.sun)
+    rays = _CornerRays(earth, camera)
+    size, columns, rows = rays.size_px, len(rays.x_px) - 1, len(rays.y_px) - 1
+    smooth, fine = rays.smooth(camera)
+    touched, air = rays.touched()
+    covered = _covered((rows, columns), size, target_px)
+    sun = rays.sun_sines()
     night = ~(_all_corners(sun > _NIGHT_MU) & (smooth | fine))
-    # a tile seen from far away, or over the limb, reaches beyond its corners
-    span = ground_span / np.fmax(depth, 0.1)
-    ground = [earth.camera[k] + distance * d[..., k] for k in range(3)]
-    longitude, narrow = np.arctan2(ground[1], ground[0]), ~(span > _LARGEST_OPEN)
-    no_ice = (np.abs(ground[2]) + span < ICE_SINE) | (~near_ice(ground[2], longitude, day) & narrow)
-    icy = ~_all_corners(no_ice)
-    deep = ~near_shoals(ground[2], longitude) & narrow
-    shoal = ~_all_corners(deep)
-    height = np.log2(np.fmax(footprint_km, 1e-6)) / _LEVEL_STEP
+    icy, shoal = rays.waters(day)
     # one number per kind of tile
     kind = covered * 2 + air * 32 + ~air * (shoal * 16 + icy * 8 + night) + (smooth | fine) * 4
+    height = np.log2(np.fmax(rays.footprint_km, 1e-6)) / _LEVEL_STEP
     level = np.where(smooth, np.round(height[:-1, :-1]), 0).astype(int)
     drawn = touched & ~fine
-
-    def middles(row: IntArray, column: IntArray) -> Float32Array:
-        return np.stack([x[column], y[row]], axis=1).astype(np.float32) + np.float32(size / 2)
-
-    codes, centers = (kind + level * 128)[drawn], middles(*drawn.nonzero())
+    codes, centers = (kind + level * 128)[drawn], rays.middles_px(*drawn.nonzero())
     halved_row, halved_column = fine.nonzero()
     halved = halved_row.astype(np.int64), halved_column.astype(np.int64)
     if len(halved[0]):
         # middles of the quarters, and their levels between those of the tile's corners: rather sharp than blurred
-        whole, levels = middles(*halved), height[:-1, :-1][halved]
+        whole, levels = rays.middles_px(*halved), height[:-1, :-1][halved]
         step = [height[1:, :-1][halved] - levels, height[:-1, 1:][halved] - levels]
         for down, right in itertools.product((0.25, 0.75), repeat=2):
             level = np.floor(levels + down * step[0] + right * step[1]).astype(int)
@@ -114,12 +140,26 @@ def earth_tiles(earth: EarthView, camera: Camera, target_px: FloatArray | None, 
             centers = np.concatenate([centers, whole + offset])
     return ScreenTiles(
         size,
-        (size * (len(x) - 1), size * (len(y) - 1)),
+        (size * columns, size * rows),
         {_kind(k): centers[codes == k] for k in map(int, np.unique(codes))},
-        middles(*(~(touched & (smooth | fine))).nonzero()),
+        rays.middles_px(*(~(touched & (smooth | fine))).nonzero()),
         bool(np.min(sun) < _MOONLIT_MU),
         halved,
     )
+
+
+def _covered(shape: tuple[int, int], size_px: int, target_px: FloatArray | None) -> BoolArray:
+    """Tiles that the target may be in front of; ``target_px`` as of `earth_tiles`."""
+    covered = np.zeros(shape, bool)
+    if target_px is None:
+        return covered
+    # a tile of the target's is no larger than one of these: it lies in those of its corners, mostly in one
+    first_px = (target_px - (TILE_PX - 1) / 2).astype(np.int32)
+    low, high = first_px // size_px, (first_px + TILE_PX - 1) // size_px
+    ends = (low,) if np.array_equal(low, high) else (low, high)
+    for column, row in itertools.product(ends, ends):
+        covered[np.minimum(row[:, 1], shape[0] - 1), np.minimum(column[:, 0], shape[1] - 1)] = True
+    return covered
 
 
 def _kind(code: int) -> TileKind:

@@ -106,7 +106,7 @@ def test_what_the_near_plane_cuts_is_drawn_alike_whatever_was_drawn_before(rende
 
 
 @pytest.mark.parametrize(("off_nadir_deg", "bands"), [(20.0, "mono"), (62.0, "mono"), (62.0, "rgb")])
-def test_pixels_drawn_by_fours_are_those_drawn_one_by_one(
+def test_pixels_drawn_by_quads_are_those_drawn_one_by_one(
     renderer, draw_kit, off_nadir_deg, bands, monkeypatch
 ):
     tango = load_target("tango")
