@@ -17,7 +17,7 @@ from simulator.render.bake.edge_gaps import edge_gaps
 from simulator.render.bake.radiance_transfer import visibility_to_ship
 from simulator.render.earth.air_tables import air_tables
 from simulator.render.earth.albedo import cached_albedo
-from simulator.render.earth.ocean_colour import shoals
+from simulator.render.earth.ocean_colour import ocean_colour
 from simulator.render.earth.seasons import land_of_months
 from simulator.render.target.mesh import prepared
 from simulator.runtime.cache import read_checked
@@ -36,7 +36,7 @@ def made() -> Iterator[tuple[str, bytes]]:
     """Names and contents of the files; each is made anew, from what is shipped of the others."""
     yield cache_name(TARGET), next(iter(_kept(lambda: load_target(TARGET), "targets/*.glb").values()))
     yield from _kept(lambda: [air_tables(bands, 100e3) for bands in ("mono", "rgb")], "*.npy").items()
-    yield from _kept(lambda: shoals(1), "*.npy").items()
+    yield from _kept(lambda: ocean_colour(1), "*.npy").items()
     of_maps = _kept(lambda: (land_of_months(), cached_albedo(clouds=True)), "*.npy")
     yield from ((name, data) for name, data in of_maps.items() if name.startswith(("land", "albedo")))
     target = load_target(TARGET)

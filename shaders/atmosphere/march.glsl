@@ -39,6 +39,7 @@ color multiple_scattering(float height_m, float mu_sun) {
     return BAND(textureLod(t_multiple, (vec2(column, row) * (size - 1.0) + 0.5) / size, 0.0));
 }
 
+// What the air adds and takes along a ray.
 struct AirLight {
     color rayleigh;   // in-scatter over the Sun's irradiance and Rayleigh's phase: single, and all higher orders [1]
     color mie;        // the same over Mie's phase, single only [1]
@@ -47,6 +48,7 @@ struct AirLight {
     vec3 sun;         // unit vector there
 };
 
+// In-scatter and transmittance along a ray from the camera.
 // v: of a ray that meets the ground, its depth under the sphere; of another, of its perigee over the air's top; both 0..1.
 // azimuth: its cosine between ray and Sun.
 AirLight air_light(bool ground_ray, float v, float azimuth) {

@@ -1,5 +1,6 @@
 // Two by two pixels in one fragment: four values of one band in a texel, or three of three bands in three texels, in
 // the order in which the image's rows hold them.
+// Writes the four values of a fragment.
 #if BANDS == 1
 layout(location = 0) out vec4 out_quad;
 void send_quad(float quad[4]) { out_quad = vec4(quad[0], quad[1], quad[2], quad[3]); }

@@ -14,7 +14,7 @@
 
 #if SMOOTH
 #define STAGE in
-#include "earth/plane.glsl"
+#include "earth/tile_plane.glsl"
 #define AT(name) (v_##name[0] + x.x * v_##name[1] + x.y * v_##name[2])
 #if HIGH
 #define LIFT AT(lift)
@@ -78,7 +78,7 @@ void main() {
         s.cover = max(ALONG(surface.cover, cover), 0.0);
         s.lit = max(ALONG(surface.lit, lit), 0.0);
         quad[k] = surface_radiance(g, s, waters, detail_at(g, ALONG(place, place)));
-#elif HIGH && SHOALS
+#elif HIGH && OCEAN_COLOUR
         quad[k] = ground_radiance(g, waters_at(g)); // banks have edges of their own
 #else
         quad[k] = ground_radiance(g, waters);

@@ -9,7 +9,7 @@ uniform float u_tile_px;  // side of a tile
 in vec2 in_pixel;         // middle of the tile [px], edges of pixels at .5
 
 #if SMOOTH
-// of the air in front of the four corners, as shaders/earth/corners.vert has it
+// of the air in front of the four corners, as shaders/earth/tile_corners.vert has it
 #if !AIR
 #define CORNER_AIR(k) GroundAir(color(0.0), color(1.0), 0.0)
 #elif BANDS == 1
@@ -21,7 +21,7 @@ in vec4 in_air_0, in_air_1, in_air_2, in_air_3, in_air_4, in_air_5;
     GroundAir(vec3(in_air_0[k], in_air_1[k], in_air_2[k]), vec3(in_air_3[k], in_air_4[k], in_air_5[k]), 0.0)
 #endif
 #define STAGE out
-#include "earth/plane.glsl"
+#include "earth/tile_plane.glsl"
 #endif
 
 void main() {

@@ -11,6 +11,7 @@ struct EarthRay {
     bool away;
 };
 
+// The ray of a pixel past or onto the ellipsoid.
 EarthRay earth_ray(vec2 pixel) {
     EarthRay ray;
     vec3 d = mat3(u_earth_from_camera) * camera_ray(pixel);

@@ -29,10 +29,10 @@ vec2 sun_glint(vec3 n, vec3 v, vec3 l, float n_v, float n_l) {
     return vec2(water_fresnel(clamp(dot(v, h), 0.0, 1.0)) * p / (4.0 * n_v * c2 * c2), slope2 / variance - 1.0);
 }
 
-uniform sampler2D t_before;  // the land's reflectance over August's in the two nearest months; simulator/render/earth/seasons.py
-uniform sampler2D t_after;
+uniform sampler2D t_month_before;  // the land's reflectance over August's in the two nearest months; simulator/render/earth/seasons.py
+uniform sampler2D t_month_after;
 uniform float u_season;      // share of the second
-uniform sampler2D t_relief;  // slopes to the east and to the north, roughness
+uniform sampler2D t_ground_slopes;  // slopes to the east and to the north, roughness
 
 #if AIR && (BANDS == 3 || MOONLIT)
 uniform sampler2D t_ground; // irradiance on level ground over the Sun's, by the cosine of its zenith angle
@@ -86,6 +86,7 @@ color scattered(color rayleigh, color mie, vec3 direction) {
 }
 
 #if AIR && !SMOOTH
+// The air in front of a ray that meets the ground, from this frame's table.
 GroundAir table_air(EarthRay ray) {
     vec2 table = table_uv(ray, true);
 #if BANDS == 1
@@ -98,6 +99,7 @@ GroundAir table_air(EarthRay ray) {
 }
 #endif
 
+// Where a ray meets the ground, and the light there.
 GroundPoint ground_point(EarthRay ray, GroundAir air) {
     GroundPoint g;
     float depth = sqrt(max(ray.disc, 0.0));
@@ -139,13 +141,13 @@ GroundPoint ground_point(EarthRay ray, GroundAir air) {
     g.toward = detail_vector(p, level_sun) * (2.0 * SLOPE_PER_KM / slant);
     // the slopes of whole mountains, and the months; coarser when the pixel is
     float coarse = -log2(g.sharp * 9.95);
-    vec3 relief = textureLod(t_relief, g.uv, coarse).xyz;
+    vec3 ground = textureLod(t_ground_slopes, g.uv, coarse).xyz;
     vec3 to_east = vec3(-n.y, n.x, 0.0) * inversesqrt(max(dot(n.xy, n.xy), 1e-6));
     vec3 to_north = cross(n, to_east);
-    vec2 slope = (relief.xy - 128.0 / 255.0) * (2.0 * RELIEF_SLOPE);
+    vec2 slope = (ground.xy - 128.0 / 255.0) * (2.0 * GROUND_SLOPE);
     float uphill = dot(slope, vec2(dot(level_sun, to_east), dot(level_sun, to_north)));
-    g.rough = RELIEF * (0.15 + 0.85 * relief.z);
-    color gain = mix(BAND(textureLod(t_before, g.uv, coarse - 1.0)), BAND(textureLod(t_after, g.uv, coarse - 1.0)), u_season);
+    g.rough = RELIEF * (0.15 + 0.85 * ground.z);
+    color gain = mix(BAND(textureLod(t_month_before, g.uv, coarse - 1.0)), BAND(textureLod(t_month_after, g.uv, coarse - 1.0)), u_season);
     g.tone = exp2((gain - 128.0 / 255.0) * (OCTAVES * 255.0 / 127.0)) * clamp(1.0 - RELIEF * uphill / slant, 0.35, 1.7);
     g.glint = g.ripple = 0.0;
     // clouds, leaves and stones shine back towards the Sun more than to the sides: mean 1 over the directions

@@ -1,5 +1,5 @@
 // The Earth's surface under its air: land, ocean, clouds and night lights, each with its own optics.
-// Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT, ICE, SHOALS; SMOOTH: one level of detail for all pixels; HIGH: every
+// Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT, ICE, OCEAN_COLOUR; SMOOTH: one level of detail for all pixels; HIGH: every
 // layer looked up at its own place; ONE_OPTICS: land, sea and cloud reflect alike (the counter-example).
 
 uniform sampler2D t_map;    // square roots of land reflectance and cloud opacity, night lights, distance to the coast
@@ -8,13 +8,13 @@ uniform sampler2D t_colour; // square root of land reflectance per band
 #endif
 uniform sampler2D t_detail; // simulator/render/earth/detail_noise.py
 #if HIGH
-uniform sampler2D t_valleys; // simulator/render/earth/terrain_detail.py
+uniform sampler2D t_terrain; // simulator/render/earth/terrain_detail.py
 #endif
 #if ICE
 uniform sampler2D t_ice;    // share of the sea under ice; simulator/render/earth/sea_ice.py
 #endif
-#if SHOALS
-uniform sampler2D t_shoals; // square root of what shallow water reflects more than deep; simulator/render/earth/ocean_colour.py
+#if OCEAN_COLOUR
+uniform sampler2D t_ocean_colour; // square root of what shallow water reflects more than deep; simulator/render/earth/ocean_colour.py
 #endif
 
 // llvmpipe samples a whole row of pixels at once when they share a level, and one texel quad at a time when not.
@@ -41,24 +41,25 @@ const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as ro
 const float GRAVEL = 0.55;    // HIGH: what valleys' floors reflect more than the rock beside
 const float RELIEF_KM = 0.9;  // height of a puff of full contrast, for its own shading
 
-// What makes the sea brighter than deep open water; it hardly changes within two by two pixels.
+// Reflectance of the sea above deep open water: ocean colour and ice. It hardly changes within two by two pixels.
 struct Waters {
-    color shoal; // reflectance of shallow or turbid water over that of deep water
+    color bright_water; // reflectance of shallow or turbid water over that of deep water
     float ice;   // share of the sea under ice
 };
+// Ocean colour and ice at a ground point.
 Waters waters_at(GroundPoint g) {
     Waters w = Waters(color(0.0), 0.0);
-#if SHOALS
-    color root = BAND(textureLod(t_shoals, g.uv, MAP_LEVEL - 1.0));
+#if OCEAN_COLOUR
+    color root = BAND(textureLod(t_ocean_colour, g.uv, MAP_LEVEL - 1.0));
 #if HIGH
     // banks end at a wall, raggedly; sand lies on them in bars and drifts
     vec4 bars = textureLod(t_detail, g.plane, DETAIL_LEVEL);
     vec2 aside = (bars.wx - 0.5) * (WARP_KM / (2.0 * PI * EARTH_KM)) * vec2(1.0 / max(sin(PI * g.uv.y), 0.05), 2.0);
-    root = BAND(textureLod(t_shoals, g.uv + aside, MAP_LEVEL - 1.0));
-    root = max(root + 0.6 * (root - BAND(textureLod(t_shoals, g.uv, max(MAP_LEVEL, 0.0) + 1.5))), 0.3 * root);
+    root = BAND(textureLod(t_ocean_colour, g.uv + aside, MAP_LEVEL - 1.0));
+    root = max(root + 0.6 * (root - BAND(textureLod(t_ocean_colour, g.uv, max(MAP_LEVEL, 0.0) + 1.5))), 0.3 * root);
     root *= 1.0 + 0.45 * (bars.w - 0.5);
 #endif
-    w.shoal = SHOAL_SCALE * root * root;
+    w.bright_water = OCEAN_COLOUR_SCALE * root * root;
 #endif
 #if ICE
     w.ice = textureLod(t_ice, g.uv, MAP_LEVEL - ICE_LEVEL).x;
@@ -66,6 +67,7 @@ Waters waters_at(GroundPoint g) {
     return w;
 }
 
+// Texel of the Earth's map under a ground point.
 vec4 ground_map(GroundPoint g) { return textureLod(t_map, g.uv, MAP_LEVEL); }
 
 // The detail at the clouds' height and on the ground. HIGH looks up both; else one look-up serves for both: on the ground
@@ -77,7 +79,7 @@ Detail detail_at(GroundPoint g, vec2 place) {
     return Detail(both, both);
 }
 
-// What of a surface hardly changes within two by two pixels: how it follows the detail's channels.
+// Optical properties of a surface that hardly change within two by two pixels: how it follows the detail's channels.
 struct Surface {
     color land;    // mean reflectance of the land
     color patchy;  // change of the land's with the detail's last channel, over it
@@ -91,7 +93,7 @@ struct Surface {
     float lit;     // root of the light of lamps over that of a city's brightest texels
 };
 
-// map: of t_map at the ground point; land_uv: of the maps where the land is read.
+// The surface at a ground point. map: of t_map there; land_uv: of the maps where the land is read.
 Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     Surface s;
 #if BANDS == 1
@@ -124,8 +126,8 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     s.wriggle = 3.0 * g.sharp;
     s.shore = (map.w * COAST_KM_PER_UNIT - (1.5 + 128.0 / 255.0 * COAST_KM_PER_UNIT)) * g.sharp + 0.5;
     color sea = SEA;
-#if SHOALS
-    sea += waters.shoal;
+#if OCEAN_COLOUR
+    sea += waters.bright_water;
 #endif
     s.sea = 0.85 * sea;
     s.waves = 0.3 * sea; // plankton and wind
@@ -152,8 +154,8 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #if HIGH
     // ridges and wadis, the finer half of the relief: as rough as the land is
     const mat2 turn = mat2(1.84, 1.38, -1.38, 1.84);
-    vec4 rock = textureLod(t_valleys, turn * g.plane, DETAIL_LEVEL + 0.2);
-    float bank = dot(turn * g.toward, rock.xy - 0.5) * (VALLEY_SLOPE / (2.3 * SLOPE_PER_KM));
+    vec4 rock = textureLod(t_terrain, turn * g.plane, DETAIL_LEVEL + 0.2);
+    float bank = dot(turn * g.toward, rock.xy - 0.5) * (TERRAIN_SLOPE / (2.3 * SLOPE_PER_KM));
     float bare = clamp(2.2 * g.rough - 0.22, 0.12, 1.0); // plains are under sand and soil
     reflectance *= 1.0 + bare * (mix(ROCK * (rock.z - 0.5), GRAVEL, rock.w) - 0.25 * GRAVEL) - clamp(1.6 * bare * bank, -0.6, 0.6);
 #endif
@@ -237,7 +239,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     return radiance;
 }
 
-// The same where nothing is known of the surface yet.
+// Radiance of a ground point, its surface looked up here [W m-2 sr-1].
 color ground_radiance(GroundPoint g, Waters waters) {
     vec4 map = ground_map(g);
     vec2 land_uv = g.uv;

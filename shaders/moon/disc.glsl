@@ -8,6 +8,7 @@ struct MoonRay {
     float pixel_rad;  // angle of a pixel [rad]
 };
 
+// The ray of a pixel past or onto the Moon's sphere.
 MoonRay moon_ray(vec2 pixel) {
     MoonRay ray;
     vec3 d = mat3(u_moon_from_camera) * camera_ray(pixel);

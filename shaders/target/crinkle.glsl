@@ -22,13 +22,13 @@ vec3 tilt_at(vec3 x) {
     return mix(a, b, f.z);
 }
 
-// What of a wave is left in the mean over a pixel that spans so many of its periods: all below a quarter, none above 3/4.
-float kept(float periods) { return clamp(1.5 - 2.0 * periods, 0.0, 1.0); }
+// Low-pass weight of a wave in the mean over a pixel that spans so many of its periods: 1 below a quarter, 0 above 3/4.
+float pass_weight(float periods) { return clamp(1.5 - 2.0 * periods, 0.0, 1.0); }
 
 // One set of parallel folds: the side of the crease on which x lies, as a tilt along the folds' normal. Adds it to tilt
 // as far as a pixel of width_m shows it; lost: and the variance of the rest.
 void fold(vec3 x, vec3 across, float per_m, float wander, float size, float width_m, inout vec3 tilt, inout float lost) {
-    float share = kept(per_m * width_m);
+    float share = pass_weight(per_m * width_m);
     tilt += across * (fract(dot(x, across) * per_m + wander) < 0.5 ? size * share : -size * share);
     lost += size * size * (1.0 - share * share);
 }
@@ -41,7 +41,7 @@ vec3 crinkled(vec3 n, vec3 p_m, float amplitude, inout float roughness) {
     vec3 x = (p_m - u_camera_from_target[3].xyz) * R; // R transposed times: into the target frame
     float width_m = p_m.z / (max(u_intrinsics.x, u_intrinsics.y) * sqrt(max(-dot(n, normalize(p_m)), 0.05)));
     vec3 billow = tilt_at(x * 14.0);
-    float share = kept(7.0 * width_m), lost = 0.18 * (1.0 - share * share);
+    float share = pass_weight(7.0 * width_m), lost = 0.18 * (1.0 - share * share);
     vec3 tilt = 0.7 * share * billow;
     fold(x, vec3(0.68, 0.36, 0.64), 11.0, 0.30 * billow.x, 0.30, width_m, tilt, lost);
     fold(x, vec3(-0.48, 0.80, 0.36), 13.0, 0.30 * billow.y, 0.30, width_m, tilt, lost);

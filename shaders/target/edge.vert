@@ -10,24 +10,24 @@ uniform vec4 u_window; // pixels that hold the target: x0, y0, width, height
 // Of edge.frag, where they are described: what can be worked out once for an edge is.
 flat out vec3 v_across, v_along, v_area;
 flat out ivec3 v_line;
-#include "target/lattice.glsl"
+#include "target/sample_pattern.glsl"
 #include "target/substeps.glsl"
 
 void main() {
-    vec4 a = lattice_clip(in_start_m), b = lattice_clip(in_end_m);
+    vec4 a = pattern_clip(in_start_m), b = pattern_clip(in_end_m);
     vec2 from = in_substeps(a), to = in_substeps(b), along = to - from;
     // the same in the image, from the middle of the window's first pixel [px]
     ivec2 first = pixel_index(ivec2(u_window.xy));
-    vec2 middle = vec2(first) + vec2(0.5 - LATTICE_PHASE, 0.5);
-    vec2 start = pixel_from_lattice(from / SUBSTEPS - middle), end = pixel_from_lattice(to / SUBSTEPS - middle);
-    vec2 unit = pixel_from_lattice(along / SUBSTEPS);
+    vec2 middle = vec2(first) + vec2(0.5 - PATTERN_PHASE, 0.5);
+    vec2 start = pixel_from_pattern(from / SUBSTEPS - middle), end = pixel_from_pattern(to / SUBSTEPS - middle);
+    vec2 unit = pixel_from_pattern(along / SUBSTEPS);
     float per_length = inversesqrt(max(dot(unit, unit), 1e-12));
     unit *= per_length;
     vec2 n = vec2(-unit.y, unit.x);
 
     if (max(max(abs(from.x), abs(from.y)), max(abs(to.x), abs(to.y))) > FARTHEST) {
         // drivers cut what is so long, with roundings of their own: a shorter piece of nearly the same line
-        vec2 to_buffer = (0.5 * SUBSTEPS) * u_lattice_px.xy - from;
+        vec2 to_buffer = (0.5 * SUBSTEPS) * u_pattern_px.xy - from;
         from = floor(from + along * clamp(dot(to_buffer, along) / dot(along, along), 0.0, 1.0));
         along = floor(along * (0.25 * FARTHEST / max(abs(along.x), abs(along.y))) + 0.5);
     }
@@ -40,12 +40,12 @@ void main() {
     // rasterisers take a sample on the edge for one a little farther along their first axis, or else along the second
     int on_edge = d.y < 0 || (d.y == 0 && d.x > 0) ? 256 : 255;
     int limit = (fraction + on_edge) >> 8;
-    ivec2 s = LATTICE_S, t = LATTICE_T;
+    ivec2 s = PATTERN_S, t = PATTERN_T;
     v_line = ivec3(t.x * d.x - s.x * d.y, t.y * d.x - s.y * d.y, place.y * d.x - place.x * d.y + limit);
     v_along = vec3(along, float(256 * limit - fraction) / SUBSTEPS);
 
     // a unit square's side across a line is a trapezium, the difference of two triangles: their area is height squared
-    vec2 across = pixel_from_lattice(along);
+    vec2 across = pixel_from_pattern(along);
     float step_px = inversesqrt(max(dot(across, across), 1e-12)) / float(SAMPLES);
     v_across = vec3(n, step_px);
     vec2 size = max(abs(n), 1e-4);

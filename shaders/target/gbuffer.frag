@@ -1,11 +1,11 @@
-// What a lattice sample sees: material and normal. Back faces of open shells are lit from their own side.
+// G-buffer of one sample: material, normal and place in the atlas of charts. Back faces of open shells are lit from their own side.
 //
-// The lattice's axes are a reflection of the image's, which is itself upside down to OpenGL: two flips, so
+// The pattern's axes are a reflection of the image's, which is itself upside down to OpenGL: two flips, so
 // counter-clockwise stays the outside (see simulator/render/target/sample_pattern.py, projection.py).
-#include "target/pack.glsl"
+#include "target/packed_samples.glsl"
 flat in int v_material_word;
 in vec2 v_chart;
-layout(location = 0) out uvec2 out_surface; // see pack.glsl
+layout(location = 0) out uvec2 out_surface; // see packed_samples.glsl
 #ifdef TEXTURED
 in vec3 v_normal;
 flat in uint v_material;

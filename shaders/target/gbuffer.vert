@@ -1,5 +1,5 @@
-// Target vertices into the sample lattice; normals into the camera frame and their code.
-#include "target/pack.glsl"
+// Target vertices into the sample buffer; normals into the camera frame and their code.
+#include "target/packed_samples.glsl"
 #if LENS
 #include "target/raster.glsl"
 #else
@@ -22,9 +22,9 @@ out vec2 v_steps;
 #endif
 void main() {
 #if LENS
-    gl_Position = raster_position(u_lattice_clip_from_target, in_position_m);
+    gl_Position = raster_position(u_pattern_clip_from_target, in_position_m);
 #else
-    gl_Position = at_whole_substeps(lattice_clip(in_position_m));
+    gl_Position = at_whole_substeps(pattern_clip(in_position_m));
 #endif
     vec3 n = mat3(u_camera_from_target) * in_normal;
     v_chart = in_chart;

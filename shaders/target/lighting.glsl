@@ -10,8 +10,8 @@
 
 // Baked on the atlas of charts, simulator/render/bake/radiance_transfer.py: visibility of the sky, a + b . w over directions w, and
 // irradiance from the craft's other parts, per band [W m-2].
-uniform sampler2D t_open;
-uniform sampler2D t_returned;
+uniform sampler2D t_sky_visibility;
+uniform sampler2D t_interreflection;
 
 // Irradiance of the sky on a plate of normal n, camera frame [W m-2]; simulator/render/irradiance.py.
 color sky_irradiance(vec3 n) {
@@ -41,8 +41,8 @@ float sun_alpha(float roughness) {
     return sqrt(min(a2 + s * s, 1.0));
 }
 
-// Share of the light from around direction m that reaches a face of normal n, over what an open plate gets [1].
-float open_towards(vec4 visibility, vec3 n, vec3 m) {
+// Visibility of the sky towards m: share of the light from around direction m that reaches a face of normal n, over what an open plate gets [1].
+float sky_visibility_towards(vec4 visibility, vec3 n, vec3 m) {
     // 1.008: eight bits hold the visibility, and an open face must not lose by their rounding
     return clamp(1.008 * (visibility.w + 0.667 * dot(visibility.xyz, m)) / (0.5 + 0.5 * max(dot(n, m), -0.8)), 0.0, 1.0);
 }
@@ -132,21 +132,21 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     // the sky: what the craft leaves open of it, and what the craft's other parts give in its place
     mat3 R = mat3(u_camera_from_target);
     vec3 n_target = geometric * R, r = reflect(-v, n);
-    vec4 visibility = textureLod(t_open, chart, 0.0);
+    vec4 visibility = textureLod(t_sky_visibility, chart, 0.0);
     visibility.xyz = (visibility.xyz - 0.5) * (2.0 * LARGEST_SLOPE);
-    color returned = BAND(textureLod(t_returned, chart, 0.0));
+    color interreflection = BAND(textureLod(t_interreflection, chart, 0.0));
 #ifndef CLOSED
     if (min(chart.x, chart.y) > 0.9999) { // the back of an open shell: nothing is baked there
         visibility = vec4(0.75 * n_target, 0.5);
-        returned = color(0.0);
+        interreflection = color(0.0);
     }
 #endif
     vec3 m = normalize(n_target + u_nadir_direction.w * (u_nadir_direction.xyz * R));
-    color ambient = sky_irradiance(n) * open_towards(visibility, n_target, m) + returned;
+    color ambient = sky_irradiance(n) * sky_visibility_towards(visibility, n_target, m) + interreflection;
     // the mean radiance of what hides the sky, where the mirror meets it
-    float hidden = max(1.0 - open_towards(visibility, n_target, n_target), 0.05);
-    float mirrored = open_towards(visibility, n_target, r * R);
-    color own = returned * (min((1.0 - mirrored) / hidden, 2.0) / PI), earth = earth_radiance(r) * mirrored;
+    float hidden = max(1.0 - sky_visibility_towards(visibility, n_target, n_target), 0.05);
+    float mirrored = sky_visibility_towards(visibility, n_target, r * R);
+    color own = interreflection * (min((1.0 - mirrored) / hidden, 2.0) / PI), earth = earth_radiance(r) * mirrored;
     float rim = dot(r, u_earth_rim.xyz) - u_earth_rim.w;
     float blur = surface.x * surface.x + 0.02;
     color gloss = (f0 * e.x + e.y) * again;

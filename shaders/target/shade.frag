@@ -1,12 +1,12 @@
-// Radiance [W m-2 sr-1] and coverage of the target, per image pixel, from its lattice samples.
+// Radiance [W m-2 sr-1] and coverage of the target, per image pixel, from its samples.
 #include "common/rays.glsl"
-#include "target/lattice.glsl"
+#include "target/sample_pattern.glsl"
 #include "target/lighting.glsl"
-#include "target/pack.glsl"
+#include "target/packed_samples.glsl"
 #ifdef EXACT_AREAS
-#include "target/twofold.glsl"
+#include "target/packed_sums.glsl"
 #else
-#include "target/slope.glsl"
+#include "target/packed_slope.glsl"
 #endif
 #ifdef BRUSHED
 #define GRAIN(k) u_material_grain[k]
@@ -49,7 +49,7 @@ void main() {
     vec4 edge = textureLod(t_slope, (gl_FragCoord.xy - u_window.xy) * u_slope_texel, 0.0);
 #ifdef EXACT_AREAS
     vec3 steep, even;
-    split_twofold(edge.xyz, steep, even);
+    unpack_two(edge.xyz, steep, even);
     vec2 slope = edge.w < 1.5 ? steep.xy : vec2(0.0);
     const float share_of_own = 1.0;
 #else

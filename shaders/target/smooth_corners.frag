@@ -4,9 +4,9 @@
 // confirms it. Faces may cut through each other without an edge of the mesh there: a straight cut leaves some sample of a tile's corner pixels
 // on the other side, so all of those are looked at.
 #include "common/rays.glsl"
-#include "target/lattice.glsl"
+#include "target/sample_pattern.glsl"
 #include "target/lighting.glsl"
-#include "target/pack.glsl"
+#include "target/packed_samples.glsl"
 #ifdef BRUSHED
 #define GRAIN(k) u_material_grain[k]
 #else
@@ -135,15 +135,15 @@ void main() {
     vec4 base = u_material_color[material], surface = u_material_surface[material];
     ivec2 spread = high - low;
     int bent = max(spread.x, spread.y);
-    bool even = full && differs == 0u && bent <= MOST_BENT;
-    even = even && abs(between(1.0 / z, vec2(place_in_tile(4))) * z_middle - 1.0) < COPLANAR;
+    bool interpolates = full && differs == 0u && bent <= MOST_BENT;
+    interpolates = interpolates && abs(between(1.0 / z, vec2(place_in_tile(4))) * z_middle - 1.0) < COPLANAR;
     float wide = 0.5 * length(cross(normalize(p[0]), normalize(p[3]))) + 2.0 * float(bent) / CODE_SCALE;
-    even = even && !may_glint(surface, n, p[4], wide);
+    interpolates = interpolates && !may_glint(surface, n, p[4], wide);
 #ifdef CRINKLE
-    even = even && surface.w == 0.0; // its normals differ from pixel to pixel
+    interpolates = interpolates && surface.w == 0.0; // its normals differ from pixel to pixel
 #endif
-    float lit = sun_on_all(p, n, even);
-    even = even && lit >= 0.0;
+    float lit = sun_on_all(p, n, interpolates);
+    interpolates = interpolates && lit >= 0.0;
     vec4 red = vec4(0.0), green = vec4(0.0), blue = vec4(0.0);
     color middle = color(0.0);
     for (int k = 0; k < 5; ++k) {
@@ -154,7 +154,7 @@ void main() {
         if (bent > FLAT_STEPS) {
             n = decode_normal(vec2(normal_code(words.x)));
             // the plane at the middle is not that of the corners
-            even = even && abs(sun_visibility(p_m, n, 1.0, 1.0) - lit) < 1e-3;
+            interpolates = interpolates && abs(sun_visibility(p_m, n, 1.0, 1.0) - lit) < 1e-3;
         }
 #endif
         middle = shade(base, surface, GRAIN(material), n, n, p_m, chart_of(words.y), max(lit, 0.0));
@@ -167,11 +167,11 @@ void main() {
 #endif
     }
 #if BANDS == 1
-    even = even && is_smooth(red, middle);
+    interpolates = interpolates && is_smooth(red, middle);
 #else
-    even = even && is_smooth(red, middle.x) && is_smooth(green, middle.y) && is_smooth(blue, middle.z);
+    interpolates = interpolates && is_smooth(red, middle.x) && is_smooth(green, middle.y) && is_smooth(blue, middle.z);
     out_green = green;
     out_blue = blue;
 #endif
-    out_corners = even ? red : vec4(any == 0u ? NOTHING : UNEVEN);
+    out_corners = interpolates ? red : vec4(any == 0u ? NOTHING : UNEVEN);
 }

@@ -1,4 +1,4 @@
-// Textures of a mesh that has some, sampled once per lattice sample: reflectance, metalness, roughness, normal.
+// Textures of a mesh that has some, read once per sample: reflectance, metalness, roughness, normal.
 // Parts without a texture of a kind are drawn with one white (or flat) texel in its place.
 in vec2 v_uv;
 in vec3 v_position_m; // camera frame
@@ -20,7 +20,7 @@ vec3 mapped_normal(vec3 n) {
     vec3 tangent = across_y * ux.x + across_x * uy.x;
     vec3 bitangent = -(across_y * ux.y + across_x * uy.y);
     float size = inversesqrt(max(max(dot(tangent, tangent), dot(bitangent, bitangent)), 1e-30));
-    // the lattice may be a reflection of the image: then both axes come out reversed
+    // the pattern may be a reflection of the image: then both axes come out reversed
     size *= sign(dot(cross(px, py), n)) * u_normal_mapped;
     vec3 t = texture(t_normal, v_uv).xyz * 2.0 - 1.0;
     return normalize(tangent * (size * t.x) + bitangent * (size * t.y) + n * mix(1.0, t.z, u_normal_mapped));

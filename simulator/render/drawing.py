@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from simulator.render.earth.albedo import sky_light
+from simulator.render.earth.albedo import earth_and_moon_shine
 from simulator.render.earth.earth_pass import EarthFrame
 from simulator.render.earth.earth_view import earth_values, earth_view
 from simulator.render.earth.map_textures import prefetch_earth_maps, stand_ins
@@ -19,7 +19,7 @@ from simulator.render.frame_resources import (
     EARTH_PASS,
     EARTH_TILES,
     EDGE_SLOPES,
-    GIVEN_SKY_LIGHT,
+    GIVEN_IRRADIANCE,
     MODEL,
     MOON,
     PICTURE,
@@ -137,7 +137,7 @@ class Drawing:
 
     def set_up(self, r: PassResources) -> None:
         """Work out the view, without light of Earth and Moon on the target yet."""
-        scene, given = r[SCENE], r.find(GIVEN_SKY_LIGHT)
+        scene, given = r[SCENE], r.find(GIVEN_IRRADIANCE)
         r[VIEW] = view = build_view(scene, given)
         self._device.blocks.frame.write(frame_values(scene, view))
 
@@ -167,11 +167,11 @@ class Drawing:
     def light_sky(self, r: PassResources) -> None:
         """Work out the light of Earth and Moon on the target, from maps that a first frame waits for here."""
         scene, view = r[SCENE], r[VIEW]
-        if r.find(GIVEN_SKY_LIGHT) is None:
+        if r.find(GIVEN_IRRADIANCE) is None:
             prefetched = self.maps_of(scene.bands)
             if prefetched is not None:
                 prefetched.albedo.result()
-            view = replace(view, sky=sky_light(scene))
+            view = replace(view, sky=earth_and_moon_shine(scene))
         r[VIEW] = view
         self._device.blocks.frame.write(frame_values(scene, view))
 
@@ -205,12 +205,12 @@ class Drawing:
 
     def light_target(self, r: PassResources) -> None:
         """Work out the light that the target's parts give each other."""
-        r[TARGET_LIGHT] = r[TARGET].loaded.returned.update(r[SCENE].bands, r[VIEW])
+        r[TARGET_LIGHT] = r[TARGET].loaded.interreflection.update(r[SCENE].bands, r[VIEW])
 
     def shade_target(self, r: PassResources) -> None:
         """Shade the target's pixels."""
         light = r[TARGET_LIGHT]
-        self._shade(r, {"t_open": light.visibility, "t_returned": light.returned})
+        self._shade(r, {"t_sky_visibility": light.visibility, "t_interreflection": light.interreflection})
 
     def _shade(
         self, r: PassResources, light: Mapping[str, moderngl.Texture], *, one_tile: bool = False
@@ -276,7 +276,7 @@ class Drawing:
     def compile_shading(self, r: PassResources) -> None:
         """Have the driver compile the target's shading while its light is baked, by drawing a tile to be cleared."""
         if len(r[TARGET_TILES]):
-            self._shade(r, r[TARGET].loaded.returned.stand_ins(r[SCENE].bands), one_tile=True)
+            self._shade(r, r[TARGET].loaded.interreflection.stand_ins(r[SCENE].bands), one_tile=True)
 
 
 def earth_frame(r: PassResources) -> EarthFrame:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from simulator.render.earth.earth_view import EarthView
     from simulator.render.earth.screen_tiles import ScreenTiles
     from simulator.render.frame_images import FrameImages
-    from simulator.render.irradiance import SkyLight
+    from simulator.render.irradiance import IrradianceField
     from simulator.render.moon.moon_view import MoonView
     from simulator.render.sky.star_pass import Spread
     from simulator.render.target.interreflection import AtlasTextures
@@ -29,7 +29,7 @@ MODEL: Resource[Target] = Resource("target model")
 VIEW: Resource[View] = Resource("view")
 """The scene in the camera's coordinates; the light of Earth and Moon on the target comes into it last."""
 
-GIVEN_SKY_LIGHT: Resource[SkyLight] = Resource("given sky light")
+GIVEN_IRRADIANCE: Resource[IrradianceField] = Resource("given irradiance")
 """Light on the target in place of that of Earth and Moon, for proofs."""
 
 RADIANCE: Resource[FrameImages] = Resource("radiance")

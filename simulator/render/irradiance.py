@@ -26,8 +26,8 @@ _GRADIENT = np.arange(3)
 
 
 @dataclass(frozen=True, eq=False)
-class SkyLight:
-    """Light from everything but the Sun, camera frame.
+class IrradianceField:
+    """Irradiance of everything but the Sun on a plate of any normal, camera frame.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class SkyLight:
 
 
 def basis(directions: FloatArray, axis: FloatArray) -> FloatArray:
-    """(..., 10) the polynomials of `SkyLight.irradiance_w_m2`."""
+    """(..., 10) the polynomials of `IrradianceField.irradiance_w_m2`."""
     d = np.asarray(directions, float)
     x, y, z = np.moveaxis(d, -1, 0)
     return np.stack(
@@ -99,19 +99,19 @@ def _fit_irradiance(axis: FloatArray, irradiance: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(design.T @ design, design.T @ irradiance), float)
 
 
-def no_light(bands: int) -> SkyLight:
+def dark_field(bands: int) -> IrradianceField:
     """Darkness."""
-    return SkyLight(np.zeros((10, bands)), np.zeros((bands, 4)), 2.0, np.array([0.0, 0.0, 1.0]))
+    return IrradianceField(np.zeros((10, bands)), np.zeros((bands, 4)), 2.0, np.array([0.0, 0.0, 1.0]))
 
 
-def uniform_light(radiance_w_m2_sr: FloatArray) -> SkyLight:
+def uniform_field(radiance_w_m2_sr: FloatArray) -> IrradianceField:
     """The same radiance per band from everywhere: the white furnace."""
     radiance = np.asarray(radiance_w_m2_sr, float)
     irradiance = np.zeros((10, len(radiance)))
     irradiance[0] = np.pi * radiance
     linear = np.zeros((len(radiance), 4))
     linear[:, 3] = radiance
-    return SkyLight(irradiance, linear, -2.0, np.array([0.0, 0.0, 1.0]))
+    return IrradianceField(irradiance, linear, -2.0, np.array([0.0, 0.0, 1.0]))
 
 
 def field_of_samples(
@@ -121,8 +121,8 @@ def field_of_samples(
     disc_cosine: float,
     axis: FloatArray,
     also_w_m2: FloatArray | None = None,
-) -> SkyLight:
-    """The field of a disc given by samples of equal solid angle.
+) -> IrradianceField:
+    """The field of a disc, fitted to samples of equal solid angle.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def field_of_samples(
     normal_equations = design.T @ design
     normal_equations[_GRADIENT, _GRADIENT] += 1e-4 * len(directions)
     linear = np.linalg.solve(normal_equations, design.T @ radiance)
-    return SkyLight(_fit_irradiance(axis, falling), np.asarray(linear.T, float), disc_cosine, axis)
+    return IrradianceField(_fit_irradiance(axis, falling), np.asarray(linear.T, float), disc_cosine, axis)
 
 
 def earth_shine(
@@ -148,7 +148,7 @@ def earth_shine(
     sun_w_m2: FloatArray,
     albedo: Float32Array,
     also_w_m2: FloatArray | None = None,
-) -> SkyLight:
+) -> IrradianceField:
     """Light of the part of the Earth that a target sees.
 
     Parameters

@@ -17,7 +17,7 @@ from simulator.render.frame_resources import (
     EARTH_PASS,
     EARTH_TILES,
     EDGE_SLOPES,
-    GIVEN_SKY_LIGHT,
+    GIVEN_IRRADIANCE,
     MODEL,
     MOON,
     PICTURE,
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from simulator.render.earth.map_textures import EarthMaps
     from simulator.render.frame_graph import PassResources
     from simulator.render.gl.context import GlInfo
-    from simulator.render.irradiance import SkyLight
+    from simulator.render.irradiance import IrradianceField
     from simulator.render.target.label_pass import Surfaces
     from simulator.scene.illumination.bands import Bands
     from simulator.scene.state import SceneState
@@ -135,7 +135,7 @@ def frame_passes(draw: Drawing, *, target: bool = True, first: Sequence[Pass] = 
 
 
 def _set_up(draw: Drawing) -> Pass:
-    return Pass("setup", draw.set_up, (SCENE,), (VIEW,), optional=(GIVEN_SKY_LIGHT,))
+    return Pass("setup", draw.set_up, (SCENE,), (VIEW,), optional=(GIVEN_IRRADIANCE,))
 
 
 def _clear(draw: Drawing) -> Pass:
@@ -143,7 +143,9 @@ def _clear(draw: Drawing) -> Pass:
 
 
 def _light_sky(draw: Drawing) -> Pass:
-    return Pass("sky_light", draw.light_sky, (SCENE, VIEW, TARGET), (VIEW,), optional=(GIVEN_SKY_LIGHT,))
+    return Pass(
+        "earth_and_moon_shine", draw.light_sky, (SCENE, VIEW, TARGET), (VIEW,), optional=(GIVEN_IRRADIANCE,)
+    )
 
 
 class Renderer:
@@ -197,7 +199,7 @@ class Renderer:
         target: Target,
         *,
         labels: bool = False,
-        sky: SkyLight | None = None,
+        sky: IrradianceField | None = None,
         layer: Layer = "all",
     ) -> Rendered:
         """Draw one scene.
@@ -246,7 +248,7 @@ class Renderer:
             maps.deferred_writes.start()
         return Rendered(frame[PICTURE], coverage, depth, inside, stage_ms)
 
-    def start_craft(self, scene: SceneState, target: Target, *, sky: SkyLight | None = None) -> Craft:
+    def start_craft(self, scene: SceneState, target: Target, *, sky: IrradianceField | None = None) -> Craft:
         """Have the driver draw a craft's samples, alone; parameters as of `render`."""
         frame, draw = self._begin(scene, target, sky), self._draw
         if sky is None:
@@ -304,7 +306,7 @@ class Renderer:
         self._device.prepare(scene)
         return self._draw.target.silhouette_inside(scene, target)
 
-    def _begin(self, scene: SceneState, target: Target, sky: SkyLight | None) -> FrameResources:
+    def _begin(self, scene: SceneState, target: Target, sky: IrradianceField | None) -> FrameResources:
         """What a frame's passes are given."""
         if scene.target.sha256 != target.sha256:
             raise UserError(
@@ -313,7 +315,7 @@ class Renderer:
             )
         self._device.prepare(scene)
         frame = FrameResources()
-        frame[SCENE], frame[MODEL], frame[GIVEN_SKY_LIGHT] = scene, target, sky
+        frame[SCENE], frame[MODEL], frame[GIVEN_IRRADIANCE] = scene, target, sky
         return frame
 
     def _run(self, kept_as: str, passes: Callable[[], list[Pass]], frame: FrameResources) -> dict[str, float]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.gl.uniform_block import vec4_of_bands
-from simulator.render.irradiance import SkyLight, no_light
+from simulator.render.irradiance import IrradianceField, dark_field
 from simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
 from simulator.scene.illumination.moonlight import moonlight_share
 from simulator.scene.illumination.refraction import sunlight_past_earth
@@ -58,16 +58,16 @@ class View:
     sun_at_earth_w_m2: FloatArray
     sun_visible_fraction: float
     sun_share: FloatArray
-    sky: SkyLight
+    sky: IrradianceField
     nadir: FloatArray
 
 
-def build_view(scene: SceneState, sky: SkyLight | None = None) -> View:
+def build_view(scene: SceneState, sky: IrradianceField | None = None) -> View:
     """Reduce a scene to the camera frame.
 
     Parameters
     ----------
-    sky : light of Earth and Moon on the target (`sky_light`), or instead of it; ``None`` leaves it dark.
+    sky : light of Earth and Moon on the target (`earth_and_moon_shine`), or instead of it; ``None`` leaves it dark.
     """
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
@@ -93,7 +93,7 @@ def build_view(scene: SceneState, sky: SkyLight | None = None) -> View:
         sun_at_earth_w_m2=sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun))),
         sun_visible_fraction=scene.sun_visible_fraction,
         sun_share=_sun_share(scene, R_ie),
-        sky=no_light(len(bands_of(scene.bands))) if sky is None else sky,
+        sky=dark_field(len(bands_of(scene.bands))) if sky is None else sky,
         nadir=R_ce @ (-r_camera / np.linalg.norm(r_camera)),
     )
 

@@ -164,7 +164,7 @@ class _Corners:
         self._values = 3 if bands == 1 else 6
         self._context = context
         self.program = programs.get(
-            "earth/corners.vert",
+            "earth/tile_corners.vert",
             None,
             {"BANDS": bands, "STEPS": STEPS, "GROUND_MU_MIN": GROUND_MU_MIN},
             ("t_transmittance", "t_ground", "t_multiple"),

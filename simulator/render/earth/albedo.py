@@ -11,14 +11,14 @@ import numpy as np
 
 from simulator.render.earth.maps import maps_entry, packed_maps
 from simulator.render.earth.sea_ice import sea_ice
-from simulator.render.irradiance import earth_shine, moon_plate_irradiance, no_light
+from simulator.render.irradiance import dark_field, earth_shine, moon_plate_irradiance
 from simulator.runtime.cache import entry_name
 from simulator.runtime.cached_arrays import cached_array
 from simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
 from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from simulator.render.irradiance import SkyLight
+    from simulator.render.irradiance import IrradianceField
     from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.scene.state import SceneState
 
@@ -90,11 +90,11 @@ def _mean(cells: FloatArray | Float32Array) -> float:
     return float((cells * weight).sum() / (weight.sum() * cells.shape[1]))
 
 
-def sky_light(scene: SceneState) -> SkyLight:
+def earth_and_moon_shine(scene: SceneState) -> IrradianceField:
     """Earth-shine and Moon-shine, or darkness where the scene asks for none."""
     bands = len(bands_of(scene.bands))
     if not scene.environment.earthshine:
-        return no_light(bands)
+        return dark_field(bands)
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
     r_target, r_sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)

@@ -15,13 +15,13 @@ from simulator.render.earth.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air
 from simulator.render.earth.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
 from simulator.render.earth.map_textures import AUGUST
 from simulator.render.earth.maps import WIDTH as MAP_WIDTH
-from simulator.render.earth.ocean_colour import SCALE as SHOAL_SCALE
+from simulator.render.earth.ocean_colour import SCALE as OCEAN_COLOUR_SCALE
 from simulator.render.earth.sea_ice import WIDTH as ICE_WIDTH
 from simulator.render.earth.sea_ice import sea_ice
 from simulator.render.earth.seasons import OCTAVES, month_gain, season
-from simulator.render.earth.seasons import SLOPE_MAX as RELIEF_SLOPE_MAX
-from simulator.render.earth.terrain_detail import SLOPE_MAX as VALLEY_SLOPE
-from simulator.render.earth.terrain_detail import valley_texture
+from simulator.render.earth.seasons import SLOPE_MAX as GROUND_SLOPE_MAX
+from simulator.render.earth.terrain_detail import SLOPE_MAX as TERRAIN_SLOPE
+from simulator.render.earth.terrain_detail import terrain_texture
 from simulator.render.gl.fences import draw_to, flush
 from simulator.render.gl.library import draw_one_point
 from simulator.render.gl.mipmaps import mipmap_chain, mipmapped_texture, release_mipmapped
@@ -50,12 +50,12 @@ _OWN = (
     "t_radiance",
     "t_map",
     "t_detail",
-    "t_relief",
-    "t_before",
-    "t_after",
+    "t_ground_slopes",
+    "t_month_before",
+    "t_month_after",
     "t_ice",
-    "t_shoals",
-    "t_valleys",
+    "t_ocean_colour",
+    "t_terrain",
 )
 _SAMPLERS = {
     1: (*_OWN, "t_air", "t_ground"),
@@ -148,11 +148,11 @@ class EarthPass:
         self._months = {k: self._mapped(levels) for k, levels in prefetched.months.result().items()}
         self._detail_levels = prefetched.detail.result()
         self._detail: moderngl.Texture | None = None
-        self._valleys: moderngl.Texture | None = None  # of `high`
-        self._relief = self._mapped(prefetched.relief.result())
+        self._terrain: moderngl.Texture | None = None  # of `high`
+        self._ground_slopes = self._mapped(prefetched.ground_slopes.result())
         self._keep_air(prefetched.air.result())
         self._ice: tuple[str, moderngl.Texture] | None = None  # of a day
-        self._shoals: Future[MipmapChain] | moderngl.Texture = prefetched.shoals
+        self._ocean_colour: Future[MipmapChain] | moderngl.Texture = prefetched.ocean_colour
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
         self._kept: dict[tuple[object, ...], Program] = {}
 
@@ -164,7 +164,7 @@ class EarthPass:
 
     def release(self) -> None:
         """Free maps, tables and vertices; the programs are the library's."""
-        maps = [self._detail, self._valleys, self._relief, *self._maps, self._shoals]
+        maps = [self._detail, self._terrain, self._ground_slopes, *self._maps, self._ocean_colour]
         maps += self._months.values()
         maps += [] if self._ice is None else [self._ice[1]]
         for texture in maps:
@@ -219,8 +219,8 @@ class EarthPass:
             "MOONLIT": int(environment.moon and dark),
             "ICE": int(environment.sea_ice and kind.icy and not one),
             "ICE_LEVEL": math.log2(MAP_WIDTH / ICE_WIDTH),
-            "SHOALS": int(kind.shoal and not one),
-            "SHOAL_SCALE": SHOAL_SCALE,
+            "OCEAN_COLOUR": int(kind.bright_water and not one),
+            "OCEAN_COLOUR_SCALE": OCEAN_COLOUR_SCALE,
             "SMOOTH": int(kind.smooth),
             "AIR_ONLY": int(kind.air),
             "COVERED": int(kind.covered),
@@ -230,14 +230,14 @@ class EarthPass:
             "HIGH": int(high),
             "ONE_OPTICS": int(one),
             "RELIEF": float(environment.relief and not one),
-            "RELIEF_SLOPE": RELIEF_SLOPE_MAX,
+            "GROUND_SLOPE": GROUND_SLOPE_MAX,
             "OCTAVES": OCTAVES,
             "CLOUD_KM": CLOUD_KM,
             "DETAIL_KM": PERIOD_KM,
             "DETAIL_TEXEL_KM": DETAIL_TEXEL_KM,
             "SLOPE_PER_KM": SLOPE_PER_KM,
             "GRAIN": GRAIN,
-            "VALLEY_SLOPE": VALLEY_SLOPE,
+            "TERRAIN_SLOPE": TERRAIN_SLOPE,
             "GROUND_MU_MIN": GROUND_MU_MIN,
             "GROUND_SAMPLES": GROUND_SAMPLES,
             **TABLE_DEFINES,
@@ -270,13 +270,13 @@ class EarthPass:
         self._context.blend_func = self._context.ONE, self._context.ONE
         month = season(scene.epoch_utc) if environment.seasons else AUGUST
         textures = self._textures(frame.images, self.air(environment.atmosphere_thickness_km).frame) | {
-            "t_relief": self._relief,
-            "t_before": self._month(month.before),
-            "t_after": self._month(month.after),
+            "t_ground_slopes": self._ground_slopes,
+            "t_month_before": self._month(month.before),
+            "t_month_after": self._month(month.after),
         }
         if scene.quality == "high":
-            textures["t_valleys"] = self._high_valleys()
-        if any(kind.icy or kind.shoal for kind in frame.tiles.centers_px):
+            textures["t_terrain"] = self._terrain_of_high()
+        if any(kind.icy or kind.bright_water for kind in frame.tiles.centers_px):
             textures |= self._waters(ice_day(scene))
         for draw, vertices_of in draws:
             # large textures that the last draw did not have may end its scene
@@ -327,23 +327,23 @@ class EarthPass:
         self._detail.filter = (smaller, self._context.LINEAR)
         return self._detail
 
-    def _high_valleys(self) -> moderngl.Texture:
+    def _terrain_of_high(self) -> moderngl.Texture:
         """The land's valleys: made or read, and uploaded, when `high` is first asked for."""
-        if self._valleys is None:
-            self._valleys = self._mapped(mipmap_chain(valley_texture(), globe=False))
-            self._valleys.repeat_y = True
-        return self._valleys
+        if self._terrain is None:
+            self._terrain = self._mapped(mipmap_chain(terrain_texture(), globe=False))
+            self._terrain.repeat_y = True
+        return self._terrain
 
     def _waters(self, day: str) -> dict[str, moderngl.Texture]:
         """The sea's ice of a day, and its shallows: uploaded when such water is first in view."""
-        if not isinstance(self._shoals, moderngl.Texture):
-            self._shoals = self._mapped(self._shoals.result())
+        if not isinstance(self._ocean_colour, moderngl.Texture):
+            self._ocean_colour = self._mapped(self._ocean_colour.result())
         if self._ice is None or self._ice[0] != day:
             if self._ice is not None:
                 past, self._ice = self._ice[1], None
                 release_mipmapped(past)
             self._ice = (day, self._mapped(mipmap_chain(sea_ice(day), globe=True)))
-        return {"t_ice": self._ice[1], "t_shoals": self._shoals}
+        return {"t_ice": self._ice[1], "t_ocean_colour": self._ocean_colour}
 
     def _textures(self, images: FrameImages, air: AirPass) -> dict[str, moderngl.Texture]:
         textures = {

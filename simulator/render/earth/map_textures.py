@@ -12,8 +12,8 @@ from simulator.render.earth.air_tables import COSINES, GROUND_SAMPLES, RADII, Ai
 from simulator.render.earth.albedo import albedo_of_day
 from simulator.render.earth.detail_noise import detail_texture
 from simulator.render.earth.maps import DecodedMaps, packed_maps
-from simulator.render.earth.ocean_colour import shoals, sources_to_decode
-from simulator.render.earth.seasons import Season, month_gains, relief, season
+from simulator.render.earth.ocean_colour import ocean_colour, sources_to_decode
+from simulator.render.earth.seasons import Season, ground_slopes, month_gains, season
 from simulator.render.gl.mipmaps import mipmap_chain
 from simulator.runtime.cached_arrays import DeferredWrites
 from simulator.runtime.threads import beside_the_caller
@@ -39,16 +39,16 @@ class EarthMaps:
     Parameters
     ----------
     albedo : that the Earth-shine looks up. maps : one for one band, two for three. months : by number.
-    shoals : uploaded only when such water is in view. air : of the scene's thickness.
+    ocean_colour : uploaded only when such water is in view. air : of the scene's thickness.
     deferred_writes : writes what is made of them to the cache, when a first picture is drawn.
     """
 
     albedo: Future[Float32Array]
     maps: Future[list[MipmapChain]]
     detail: Future[MipmapChain]
-    relief: Future[MipmapChain]
+    ground_slopes: Future[MipmapChain]
     months: Future[dict[int, MipmapChain]]
-    shoals: Future[MipmapChain]
+    ocean_colour: Future[MipmapChain]
     air: Future[AirTables]
     deferred_writes: DeferredWrites
 
@@ -73,12 +73,12 @@ def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: st
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     months = with_maps.submit(_months, sorted({dates.before, dates.after}), bands)
     # few pictures wait for them
-    water = with_maps.submit(lambda: mipmap_chain(shoals(bands, sources.result()), globe=True))
+    water = with_maps.submit(lambda: mipmap_chain(ocean_colour(bands, sources.result()), globe=True))
     prefetched = EarthMaps(
         albedo,
         maps,
         others.submit(lambda: mipmap_chain(detail_texture(), globe=False)),
-        others.submit(lambda: mipmap_chain(relief(), globe=True)),
+        others.submit(lambda: mipmap_chain(ground_slopes(), globe=True)),
         months,
         water,
         others.submit(air_tables, of_bands, environment.atmosphere_thickness_km * 1e3),

@@ -1,8 +1,7 @@
-"""Shallow and turbid water: what the day map shows of the sea beyond the open ocean's blue.
+"""Ocean colour: reflectance of shallow and turbid water above that of the open ocean, from the day map.
 
-Banks, reefs, rivers' plumes, lakes full of silt. `python -m simulator.render.earth.ocean_colour` makes the small
-picture of where they are, ``assets/earth/shoals_720x360.png``, again: a tile of the screen that is not near one does
-not look for them.
+Banks, reefs, rivers' plumes, lakes full of silt. ``assets/earth/ocean_colour_mask_720x360.png`` says where they are: a
+tile of the screen that is not near one does not look them up. `python -m simulator.render.earth.ocean_colour` makes it.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
     Sources = tuple[ByteArray, ByteArray]
 
 WIDTH, HEIGHT = 4032, 2016
-WHERE = "shoals_720x360.png"
+MASK = "ocean_colour_mask_720x360.png"
 SCALE = 0.35  # reflectance of a map's texel that is as blue as can be: clear shallows over white sand (Maritorena 1994)
 _POWER = 1.2  # of the map's 8 bits: nearly straight, where the land's darker values are pressed together
 _DEEP = (2.0, 5.0, 20.0)  # what the map paints the open ocean with: red, green, blue
@@ -55,7 +54,7 @@ _TILES = [
 ]
 
 
-def shoals(bands: int, sources: Sources | None = None) -> ByteArray:
+def ocean_colour(bands: int, sources: Sources | None = None) -> ByteArray:
     """(2016, 4032) or (2016, 4032, 4): square root of the reflectance over the open ocean's, over ``SCALE``.
 
     Parameters
@@ -66,18 +65,18 @@ def shoals(bands: int, sources: Sources | None = None) -> ByteArray:
 
 
 def sources_to_decode(bands: int, files: DecodedMaps) -> Sources | None:
-    """What `shoals` will be made of, from maps that are decoded for others too; none where the cache has them."""
+    """What `ocean_colour` will be made of, from maps that are decoded for others too; none where the cache has them."""
     return None if is_cached(_key(bands)) else day_and_coast(files)
 
 
 def _key(bands: int) -> str:
-    sizes = [asset_size(name) for name in (DAY, COAST, WHERE)]
+    sizes = [asset_size(name) for name in (DAY, COAST, MASK)]
     return entry_name(f"ocean-colour-{bands}", VERSION, bands, sizes)
 
 
 def _make(bands: int, sources: Sources) -> ByteArray:
     # nothing is left where no cell looks
-    core = cv2.erode(_where().astype(np.float32), np.ones((3, 3)))
+    core = cv2.erode(_mask().astype(np.float32), np.ones((3, 3)))
     share = cv2.resize(core, (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR)
     day, coast = sources
     out = np.zeros((HEIGHT, WIDTH) if bands == 1 else (HEIGHT, WIDTH, 4), np.uint8)
@@ -89,7 +88,7 @@ def _make(bands: int, sources: Sources) -> ByteArray:
         near = share[tile] > 0
         if not near.size:
             continue
-        over = _reflectance(_over_the_ocean(day, coast, *tile)[near]) * share[tile][near][:, None]
+        over = _reflectance(_excess_over_open_ocean(day, coast, *tile)[near]) * share[tile][near][:, None]
         if bands == 1:
             out[tile][near] = _bytes(np.sqrt(over @ np.array(PAN_WEIGHTS, np.float32)))
         else:
@@ -115,7 +114,7 @@ def day_and_coast(decode: Decoder = decode_file) -> Sources:
         return day.result()[..., ::-1], coast
 
 
-def _over_the_ocean(day: ByteArray, coast: ByteArray, rows: slice, columns: slice) -> Float32Array:
+def _excess_over_open_ocean(day: ByteArray, coast: ByteArray, rows: slice, columns: slice) -> Float32Array:
     """(R, C, 3) of the map's 8 bits over the open ocean's in some rows and columns, 0..1."""
     # what lies around a texel is looked at beyond the tile
     ranges = [
@@ -137,7 +136,7 @@ def _over_the_ocean(day: ByteArray, coast: ByteArray, rows: slice, columns: slic
 
 
 def _reflectance(over: Float32Array) -> Float32Array:
-    """Over the open ocean's, over ``SCALE``, of what `_over_the_ocean` gives."""
+    """Over the open ocean's, over ``SCALE``, of what `_excess_over_open_ocean` gives."""
     return np.asarray(cv2.pow(over, _POWER), np.float32)
 
 
@@ -146,11 +145,11 @@ def _bytes(values: NDArray[np.float32]) -> ByteArray:
 
 
 @lru_cache(maxsize=1)
-def _where() -> NDArray[np.bool_]:
-    return decode_map(WHERE, cv2.IMREAD_GRAYSCALE, None) > 0
+def _mask() -> NDArray[np.bool_]:
+    return decode_map(MASK, cv2.IMREAD_GRAYSCALE, None) > 0
 
 
-def near_shoals(z: FloatArray, longitude: FloatArray) -> NDArray[np.bool_]:
+def near_bright_water(z: FloatArray, longitude: FloatArray) -> NDArray[np.bool_]:
     """Whether there is such water within half a degree or a degree.
 
     Parameters
@@ -160,13 +159,13 @@ def near_shoals(z: FloatArray, longitude: FloatArray) -> NDArray[np.bool_]:
     known = np.isfinite(z) & np.isfinite(longitude)
     row = np.clip(180 - 2 * np.degrees(np.arcsin(np.clip(np.where(known, z, 0), -1, 1))), 0, 359).astype(int)
     column = (2 * np.degrees(np.where(known, longitude, 0)) + 360).astype(int) % 720
-    return np.asarray(_where()[row, column] & known)
+    return np.asarray(_mask()[row, column] & known)
 
 
 def make_mask() -> ByteArray:
     """(360, 720) 255 where the water is noticeably brighter than the open ocean, and half a degree around it."""
     day, coast = day_and_coast()
-    over = _over_the_ocean(day, coast, slice(0, HEIGHT), slice(0, WIDTH))
+    over = _excess_over_open_ocean(day, coast, slice(0, HEIGHT), slice(0, WIDTH))
     bright = SCALE * _reflectance(over).max(axis=2) > _NOTICED
     # rows and columns do not divide by whole texels: each half degree takes what touches it
     found = np.zeros((360, 720), np.uint8)
@@ -177,5 +176,5 @@ def make_mask() -> ByteArray:
 
 
 if __name__ == "__main__":
-    path = Path(__file__).parents[3] / "assets" / "earth" / WHERE
+    path = Path(__file__).parents[3] / "assets" / "earth" / MASK
     path.write_bytes(cv2.imencode(".png", make_mask(), [cv2.IMWRITE_PNG_BILEVEL, 1])[1].tobytes())

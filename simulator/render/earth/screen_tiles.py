@@ -30,7 +30,7 @@ class TileKind:
     ----------
     smooth : all ground, away from limb and poles. covered : the target may be in front.
     night : some of it is dark enough for city lights. icy : some of it is near sea ice, or may be.
-    shoal : some of it is near water that is shallow or turbid.
+    bright_water : some of it is near water that is shallow or turbid.
     level : log2 of a pixel's footprint [km], smooth tiles only.
     air : none of it is ground. fine : tiles half as wide as the others, nearer to the limb; smooth ones only.
     """
@@ -41,7 +41,7 @@ class TileKind:
     covered: bool
     night: bool
     icy: bool
-    shoal: bool
+    bright_water: bool
     level: float
 
 
@@ -140,7 +140,7 @@ def uniform_tiles(earth: EarthView, camera: Camera) -> ScreenTiles:
         covered=True,
         night=True,
         icy=bool(np.sin(min(latitude, np.pi / 2)) > ICE_SINE),
-        shoal=True,
+        bright_water=True,
         level=0.0,
     )
     every = _middles(0, 0, columns, rows, size)

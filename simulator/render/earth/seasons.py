@@ -1,6 +1,6 @@
-"""The land through the year: how much brighter or darker than in August, and the relief that the map is too coarse for.
+"""Seasons of the land: its reflectance over that of August, month by month; and the slopes of the ground.
 
-Both change little within a cell of the screen: the vertices read them, the pixels do not.
+Both change little within a tile of the screen: the vertices read them, the pixels do not.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 2048, 1024
 HEIGHT_MAP, HEIGHT_M_PER_COUNT = "height_4032x2016.png", 24.8
 OCTAVES = 4.0  # the gain's channels hold plus and minus this many octaves
-SLOPE_MAX = 0.25  # the relief's channels hold plus and minus this
+SLOPE_MAX = 0.25  # the channels of the slopes hold plus and minus this
 ROUGH_M = 400.0  # standard deviation of the height over 30 km where the land is as rough as can be
 _MAP_MONTH = 8  # of the fine map
-VERSION = 4  # of the gains, the land and the relief: raise it when the same maps give another
+VERSION = 4  # of the gains, the land and the ground's slopes: raise it when the same maps give another
 # middle of each month there is a map of [day of the year]
 ANCHORS: dict[int, float] = {1: 15.0, 3: 74.0, 5: 135.0, 7: 196.0, 8: 227.0, 10: 288.0}
 _STRIP_ROWS = 16
@@ -124,12 +124,12 @@ def _gain(month: list[FloatArray], august: list[FloatArray], land: ByteArray) ->
     return np.ascontiguousarray(np.dstack([*encoded, np.full(land.shape, 255, np.uint8)]))
 
 
-def relief() -> ByteArray:
+def ground_slopes() -> ByteArray:
     """(2016, 4032, 4): slope to the east, slope to the north, roughness, 255."""
-    return cached_array(entry_name("terrain-slopes", VERSION, asset_size(HEIGHT_MAP)), _make_relief)
+    return cached_array(entry_name("terrain-slopes", VERSION, asset_size(HEIGHT_MAP)), _make_ground_slopes)
 
 
-def _make_relief() -> ByteArray:
+def _make_ground_slopes() -> ByteArray:
     counts = decode_map(HEIGHT_MAP, cv2.IMREAD_GRAYSCALE, None)
     rows, columns = counts.shape
     texel_m = np.pi * 6_378_137.0 / rows
@@ -141,12 +141,12 @@ def _make_relief() -> ByteArray:
         around = slice(max(strip.start - 1, 0), min(strip.stop + 1, rows))
         within = slice(strip.start - around.start, strip.stop - around.start)
         height = counts[around].astype(np.float32) * HEIGHT_M_PER_COUNT
-        out[strip] = _relief_of(height, texel_m, latitude[around])[within]
+        out[strip] = _ground_slopes_of(height, texel_m, latitude[around])[within]
     return out
 
 
-def _relief_of(height: Float32Array, texel_m: float, latitude: FloatArray) -> ByteArray:
-    """(R, W, 4) of `relief`, of rows of heights [m] at some latitudes [rad]."""
+def _ground_slopes_of(height: Float32Array, texel_m: float, latitude: FloatArray) -> ByteArray:
+    """(R, W, 4) of `ground_slopes`, of rows of heights [m] at some latitudes [rad]."""
     # the date line is an edge like any other: what is wrong there is a texel wide
     kernel = np.array([[-0.5, 0.0, 0.5]], np.float32)
     east = cv2.filter2D(height, -1, kernel) / (texel_m * np.cos(latitude)[:, None].clip(0.05)).astype(

@@ -31,7 +31,7 @@ _SEED = 20260320
 VERSION = 1  # of `make_terrain_detail`: raise it when it gives another tile
 
 
-def valley_texture() -> ByteArray:
+def terrain_texture() -> ByteArray:
     """(SIZE, SIZE, 4) of the slope along u and v, the ground's brightness, and the valleys' floors; from the cache."""
     return cached_array(entry_name("terrain-detail", VERSION), make_terrain_detail)
 

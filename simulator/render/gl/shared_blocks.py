@@ -42,10 +42,10 @@ LENS = (
 )
 
 TARGET = (
-    Field("mat4", "u_lattice_clip_from_target"),
+    Field("mat4", "u_pattern_clip_from_target"),
     Field("mat4", "u_camera_from_target"),
-    Field("vec4", "u_lattice"),  # s0, t0; near, far [m]
-    Field("vec4", "u_lattice_px"),  # xy: size of the lattice's viewport [samples]
+    Field("vec4", "u_pattern"),  # s0, t0; near, far [m]
+    Field("vec4", "u_pattern_px"),  # xy: size of the lattice's viewport [samples]
 )
 
 # worked out while the samples are drawn, which do not need it

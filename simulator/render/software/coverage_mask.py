@@ -17,7 +17,7 @@ from simulator.render.target.viewport_fit import TILE_PX, all_tiles, tile_center
 if TYPE_CHECKING:
     from simulator.render.projection import PixelRect
     from simulator.render.target.mesh import GpuMesh
-    from simulator.render.target.viewport_fit import Placement
+    from simulator.render.target.viewport_fit import ViewportFit
     from simulator.runtime.arrays import FloatArray, IntArray
 
 _MASK_PX = 2  # of the picture that the hulls are filled into
@@ -27,7 +27,7 @@ _AROUND = np.ones((3, 3), np.uint8)
 _FARTHEST = 1 << 14  # OpenCV's corners must fit in whole numbers with the fraction's bits to spare
 
 
-def target_tiles(mesh: GpuMesh, place: Placement) -> FloatArray:
+def target_tiles(mesh: GpuMesh, place: ViewportFit) -> FloatArray:
     """Centres (K, 2) [px] of the tiles that the target may touch.
 
     Those of all of its rectangle where a lens bends it, or part of it is behind the camera.

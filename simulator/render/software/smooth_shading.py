@@ -16,7 +16,7 @@ from simulator.render.gl.context import release
 from simulator.render.gl.fences import draw_to, flush
 from simulator.render.gl.programs import FULL_SCREEN
 from simulator.render.software.edge_free_tiles import crossed_tiles
-from simulator.render.target.sample_pattern import lattice_defines
+from simulator.render.target.sample_pattern import pattern_defines
 from simulator.render.target.shade_pass import ShadePass, light_defines
 from simulator.render.target.viewport_fit import TILE_PX
 
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
     from simulator.render.target.mesh import GpuMesh
-    from simulator.render.target.sample_pattern import Lattice
-    from simulator.render.target.visible_edges import EdgeView, SeenEdges
+    from simulator.render.target.sample_pattern import SamplePattern
+    from simulator.render.target.visible_edges import EdgeCamera, VisibleEdges
     from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.targets.model import Target
 
@@ -71,7 +71,7 @@ def is_curved(target: Target) -> bool:
     return bool(bent > LEAST_BENT * whole)
 
 
-def split_tiles(tiles_px: FloatArray, seen: SeenEdges, view: EdgeView) -> tuple[FloatArray, FloatArray]:
+def split_tiles(tiles_px: FloatArray, seen: VisibleEdges, view: EdgeCamera) -> tuple[FloatArray, FloatArray]:
     """Centres (K, 2) [px] of the tiles that some edge comes near, and of those that none does: of a near craft only.
 
     Parameters
@@ -126,7 +126,7 @@ class SmoothShadingPass:
         self._values = context.buffer(reserve=8, dynamic=True)
 
     def program(
-        self, lattice: Lattice, bands: int, mesh: GpuMesh, shadow_window: int, *, curved: bool
+        self, lattice: SamplePattern, bands: int, mesh: GpuMesh, shadow_window: int, *, curved: bool
     ) -> Program:
         """The program that shades the corners of tiles no edge comes near, of a mesh without textures.
 
@@ -134,7 +134,7 @@ class SmoothShadingPass:
         ----------
         curved : tiles of curved faces may be interpolated too.
         """
-        defines = {**light_defines(bands, mesh, shadow_window), **lattice_defines(lattice)}
+        defines = {**light_defines(bands, mesh, shadow_window), **pattern_defines(lattice)}
         if curved:
             defines["BENT"] = ""
         return self._programs.get(

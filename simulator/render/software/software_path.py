@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from simulator.render.device import Device
     from simulator.render.frame_graph import PassResources
     from simulator.render.target.mesh import GpuMesh
-    from simulator.render.target.viewport_fit import Placement
+    from simulator.render.target.viewport_fit import ViewportFit
     from simulator.runtime.arrays import FloatArray
     from simulator.targets.model import Target
 
@@ -70,11 +70,11 @@ class TileCulling:
 
     mesh_array = CulledVertexArray
 
-    def target_tiles(self, mesh: GpuMesh, place: Placement) -> FloatArray:
+    def target_tiles(self, mesh: GpuMesh, place: ViewportFit) -> FloatArray:
         """Centres (K, 2) [px] of the tiles that the target may touch."""
         return target_tiles(mesh, place)
 
-    def outline_px(self, place: Placement, tiles_px: FloatArray) -> FloatArray:  # noqa: ARG002
+    def outline_px(self, place: ViewportFit, tiles_px: FloatArray) -> FloatArray:  # noqa: ARG002
         """The tiles themselves."""
         return tiles_px
 
@@ -224,8 +224,8 @@ class SoftwarePath:
         textures = {
             **samples.textures,
             "t_shadow": shadow.map,
-            "t_open": light.visibility,
-            "t_returned": light.returned,
+            "t_sky_visibility": light.visibility,
+            "t_interreflection": light.interreflection,
         }
         r[SMOOTH_TILES] = tiles = self._smooth.shade_corners(r[EDGE_FREE_TILES], program, textures, bands)
         r[TARGET_TILES] = np.concatenate([r[TARGET_TILES], tiles.others_px])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.earth.ocean_colour import near_shoals
+from simulator.render.earth.ocean_colour import near_bright_water
 from simulator.render.earth.screen_tiles import ICE_SINE, ScreenTiles, TileKind, tile_edges, tile_size_px
 from simulator.render.earth.sea_ice import near_ice
 from simulator.render.projection import directions
@@ -27,7 +27,7 @@ _FINE_KM = 1.6  # largest footprint of a pixel in them: beyond it clouds and flo
 _LARGEST_GROUND = 0.015  # of a tile on the ground [radii]: light and air are even enough over 100 km
 _POLE_SINE = 0.995  # the maps' longitude bends too fast nearer to the poles
 _LEVEL_STEP = 0.5  # of the levels of detail: a smooth tile has one for all its pixels
-# of a tile on the ground [radii]: one degree; larger ones may hold shoals between their corners
+# of a tile on the ground [radii]: one degree; larger ones may hold ocean_colour between their corners
 _LARGEST_OPEN = 0.017
 _MOONLIT_MU = -0.06  # of the same: there moonlight begins to count, shaders/earth/point.glsl
 _NIGHT_MU = 0.03  # cosine of the Sun's zenith angle: city lights are out where it is higher
@@ -96,7 +96,7 @@ class _CornerRays:
         ground = [self.earth.camera[k] + self.distance * self.directions[..., k] for k in range(3)]
         longitude, narrow = np.arctan2(ground[1], ground[0]), ~(span > _LARGEST_OPEN)
         no_ice = (np.abs(ground[2]) + span < ICE_SINE) | (~near_ice(ground[2], longitude, day) & narrow)
-        deep = ~near_shoals(ground[2], longitude) & narrow
+        deep = ~near_bright_water(ground[2], longitude) & narrow
         return ~_all_corners(no_ice), ~_all_corners(deep)
 
     def middles_px(self, row: IntArray, column: IntArray) -> Float32Array:
@@ -120,9 +120,9 @@ def earth_tiles(earth: EarthView, camera: Camera, target_px: FloatArray | None, 
     covered = _covered((rows, columns), size, target_px)
     sun = rays.sun_sines()
     night = ~(_all_corners(sun > _NIGHT_MU) & (smooth | fine))
-    icy, shoal = rays.waters(day)
+    icy, bright_water = rays.waters(day)
     # one number per kind of tile
-    kind = covered * 2 + air * 32 + ~air * (shoal * 16 + icy * 8 + night) + (smooth | fine) * 4
+    kind = covered * 2 + air * 32 + ~air * (bright_water * 16 + icy * 8 + night) + (smooth | fine) * 4
     height = np.log2(np.fmax(rays.footprint_km, 1e-6)) / _LEVEL_STEP
     level = np.where(smooth, np.round(height[:-1, :-1]), 0).astype(int)
     drawn = touched & ~fine
@@ -168,7 +168,7 @@ def _kind(code: int) -> TileKind:
         covered=bool(code & 2),
         night=bool(code & 1),
         icy=bool(code & 8),
-        shoal=bool(code & 16),
+        bright_water=bool(code & 16),
         level=(code >> 7) * _LEVEL_STEP,
         air=bool(code & 32),
         fine=bool(code & 64),

@@ -10,8 +10,8 @@ import numpy as np
 from simulator.render.gl.buffer_pool import BufferPool
 from simulator.render.gl.context import release
 from simulator.render.gl.fences import draw_to
-from simulator.render.target.sample_pattern import lattice_defines
-from simulator.render.target.visible_edges import REACH_PX, SeenEdges
+from simulator.render.target.sample_pattern import pattern_defines
+from simulator.render.target.visible_edges import REACH_PX, VisibleEdges
 
 if TYPE_CHECKING:
     import moderngl
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
     from simulator.render.target.mesh import GpuMesh
-    from simulator.render.target.sample_pattern import Lattice
-    from simulator.render.target.visible_edges import EdgeView
+    from simulator.render.target.sample_pattern import SamplePattern
+    from simulator.render.target.visible_edges import EdgeCamera
     from simulator.runtime.arrays import IntArray
 
 EXACT_AREAS = "EXACT_AREAS"
@@ -45,7 +45,7 @@ class EdgeBuffers:
     def __init__(self, context: moderngl.Context, edges: MeshEdges, mesh: GpuMesh) -> None:
         self._context = context
         self._arrays: dict[Program, moderngl.VertexArray] = {}
-        self.seen = SeenEdges(edges, mesh)
+        self.seen = VisibleEdges(edges, mesh)
         self.vertices = context.buffer(self.seen.edges.quads().tobytes() or b"\0")
         self.indices = context.buffer(reserve=max(4 * 6 * len(edges.ends), 4), dynamic=True)
 
@@ -105,7 +105,7 @@ class EdgePass:
     def begin(
         self,
         buffers: EdgeBuffers | None,
-        view: EdgeView,
+        view: EdgeCamera,
         *,
         exact: bool,
     ) -> EdgeList:
@@ -123,7 +123,7 @@ class EdgePass:
             seen, outlines = buffers.seen.numbers(view, pairs=exact)
         return EdgeList(image, view.rect, buffers, seen, outlines, exact)
 
-    def run(self, edges: EdgeList, lattice: Lattice) -> moderngl.Texture:
+    def run(self, edges: EdgeList, lattice: SamplePattern) -> moderngl.Texture:
         """Slopes of the samples' weights in the pixels of the list's rectangle, its first pixel at (0, 0)."""
         image, rect, buffers, seen = edges.image, edges.rect, edges.buffers, edges.seen
         if buffers is None or not len(seen):
@@ -132,7 +132,7 @@ class EdgePass:
         image.framebuffer.viewport = (0, 0, rect.width, rect.height)
         self._context.enable_only(self._context.BLEND)
         self._context.blend_func = self._context.ONE, self._context.ONE
-        defines = {**lattice_defines(lattice), **edge_defines(exact=edges.exact), "REACH_PX": REACH_PX}
+        defines = {**pattern_defines(lattice), **edge_defines(exact=edges.exact), "REACH_PX": REACH_PX}
         program = self._programs.get("target/edge.vert", "target/edge.frag", defines)
         program.set("u_window", rect.viewport)
         layout, names = "3f 3f 1f 4x", ["in_start_m", "in_end_m", "in_corner"]

@@ -53,7 +53,7 @@ class SampleImages:
 
     @property
     def stamp(self) -> int:
-        """What marks the samples of the frame being drawn, as ``u_stamp`` of shaders/target/pack.glsl.
+        """What marks the samples of the frame being drawn, as ``u_stamp`` of shaders/target/packed_samples.glsl.
 
         It is the number of their range of depths, at most 15 to fit four bits; 0 is of a cleared image.
         """

@@ -1,4 +1,4 @@
-"""The light that a craft's parts give each other in one frame, as textures on the atlas of its charts."""
+"""Interreflection between the parts of a craft in one frame, as textures on the atlas of its charts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.render.bake.radiance_transfer import RadianceTransfer
-    from simulator.render.irradiance import SkyLight
+    from simulator.render.irradiance import IrradianceField
     from simulator.render.target.mesh import GpuMesh
     from simulator.render.view import View
     from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
@@ -30,7 +30,7 @@ _SKY_SAMPLES = 64
 
 
 class AtlasTextures:
-    """What `transfer` baked, on the GPU: visibility, and the light returned in the frame at hand.
+    """Baked radiance transfer on the GPU: sky visibility, and the interreflected light of the frame at hand.
 
     Parameters
     ----------
@@ -39,15 +39,16 @@ class AtlasTextures:
 
     def __init__(self, pair: tuple[moderngl.Texture, moderngl.Texture], made: RadianceTransfer) -> None:
         self._made, self.pair = made, pair
-        self.visibility, self.returned = pair
+        self.visibility, self.interreflection = pair
         self._image = np.zeros(
-            (self.returned.width * self.returned.height, self.returned.components), np.float32
+            (self.interreflection.width * self.interreflection.height, self.interreflection.components),
+            np.float32,
         )
         self.visibility.write(made.visibility.tobytes(), alignment=1)
         self._last: bytes = b""
 
     def update(self, view: View) -> None:
-        """Make ``returned`` [W m-2] that of a frame."""
+        """Set ``interreflection`` [W m-2] to that of a frame."""
         R = view.R_camera_from_target
         weights = _between(self._made.directions, R.T @ view.sun_direction)
         sun = view.sun_irradiance_w_m2 * view.sun_share
@@ -64,15 +65,15 @@ class AtlasTextures:
             if sun[band] > 0:
                 light += _weighted(sun[band] * INTERREFLECTION_STEP * shares, table[rows].astype(np.float32))
             np.maximum(light, 0, out=self._image[:, band])
-        self.returned.write(self._image, alignment=1)
+        self.interreflection.write(self._image, alignment=1)
 
     def release(self) -> None:
         """Free the textures."""
         self.visibility.release()
-        self.returned.release()
+        self.interreflection.release()
 
 
-class ReturnedLight:
+class Interreflection:
     """Textures of one craft, made when its light is first asked for in some bands.
 
     Parameters
@@ -99,7 +100,7 @@ class ReturnedLight:
             texture.repeat_x = texture.repeat_y = False
         self._empty[bands] = pair
         pool = ThreadPoolExecutor(1)
-        share = _returned_share(self._mesh.materials, bands)
+        share = _mean_reflectance(self._mesh.materials, bands)
         self._begun[bands] = pool.submit(baked_transfer, self._mesh, share, self._patch)
         pool.shutdown(wait=False)
 
@@ -113,8 +114,8 @@ class ReturnedLight:
     def stand_ins(self, bands: Bands) -> dict[str, moderngl.Texture]:
         """The textures by the names of the shading's samplers, whatever is in them while they are being baked."""
         self.begin(bands)
-        visibility, returned = self._empty[bands] if bands in self._empty else self.bake(bands).pair
-        return {"t_open": visibility, "t_returned": returned}
+        visibility, interreflection = self._empty[bands] if bands in self._empty else self.bake(bands).pair
+        return {"t_sky_visibility": visibility, "t_interreflection": interreflection}
 
     def update(self, bands: Bands, view: View) -> AtlasTextures:
         """The textures of a frame."""
@@ -132,8 +133,8 @@ class ReturnedLight:
             kept.clear()
 
 
-def _returned_share(materials: Sequence[Material], bands: Bands) -> FloatArray:
-    """(M, n) share of the light from everywhere that each material returns, gloss included."""
+def _mean_reflectance(materials: Sequence[Material], bands: Bands) -> FloatArray:
+    """(M, n) directional-hemispherical reflectance of each material in the mean over directions, gloss included."""
     base = np.asarray([reflectance(bands, np.asarray(m.base_color)) for m in materials], float)
     metallic, coat = (np.array([[getattr(m, name)] for m in materials]) for name in ("metallic", "clearcoat"))
     f0 = 0.04 + (base - 0.04) * metallic
@@ -157,7 +158,7 @@ def _between(directions: FloatArray, towards: FloatArray) -> tuple[IntArray, Flo
     return np.asarray(rows[:-1], int), np.asarray(weight / weight.sum())
 
 
-def sky_harmonics(sky: SkyLight, R_camera_from_target: FloatArray) -> FloatArray:
+def sky_harmonics(sky: IrradianceField, R_camera_from_target: FloatArray) -> FloatArray:
     """(n, 9) coefficients of the sky's radiance in `transfer.harmonics`, target frame."""
     lowest = max(sky.disc_cosine, -1.0)
     cap = spherical_fibonacci(_SKY_SAMPLES, lowest)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.render.target.mesh import GpuMesh
-    from simulator.render.target.viewport_fit import Placement
+    from simulator.render.target.viewport_fit import ViewportFit
     from simulator.runtime.arrays import BoolArray, FloatArray
 
 
@@ -47,10 +47,10 @@ class Culling(Protocol):
     ) -> MeshArray:
         """A mesh for one program; ``more`` as in `GpuMesh.vertex_array`."""
 
-    def target_tiles(self, mesh: GpuMesh, place: Placement) -> FloatArray:
+    def target_tiles(self, mesh: GpuMesh, place: ViewportFit) -> FloatArray:
         """Centres (K, 2) [px] of tiles that hold all that the target may touch."""
 
-    def outline_px(self, place: Placement, tiles_px: FloatArray) -> FloatArray:
+    def outline_px(self, place: ViewportFit, tiles_px: FloatArray) -> FloatArray:
         """(K, 2) places [px] that span what the target may touch, ``tiles_px`` being its tiles."""
 
 
@@ -80,10 +80,10 @@ class NoCulling:
 
     mesh_array = WholeMesh
 
-    def target_tiles(self, mesh: GpuMesh, place: Placement) -> FloatArray:  # noqa: ARG002
+    def target_tiles(self, mesh: GpuMesh, place: ViewportFit) -> FloatArray:  # noqa: ARG002
         """Centres (K, 2) [px] of all the tiles of the target's rectangle."""
         return all_tiles(place.rect)
 
-    def outline_px(self, place: Placement, tiles_px: FloatArray) -> FloatArray:  # noqa: ARG002
+    def outline_px(self, place: ViewportFit, tiles_px: FloatArray) -> FloatArray:  # noqa: ARG002
         """The hull's corners: nearly always the same samples as by the tiles, of which there are more here."""
         return outline_px(place)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from simulator.render.target.edge_pass import EdgeBuffers
-    from simulator.render.target.interreflection import ReturnedLight
+    from simulator.render.target.interreflection import Interreflection
     from simulator.render.target.mesh import GpuMesh
     from simulator.render.target.mesh_array import MeshArray
     from simulator.render.target.textures import Textures
@@ -22,14 +22,14 @@ MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others 
 
 
 @dataclass(frozen=True, eq=False)
-class Loaded:
+class ResidentTarget:
     """A target on the GPU with a vertex array per program."""
 
     mesh: GpuMesh
     shadow: MeshArray
     gbuffer: MeshArray
     edges: EdgeBuffers
-    returned: ReturnedLight
+    interreflection: Interreflection
     textures: Textures | None = None
 
     @cached_property
@@ -39,13 +39,13 @@ class Loaded:
 
     def release(self) -> None:
         """Free it."""
-        for resource in (self.mesh, self.shadow, self.gbuffer, self.edges, self.returned):
+        for resource in (self.mesh, self.shadow, self.gbuffer, self.edges, self.interreflection):
             resource.release()
         if self.textures is not None:
             self.textures.release()
 
 
-class LoadedTargets:
+class ResidentTargets:
     """The targets drawn last, by their SHA-256; the preset `high` has its own.
 
     Parameters
@@ -54,11 +54,13 @@ class LoadedTargets:
         of which the coarser form is about to be freed.
     """
 
-    def __init__(self, upload: Callable[[Target, bool], Loaded], forgotten: Callable[[str], None]) -> None:
+    def __init__(
+        self, upload: Callable[[Target, bool], ResidentTarget], forgotten: Callable[[str], None]
+    ) -> None:
         self._upload, self._forgotten = upload, forgotten
-        self._kept: dict[tuple[str, bool], Loaded] = {}
+        self._kept: dict[tuple[str, bool], ResidentTarget] = {}
 
-    def get(self, target: Target, *, fine: bool = False) -> Loaded:
+    def get(self, target: Target, *, fine: bool = False) -> ResidentTarget:
         """A target on the GPU, uploaded now if it is not there."""
         key = target.sha256, fine
         # the last used is the last of them
@@ -68,7 +70,7 @@ class LoadedTargets:
             self._forget(next(iter(self._kept)))
         return loaded
 
-    def __iter__(self) -> Iterator[Loaded]:
+    def __iter__(self) -> Iterator[ResidentTarget]:
         return iter(self._kept.values())
 
     def release(self) -> None:

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Lattice:
-    """Lattice by the image's coefficients of its counters ``s`` and ``t``; their determinant is below zero."""
+class SamplePattern:
+    """SamplePattern by the image's coefficients of its counters ``s`` and ``t``; their determinant is below zero."""
 
     s: tuple[int, int]
     t: tuple[int, int]
@@ -83,17 +83,17 @@ class Lattice:
         return np.array([[*self.s, 0.5 - self.phase - origin[0]], [*self.t, 0.5 - origin[1]]], float)
 
 
-def rotated(a: int, b: int = 1) -> Lattice:
+def rotated(a: int, b: int = 1) -> SamplePattern:
     """The square lattice of a^2 + b^2 samples, turned; a and b without common divisor."""
-    return Lattice((b, a), (a, -b))
+    return SamplePattern((b, a), (a, -b))
 
 
 # five would do for edges, but gaps between solar cells, a third of a pixel wide, come out as dashes
-SEVEN = Lattice((1, 2), (3, -1))
+SEVEN = SamplePattern((1, 2), (3, -1))
 
 
 @lru_cache
-def lattice_defines(lattice: Lattice) -> Mapping[str, object]:
+def pattern_defines(lattice: SamplePattern) -> Mapping[str, object]:
     """The lattice as GLSL: a macro that applies F to every sample, so that no loop indexes an array."""
     each = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in enumerate(lattice.offsets()))
     # the same, beginning with those in the middle of the pixel's quarters
@@ -102,9 +102,9 @@ def lattice_defines(lattice: Lattice) -> Mapping[str, object]:
     )
     quarters = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in middle)
     defines: dict[str, object] = {
-        "LATTICE_S": f"ivec2{lattice.s}",
-        "LATTICE_T": f"ivec2{lattice.t}",
-        "LATTICE_PHASE": lattice.phase,
+        "PATTERN_S": f"ivec2{lattice.s}",
+        "PATTERN_T": f"ivec2{lattice.t}",
+        "PATTERN_PHASE": lattice.phase,
         "SAMPLES": lattice.samples,
         "FOR_EACH_SAMPLE(F)": each,
         "FOR_EACH_SAMPLE_OF_QUARTERS(F)": quarters,

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.target.shadow_frustum import WIDER, LightWindow, light_window, window_around
+from simulator.render.target.shadow_frustum import WIDER, ShadowFrustum, fit_shadow_frustum, frustum_around
 from simulator.render.target.shadow_pass import (
-    LOW_RELIEF,
+    LOWEST_CASTER,
     ShadowChoice,
     ShadowPass,
     choose_shadow,
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
     from simulator.render.gl.programs import ProgramLibrary
     from simulator.render.gl.shared_blocks import UniformBlocks
-    from simulator.render.target.resident_targets import Loaded
-    from simulator.render.target.viewport_fit import Placement
+    from simulator.render.target.resident_targets import ResidentTarget
+    from simulator.render.target.viewport_fit import ViewportFit
     from simulator.render.view import View
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import SceneState
@@ -45,18 +45,23 @@ class SelfShadow:
             self._passes[size] = ShadowPass(self._context, self._programs, size)
         return self._passes[size]
 
-    def _light_window(
-        self, loaded: Loaded, place: Placement, camera: Camera, light_from_target: FloatArray, widest: float
-    ) -> LightWindow:
+    def _shadow_frustum(
+        self,
+        loaded: ResidentTarget,
+        place: ViewportFit,
+        camera: Camera,
+        light_from_target: FloatArray,
+        widest: float,
+    ) -> ShadowFrustum:
         """What of the box this view's shadow map needs: all that holds the target while the image does."""
         mesh = loaded.mesh
         # `high` keeps the sphere's box: its window of texels must hold wide penumbrae
-        whole = LightWindow() if widest > 0 else window_around(mesh.hull_m, light_from_target)
+        whole = ShadowFrustum() if widest > 0 else frustum_around(mesh.hull_m, light_from_target)
         inside = [*(place.bounds_px[:2] >= 0), *(place.bounds_px[2:] <= [camera.width_px, camera.height_px])]
         # a lens that bends sees around the edges of its image's pyramid
         if all(inside) or not camera.distortion.is_none:
             return whole
-        part = light_window(
+        part = fit_shadow_frustum(
             loaded.patches,
             camera,
             place.camera_from_target,
@@ -67,7 +72,7 @@ class SelfShadow:
         return part if part.half < whole.half else whole
 
     def draw(
-        self, scene: SceneState, view: View, loaded: Loaded, place: Placement
+        self, scene: SceneState, view: View, loaded: ResidentTarget, place: ViewportFit
     ) -> tuple[moderngl.Texture, ShadowChoice]:
         """Draw the shadow map and say what the shading needs to know of it; the map in shade is an old one."""
         camera = scene.camera
@@ -75,7 +80,7 @@ class SelfShadow:
         light_from_target = ShadowPass.light_from_target(loaded.mesh, view)
         # by default no penumbra is wider than three texels
         widest = widest_penumbra(view.sun_sine) if scene.quality == "high" else 0.0
-        window = self._light_window(loaded, place, camera, light_from_target, widest)
+        window = self._shadow_frustum(loaded, place, camera, light_from_target, widest)
         light_from_target = window.matrix @ light_from_target
         width_m = box_m * window.half
         choice = choose_shadow(scene.quality, width_m, place.pixel_m(camera))
@@ -83,7 +88,7 @@ class SelfShadow:
         texel_m = width_m / shadow.size_px
         if view.sun_visible_fraction > 0:
             exact = scene.quality == "high"  # its filter has depths of its own that it takes for none
-            flat = None if exact else loaded.mesh.decal_height_m < LOW_RELIEF * texel_m
+            flat = None if exact else loaded.mesh.decal_height_m < LOWEST_CASTER * texel_m
             shadow.run(loaded.shadow, view, light_from_target, flat, clear=exact)
         near, far = shadow.depths
         half = np.diag([0.5, 0.5, 0.5 * (far - near), 1.0])

@@ -11,7 +11,7 @@ from simulator.render.gl.fences import draw_to
 from simulator.render.gl.library import draw_one_point
 from simulator.render.target.edge_pass import edge_defines
 from simulator.render.target.gbuffer_pass import normal_bits
-from simulator.render.target.sample_pattern import lattice_defines
+from simulator.render.target.sample_pattern import pattern_defines
 from simulator.render.target.viewport_fit import TILE_PX
 from simulator.scene.illumination.lamp import Profile
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
     from simulator.render.target.mesh import GpuMesh
-    from simulator.render.target.sample_pattern import Lattice
+    from simulator.render.target.sample_pattern import SamplePattern
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.illumination.lamp import Lamp
 
@@ -35,7 +35,7 @@ MAX_SURFACES_FAR, FAR_SAMPLES = 12, 32
 class ShadePass:
     """Reads g-buffer and shadow map, writes the frame's radiance (premultiplied) and the target's coverage."""
 
-    SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_open", "t_returned")
+    SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_sky_visibility", "t_interreflection")
     TEXTURED = ("t_texel", "t_detail")
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
@@ -46,7 +46,7 @@ class ShadePass:
 
     def program(
         self,
-        lattice: Lattice,
+        lattice: SamplePattern,
         bands: int,
         mesh: GpuMesh,
         shadow_window: int,
@@ -63,7 +63,7 @@ class ShadePass:
         most = MAX_SURFACES_FAR if lattice.samples > FAR_SAMPLES else MAX_SURFACES
         defines = {
             **light_defines(bands, mesh, shadow_window),
-            **lattice_defines(lattice),
+            **pattern_defines(lattice),
             **edge_defines(exact=exact),
             "MAX_SURFACES": MAX_SURFACES_EXACT if exact else most,
             "TILE_PX": TILE_PX,

@@ -46,7 +46,7 @@ _CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 
 @dataclass(frozen=True)
-class LightWindow:
+class ShadowFrustum:
     """A square in the map's clip coordinates: middle and half width, ``0, 0, 1`` for all of it."""
 
     x: float = 0.0
@@ -116,7 +116,7 @@ class SurfacePatches:
         return np.asarray(angle < np.pi / 2 + self.spread_rad + own)
 
 
-def window_around(points_m: FloatArray, light_from_target: FloatArray) -> LightWindow:
+def frustum_around(points_m: FloatArray, light_from_target: FloatArray) -> ShadowFrustum:
     """The window that holds a craft as the Sun sees it: a third smaller than the box around its sphere, or half of it.
 
     It depends on where the Sun stands in the craft's frame and on nothing else: on an approach no shadow's edge crawls.
@@ -130,10 +130,10 @@ def window_around(points_m: FloatArray, light_from_target: FloatArray) -> LightW
     low, high = places.min(axis=1), places.max(axis=1)
     half = float((high - low).max()) / 2 * _ROOM
     x, y = (low + high) / 2
-    return LightWindow(float(x), float(y), half) if half < 1 else LightWindow()
+    return ShadowFrustum(float(x), float(y), half) if half < 1 else ShadowFrustum()
 
 
-def light_window(
+def fit_shadow_frustum(
     patches: SurfacePatches,
     camera: Camera,
     camera_from_target: FloatArray,
@@ -141,7 +141,7 @@ def light_window(
     *,
     closed: bool,
     widest: float = 0.0,
-) -> LightWindow:
+) -> ShadowFrustum:
     """The window that holds every surface that the image may show.
 
     What shades a point lies on its ray to the Sun, in the same window. Sizes and places come in steps, so that
@@ -171,7 +171,7 @@ def light_window(
         R = camera_from_target[:3, :3]
         seen &= patches.facing(-R.T @ camera_from_target[:3, 3])
     if not seen.any():
-        return LightWindow()
+        return ShadowFrustum()
     light = _placed(patches.corners_m, light_from_target)
     shown = light[:, :, seen].reshape(3, -1)
     (*low, _), (*high, deepest) = shown.min(axis=1), shown.max(axis=1)
@@ -183,10 +183,10 @@ def light_window(
         needed = max(needed, widest * float(deepest - light[2][:, over].min()) / 2)
     half = float(_STEP ** np.ceil(np.log(needed) / np.log(_STEP)))
     if half >= _LARGEST:
-        return LightWindow()
+        return ShadowFrustum()
     grid = 2 * half / _GRID
     x, y = np.round(middle / grid) * grid
-    return LightWindow(float(x), float(y), half)
+    return ShadowFrustum(float(x), float(y), half)
 
 
 def _placed(corners_m: FloatArray, matrix: FloatArray) -> FloatArray:

@@ -35,7 +35,7 @@ class ShadowChoice:
 # the coarse map where its texel is less than a pixel wide, else a fine one, close up a finer
 _COARSE, _FINE, _FINER = ShadowChoice(512, 4, 0.6), ShadowChoice(1024, 4), ShadowChoice(2048, 4, 1.4)
 _BEST = ShadowChoice(2048, 10, 0.6)
-LOW_RELIEF = 0.3
+LOWEST_CASTER = 0.3
 """Of a texel: by default the shading looks for blockers at least so much above a face, 0.25 of the texel and more
 (shaders/target/shadow.glsl), and what lies flat on it and stands out by less throws no shadow."""
 _SLACK = 1.3  # for the softness of the disc's own edge

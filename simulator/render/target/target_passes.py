@@ -13,17 +13,17 @@ from simulator.render.gl.lens_rays import lens_values
 from simulator.render.projection import clip_from_camera
 from simulator.render.target.edge_pass import EdgeBuffers, EdgePass
 from simulator.render.target.gbuffer_pass import GBufferPass, TexturedGBufferPass
-from simulator.render.target.interreflection import ReturnedLight
+from simulator.render.target.interreflection import Interreflection
 from simulator.render.target.label_pass import LabelPass, Surfaces
 from simulator.render.target.materials import material_values
 from simulator.render.target.mesh import upload
 from simulator.render.target.mesh_array import WholeMesh
-from simulator.render.target.resident_targets import Loaded, LoadedTargets
+from simulator.render.target.resident_targets import ResidentTarget, ResidentTargets
 from simulator.render.target.self_shadow import SelfShadow
 from simulator.render.target.shade_pass import ShadePass
 from simulator.render.target.textures import Textures
-from simulator.render.target.viewport_fit import TILE_REACH_PX, choose_lattice, locate
-from simulator.render.target.visible_edges import EdgeView
+from simulator.render.target.viewport_fit import TILE_REACH_PX, choose_pattern, fit_viewport
+from simulator.render.target.visible_edges import EdgeCamera
 from simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from simulator.render.gl.shared_blocks import UniformBlocks
     from simulator.render.projection import PixelRect
     from simulator.render.target.mesh_array import Culling
-    from simulator.render.target.sample_pattern import Lattice
+    from simulator.render.target.sample_pattern import SamplePattern
     from simulator.render.target.shadow_pass import ShadowChoice
-    from simulator.render.target.viewport_fit import Placement
+    from simulator.render.target.viewport_fit import ViewportFit
     from simulator.render.view import View
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.illumination.bands import Bands
@@ -61,10 +61,10 @@ class PlacedTarget:
         target may touch.
     """
 
-    loaded: Loaded
-    place: Placement
+    loaded: ResidentTarget
+    place: ViewportFit
     camera: Camera
-    lattice: Lattice
+    lattice: SamplePattern
     size: tuple[int, int]
     origin: tuple[int, int]
     tiles_px: FloatArray
@@ -75,10 +75,10 @@ class PlacedTarget:
         return self.place.rect
 
     @property
-    def edge_view(self) -> EdgeView:
+    def edge_view(self) -> EdgeCamera:
         """Where its edges are looked at from."""
         place = self.place
-        return EdgeView(self.camera, place.rect, place.near_far_m[0], place.camera_from_target)
+        return EdgeCamera(self.camera, place.rect, place.near_far_m[0], place.camera_from_target)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,9 +121,9 @@ class TargetPasses:
         self._edges = EdgePass(context, programs)
         self._shade = ShadePass(context, programs)
         self._labels = LabelPass(context, programs, blocks)
-        self._loaded = LoadedTargets(self._upload, self._labels.forget)
+        self._loaded = ResidentTargets(self._upload, self._labels.forget)
 
-    def _upload(self, target: Target, fine: bool) -> Loaded:  # noqa: FBT001 - called by what keeps them
+    def _upload(self, target: Target, fine: bool) -> ResidentTarget:  # noqa: FBT001 - called by what keeps them
         context = self._context
         mesh = upload(context, target, FINE_TEXEL if fine else TEXEL)
         textures = None
@@ -133,21 +133,21 @@ class TargetPasses:
         gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
         # textures are bound by stretches of the index buffer
         geometry_array = self._culling.mesh_array if mesh.uv is None else WholeMesh
-        return Loaded(
+        return ResidentTarget(
             mesh,
             self._culling.mesh_array(context, mesh, self._shadow.program),
             geometry_array(context, mesh, gbuffer.program(mesh).gl),
             EdgeBuffers(context, mesh.edges, mesh),
-            ReturnedLight(context, mesh, FINE_PATCH if fine else PATCH),
+            Interreflection(context, mesh, FINE_PATCH if fine else PATCH),
             textures,
         )
 
     def place(self, scene: SceneState, view: View, target: Target) -> PlacedTarget | None:
         """Fit viewport, depth range and samples to the target; `None` where it touches no pixel."""
         loaded = self._loaded.get(target, fine=scene.quality == "high")
-        loaded.returned.begin(scene.bands)
+        loaded.interreflection.begin(scene.bands)
         mesh, camera = loaded.mesh, scene.camera
-        place = locate(mesh, _matrix(view.R_camera_from_target, view.t_camera_from_target_m), camera)
+        place = fit_viewport(mesh, _matrix(view.R_camera_from_target, view.t_camera_from_target_m), camera)
         if place is None:
             return None
         tiles = self._culling.target_tiles(mesh, place)
@@ -156,7 +156,7 @@ class TargetPasses:
         # edges are curves through a lens that bends, and not weighted
         dense = self._programs.lens or loaded.textures is not None
         outline = self._culling.outline_px(place, tiles)
-        lattice = choose_lattice(scene.quality, place, outline, place.pixel_m(camera), dense=dense)
+        lattice = choose_pattern(scene.quality, place, outline, place.pixel_m(camera), dense=dense)
         size, origin = lattice.window(tiles, TILE_REACH_PX)
         placed = PlacedTarget(loaded, place, camera, lattice, size, origin, tiles)
         self._write_blocks(placed, scene.bands)
@@ -165,15 +165,15 @@ class TargetPasses:
     def _write_blocks(self, placed: PlacedTarget, bands: Bands) -> None:
         place, size, origin = placed.place, placed.size, placed.origin
         to_buffer = placed.lattice.buffer_from_pixel(origin)
-        lattice_clip = clip_from_camera(placed.camera, *place.near_far_m, to_buffer, size)
+        pattern_clip = clip_from_camera(placed.camera, *place.near_far_m, to_buffer, size)
         if self._programs.lens:
-            self._blocks.lens.write(lens_values(placed.camera, lattice_clip, place.camera_from_target))
+            self._blocks.lens.write(lens_values(placed.camera, pattern_clip, place.camera_from_target))
         self._blocks.target.write(
             {
-                "u_lattice_clip_from_target": lattice_clip @ place.camera_from_target,
+                "u_pattern_clip_from_target": pattern_clip @ place.camera_from_target,
                 "u_camera_from_target": place.camera_from_target,
-                "u_lattice": [*origin, *place.near_far_m],
-                "u_lattice_px": [*size, 0, 0],
+                "u_pattern": [*origin, *place.near_far_m],
+                "u_pattern_px": [*size, 0, 0],
             }
         )
         self._blocks.materials.write(material_values(placed.loaded.mesh.materials, bands))
@@ -242,7 +242,7 @@ class TargetPasses:
     def start_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
         """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""
         mesh, camera = self._loaded.get(target).mesh, scene.camera
-        place = locate(mesh, _matrix_of(scene), camera)
+        place = fit_viewport(mesh, _matrix_of(scene), camera)
         pending = None
         if place is not None:
             pending = self._labels.begin(
@@ -271,7 +271,7 @@ class TargetPasses:
     def silhouette_inside(self, scene: SceneState, target: Target) -> float:
         """Share of the whole silhouette that falls on the image; 0 where nothing is before the camera."""
         mesh, camera = self._loaded.get(target).mesh, scene.camera
-        place = locate(mesh, _matrix_of(scene), camera, clip=False)
+        place = fit_viewport(mesh, _matrix_of(scene), camera, clip=False)
         if place is None:
             return 0.0
         return self._labels.silhouette(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.projection import PixelRect, lens_bounds_px
-from simulator.render.target.sample_pattern import SEVEN, Lattice, rotated
+from simulator.render.target.sample_pattern import SEVEN, SamplePattern, rotated
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
@@ -20,7 +20,7 @@ TILE_PX = 8
 """Side of the screen tiles in which the target's pixels are shaded."""
 MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens
 # lattices to try in order, and the largest buffer [samples] it may take
-LATTICES: dict[str, tuple[tuple[Lattice, float], ...]] = {
+PATTERNS: dict[str, tuple[tuple[SamplePattern, float], ...]] = {
     "draft": ((rotated(2), np.inf),),
     "default": ((SEVEN, 16e6), (rotated(2), np.inf)),
     "high": (
@@ -35,14 +35,14 @@ LATTICES: dict[str, tuple[tuple[Lattice, float], ...]] = {
 # cells, 0.8 to 4 mm wide: five show them as dashes where they are a third of a pixel wide, and as they are
 # from one pixel on.
 NEAR_PIXEL_M = 1e-3
-DENSE_LATTICES = ((rotated(4), 10e6), (rotated(3), 22e6), (rotated(2), np.inf))
+DENSE_PATTERNS = ((rotated(4), 10e6), (rotated(3), 22e6), (rotated(2), np.inf))
 TINY_PX = 22  # a target no larger gets the finest lattice: its whole light is in few pixels
 TILE_REACH_PX = (TILE_PX - 1) / 2
-TINY_LATTICE = rotated(8)  # 65 samples per pixel
+TINY_PATTERN = rotated(8)  # 65 samples per pixel
 
 
 @dataclass(frozen=True, eq=False)
-class Placement:
+class ViewportFit:
     """Where the target is in the image: bounds (not clipped), pixels to draw, depth range.
 
     The pixels to draw begin at whole tiles of the cover, and end there or at the image's edge. ``hull_px``: the mesh's
@@ -87,9 +87,9 @@ def tile_centers(tiles: BoolArray, rect: PixelRect) -> FloatArray:
     return centers
 
 
-def locate(
+def fit_viewport(
     mesh: GpuMesh, camera_from_target: FloatArray, camera: Camera, *, clip: bool = True
-) -> Placement | None:
+) -> ViewportFit | None:
     """Where the target is drawn; ``None`` when nothing of it is in front of the camera (and, clipped, on the image).
 
     A target that reaches behind the camera is given twice the image's size on each side.
@@ -121,7 +121,7 @@ def locate(
         if np.any(high <= low):
             return None
         low, high = low // TILE_PX * TILE_PX, np.minimum(-(-high // TILE_PX) * TILE_PX, [width, height])
-    return Placement(
+    return ViewportFit(
         bounds,
         PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1])),
         (near, far),
@@ -131,7 +131,7 @@ def locate(
     )
 
 
-def outline_px(place: Placement) -> FloatArray:
+def outline_px(place: ViewportFit) -> FloatArray:
     """(K, 2) places [px] that span what the target may touch, without looking for its tiles; of all tiles else."""
     if place.hull_px is None:
         return all_tiles(place.rect)
@@ -139,9 +139,9 @@ def outline_px(place: Placement) -> FloatArray:
     return np.clip(place.hull_px.T, [rect.x0, rect.y0], [rect.x1 - 1, rect.y1 - 1])
 
 
-def choose_lattice(
-    quality: Quality, place: Placement, tiles_px: FloatArray, pixel_m: float, *, dense: bool = False
-) -> Lattice:
+def choose_pattern(
+    quality: Quality, place: ViewportFit, tiles_px: FloatArray, pixel_m: float, *, dense: bool = False
+) -> SamplePattern:
     """The finest lattice of the preset whose buffer stays within its limit.
 
     Parameters
@@ -151,10 +151,10 @@ def choose_lattice(
     dense : more samples, where no edges weigh them: through a lens that bends, and inside textures.
     """
     if np.max(place.bounds_px[2:] - place.bounds_px[:2]) <= TINY_PX:
-        return TINY_LATTICE
+        return TINY_PATTERN
     if quality == "default" and not dense and pixel_m <= NEAR_PIXEL_M:
         return rotated(2)
-    for lattice, limit in DENSE_LATTICES if dense and quality == "default" else LATTICES[quality]:
+    for lattice, limit in DENSE_PATTERNS if dense and quality == "default" else PATTERNS[quality]:
         width, height = lattice.window(tiles_px, TILE_REACH_PX)[0]
         if width * height <= limit:
             return lattice

@@ -29,7 +29,7 @@ _PAIR_PX = REACH_PX - 0.5 * np.sqrt(2.0)
 
 
 @dataclass(frozen=True)
-class EdgeView:
+class EdgeCamera:
     """Where edges are looked at from.
 
     Parameters
@@ -43,7 +43,7 @@ class EdgeView:
     camera_from_target: FloatArray
 
 
-class SeenEdges:
+class VisibleEdges:
     """The edges of one mesh, those that run apart from all others first.
 
     Parameters
@@ -66,7 +66,7 @@ class SeenEdges:
         self._boxes = Boxes.about(ends, BOX * mesh.radius_m)
         self._shells, self._radius_m = mesh.shells, mesh.radius_m
 
-    def numbers(self, view: EdgeView, *, pairs: bool) -> tuple[IntArray, tuple[int, int]]:
+    def numbers(self, view: EdgeCamera, *, pairs: bool) -> tuple[IntArray, tuple[int, int]]:
         """Edges that can show, lie in front of the camera, touch the window and are long enough to matter.
 
         Parameters
@@ -101,7 +101,7 @@ class SeenEdges:
         of_first, of_second = (int(np.count_nonzero(kind.take(numbers))) for kind in kinds[:2])
         return numbers, (of_first, of_second)
 
-    def lines_px(self, view: EdgeView) -> FloatArray:
+    def lines_px(self, view: EdgeCamera) -> FloatArray:
         """(N, 2, 2) column and row of both ends of every edge that can show, however short or near to another.
 
         Parameters
@@ -133,7 +133,7 @@ class SeenEdges:
             creases &= first
         return first, second, ends, creases
 
-    def _on(self, numbers: IntArray, view: EdgeView, shortest_px: float) -> BoolArray:
+    def _on(self, numbers: IntArray, view: EdgeCamera, shortest_px: float) -> BoolArray:
         """Which of some edges lie in front of the camera, on the window, and are long enough along either axis."""
         R, t = view.camera_from_target[:3, :3], view.camera_from_target[:3, 3]
         ends = self._ends_m.take(numbers, axis=1).reshape(2, 3, -1)

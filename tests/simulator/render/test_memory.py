@@ -14,7 +14,7 @@ import pytest
 from simulator.camera.lens.camera_model import Distortion
 from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.frame import take_frame
-from simulator.render.earth.terrain_detail import valley_texture
+from simulator.render.earth.terrain_detail import terrain_texture
 from simulator.render.gl.context import create_context
 from simulator.render.renderer import Renderer
 from simulator.render.target.resident_targets import MOST_LOADED
@@ -106,7 +106,7 @@ def test_the_passes_of_the_earth_free_all_their_maps(draw_kit):
     target = _plate(draw_kit, 200)
     scene = draw_kit.scene(target, t_m=(0, 0, 4.0), environment=Environment(), off_nadir_deg=30.0)
     scene = replace(scene, camera=smaller(draw_kit.camera, 96), quality="high")
-    height, width = valley_texture().shape[:2]
+    height, width = terrain_texture().shape[:2]
     before = _in_use(moderngl.Texture, (width, height))
     with Renderer() as passing:
         # the first frame's Earth has a pass that only stands in, and is gone

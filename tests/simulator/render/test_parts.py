@@ -11,18 +11,18 @@ from simulator.render.gl.shared_blocks import EARTH, FRAME, MATERIALS, TARGET
 from simulator.render.gl.uniform_block import Field, UniformBlock
 from simulator.render.projection import PixelRect
 from simulator.render.software import tiles
-from simulator.render.target.viewport_fit import LATTICES as PRESETS
-from simulator.render.target.viewport_fit import TINY_LATTICE, all_tiles
+from simulator.render.target.viewport_fit import PATTERNS as PRESETS
+from simulator.render.target.viewport_fit import TINY_PATTERN, all_tiles
 from simulator.render.view import build_view
 from simulator.runtime import cached_arrays as cache
 from simulator.scene.environments import Environment
 from simulator.scene.illumination.atmosphere import earth_atmosphere, ground_irradiance, optical_depth_to_top
 
-LATTICES = {lattice for choices in PRESETS.values() for lattice, _ in choices} | {TINY_LATTICE}
+PATTERNS = {lattice for choices in PRESETS.values() for lattice, _ in choices} | {TINY_PATTERN}
 SOFTWARE_PATH = True
 
 
-@pytest.mark.parametrize("lattice", sorted(LATTICES, key=str), ids=lambda lattice: f"{lattice.samples}")
+@pytest.mark.parametrize("lattice", sorted(PATTERNS, key=str), ids=lambda lattice: f"{lattice.samples}")
 def test_lattice_repeats_with_the_pixels_and_is_n_rooks(lattice):
     points = np.array([(x, y) for _, _, x, y in lattice.offsets()])
     n = lattice.samples
@@ -37,7 +37,7 @@ def test_lattice_repeats_with_the_pixels_and_is_n_rooks(lattice):
         assert to_buffer @ [7 + x, 5 + y, 1] == pytest.approx(own + np.array([i, j]) + 0.5)
 
 
-@pytest.mark.parametrize("lattice", sorted(LATTICES, key=str), ids=lambda lattice: f"{lattice.samples}")
+@pytest.mark.parametrize("lattice", sorted(PATTERNS, key=str), ids=lambda lattice: f"{lattice.samples}")
 def test_lattice_window_holds_every_sample(lattice):
     (width, height), origin = lattice.window(np.array([[13.0, 21.0]]), 3.0)
     for x in (10, 16):

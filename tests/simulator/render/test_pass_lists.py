@@ -7,11 +7,11 @@ import pytest
 from simulator.render.drawing import Drawing
 from simulator.render.drawing_path import PlainPath
 from simulator.render.frame_graph import FrameGraph, FrameGraphError
-from simulator.render.frame_resources import GIVEN_SKY_LIGHT, MODEL, SCENE, TARGET
+from simulator.render.frame_resources import GIVEN_IRRADIANCE, MODEL, SCENE, TARGET
 from simulator.render.renderer import frame_passes
 from simulator.render.software.software_path import SoftwarePath
 
-GIVEN = (SCENE, MODEL, GIVEN_SKY_LIGHT)
+GIVEN = (SCENE, MODEL, GIVEN_IRRADIANCE)
 
 
 @pytest.fixture

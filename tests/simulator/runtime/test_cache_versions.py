@@ -80,7 +80,7 @@ MAKERS = {
     "transfer": ((radiance_transfer.VISIBILITY_VERSION, radiance_transfer.VERSION), light),
     "ice": (sea_ice.VERSION, lambda: [sea_ice._make_noise(0)]),
     "detail": (detail_noise.VERSION, lambda: [detail_noise.make_detail()]),
-    "seasons": (seasons.VERSION, lambda: [seasons._make_relief(), *seasons._make_gains((1,), 3)]),
+    "seasons": (seasons.VERSION, lambda: [seasons._make_ground_slopes(), *seasons._make_gains((1,), 3)]),
     "mipmaps": (mipmaps.VERSION, lambda: [mipmaps._smaller(np.eye(64, dtype=np.uint8) * 255, globe=True)]),
     "moon": (moon_pass.MAP_VERSION, lambda: [moon_pass.moon_map()]),
     "craters": (craters.VERSION, lambda: [craters.make_craters(craters.FINE_LARGEST_PX)]),

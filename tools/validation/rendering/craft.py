@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.irradiance import basis, field_of_samples, spherical_fibonacci, uniform_light
+from simulator.render.irradiance import basis, field_of_samples, spherical_fibonacci, uniform_field
 from simulator.render.view import SUN_RADIUS_M
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from simulator.targets.library import load_target
@@ -189,7 +189,7 @@ def _furnace(renderer: Renderer) -> Row:
         white = Material(name="m", base_color=(1.0, 1.0, 1.0), metallic=metallic, roughness=roughness)
         target = bare_target([ball(0.5)], [white])
         scene = bare_scene(target, square_camera(96, 400.0), (0, 0, 5.0), sunlit=False)
-        seen = renderer.render(scene, target, labels=True, sky=uniform_light(np.array([7.0])))
+        seen = renderer.render(scene, target, labels=True, sky=uniform_field(np.array([7.0])))
         worst = max(worst, float(np.abs(seen.radiance[np.asarray(seen.coverage) > 0.999] / 7.0 - 1).max()))
     return Row(what="White furnace", against="the sky's radiance", unit="1", goal=0.01, measured=worst)
 
@@ -281,7 +281,7 @@ def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
                 replace(scene, quality=quality),
                 target,
                 labels=True,
-                sky=uniform_light(np.array([MITSUBA_SKY_W_M2_SR])),
+                sky=uniform_field(np.array([MITSUBA_SKY_W_M2_SR])),
             )
             coverage = np.asarray(seen.coverage, float)
             # the even sky is behind the craft too

@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 import simulator.render.earth.earth_pass as passes
 from simulator.camera.lens.camera_model import Camera
 from simulator.render.earth.maps import COAST, decode_map
-from simulator.render.earth.ocean_colour import WHERE, make_mask
+from simulator.render.earth.ocean_colour import MASK, make_mask
 from simulator.render.earth.sea_ice import (
     EXTENT_NORTH,
     EXTENT_SOUTH,
@@ -269,13 +269,13 @@ def test_shallow_water_shines(draw, bands, quality):
 
 
 def test_cells_that_do_not_look_for_shallow_water_would_find_none(draw, monkeypatch):
-    assert np.array_equal(make_mask(), decode_map(WHERE, cv2.IMREAD_GRAYSCALE, None))
+    assert np.array_equal(make_mask(), decode_map(MASK, cv2.IMREAD_GRAYSCALE, None))
     bare = msgspec.structs.replace(CLEAR, atmosphere=False, ocean_glint=False)
     wide = Camera(width_px=192, height_px=128, fx_px=140.0, fy_px=140.0, cx_px=95.5, cy_px=63.5)
     for place in ((27.0, -72.0, 700.0), (5.0, -47.0, 700.0)):  # beside banks, and a river's plume
         view = (f"2026-06-10T{17 if place[0] > 20 else 15}:00:00Z", place, bare)
         some = draw(*view, camera=wide)
-        monkeypatch.setattr(cells, "near_shoals", lambda z, _: np.full(z.shape, fill_value=True))
+        monkeypatch.setattr(cells, "near_bright_water", lambda z, _: np.full(z.shape, fill_value=True))
         all_cells = draw(*view, camera=wide)
         monkeypatch.undo()
         assert np.abs(some / all_cells - 1).max() < 0.01

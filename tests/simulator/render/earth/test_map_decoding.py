@@ -6,7 +6,7 @@ import pytest
 
 from simulator.errors import UserError
 from simulator.render.earth import maps
-from simulator.render.earth.ocean_colour import WHERE
+from simulator.render.earth.ocean_colour import MASK
 
 
 def test_strips_are_those_of_the_whole_map():
@@ -22,13 +22,13 @@ def test_the_strips_hold_each_row_once():
 
 
 def test_an_opencv_that_cannot_decode_into_given_memory_gives_the_same(monkeypatch):
-    here = maps.decode_file(WHERE, cv2.IMREAD_GRAYSCALE)
+    here = maps.decode_file(MASK, cv2.IMREAD_GRAYSCALE)
 
     def refuse(*_):
         raise cv2.error("no such overload")
 
     monkeypatch.setattr(cv2, "imread", refuse)
-    np.testing.assert_array_equal(maps.decode_file(WHERE, cv2.IMREAD_GRAYSCALE), here)
+    np.testing.assert_array_equal(maps.decode_file(MASK, cv2.IMREAD_GRAYSCALE), here)
 
 
 def test_a_missing_map_is_the_users_to_mend():

@@ -38,7 +38,7 @@ def test_slopes_fall_with_the_area_above(land):
 
 
 def test_the_texture_is_even_and_tiles():
-    tile = valleys.valley_texture().astype(float) / 255
+    tile = valleys.terrain_texture().astype(float) / 255
     assert tile.shape == (valleys.SIZE, valleys.SIZE, 4)
     slopes = (tile[..., :2] - 0.5) * 2 * valleys.SLOPE_MAX
     assert np.abs(slopes.mean((0, 1))).max() < 0.01  # up as much as down: it comes back to its height

@@ -34,8 +34,8 @@ def test_a_head_has_what_the_text_or_another_define_speaks_of():
 def test_programs_that_differ_in_their_fragments_share_their_vertex_shader():
     context = Recorder()
     library = ProgramLibrary(context, ())
-    for covered, shoals in ((0, 0), (1, 0), (0, 1)):
-        defines = {"SMOOTH": 1, "COVERED": covered, "SHOALS": shoals, **TABLE_DEFINES}
+    for covered, ocean_colour in ((0, 0), (1, 0), (0, 1)):
+        defines = {"SMOOTH": 1, "COVERED": covered, "OCEAN_COLOUR": ocean_colour, **TABLE_DEFINES}
         library.get("earth/earth.vert", "earth/earth.frag", defines)
     assert len({vertex for vertex, _ in context.texts}) == 1
     assert len({fragment for _, fragment in context.texts}) == 3

@@ -58,9 +58,9 @@ def test_a_picture_hardly_depends_on_what_is_left_out(renderers, name, bands):
 @pytest.mark.gl
 def test_the_lattice_is_the_same_though_its_buffer_is_not(renderers, monkeypatch):
     # a craft that fills much of a large picture: its rectangle has more samples than a lattice of `high` may have
-    chosen, choose = [], passes.choose_lattice
+    chosen, choose = [], passes.choose_pattern
     monkeypatch.setattr(
-        passes, "choose_lattice", lambda *a, **k: chosen.append(choose(*a, **k)) or chosen[-1]
+        passes, "choose_pattern", lambda *a, **k: chosen.append(choose(*a, **k)) or chosen[-1]
     )
     plan = plan_flight(load_scenario("tango-close-3m"), n=1)
     scene = plan.scene(0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.labels.keypoints import geometric_states
-from simulator.render.irradiance import uniform_light
+from simulator.render.irradiance import uniform_field
 from simulator.scene.illumination.lamp import Lamp
 from simulator.targets.joined_mesh import JoinedMesh
 from simulator.targets.library import load_target
@@ -65,7 +65,7 @@ def test_grain_turns_with_the_craft_and_the_sky_is_kept(renderer, draw_kit):
     white = replace(brushed, base_color=(1.0,) * 3)
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [white])
     scene = replace(draw_kit.scene(target, rotvec_rad=(0, 0.5, 0)), sun_visible_fraction=0.0)
-    seen = renderer.render(scene, target, sky=uniform_light(np.array([7.0]))).radiance[118, 161]
+    seen = renderer.render(scene, target, sky=uniform_field(np.array([7.0]))).radiance[118, 161]
     assert seen == pytest.approx(7.0, rel=0.01)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.render.irradiance import no_light, uniform_light
+from simulator.render.irradiance import dark_field, uniform_field
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.world.frames.rotation import quat_from_matrix
 
@@ -70,7 +70,7 @@ def wall_light(renderer, draw_kit, target, heights_m, sky=None):
     t = -R @ np.array([6.0, 0.5, 0.5])
     scene = draw_kit.scene(target, t_m=t, sun_camera=R @ np.array([0.0, 0.0, 1.0]))
     scene = replace(scene, q_camera_from_target_wxyz=quat_from_matrix(R), sun_visible_fraction=sun)
-    seen = renderer.render(scene, target, sky=sky or no_light(1)).radiance
+    seen = renderer.render(scene, target, sky=sky or dark_field(1)).radiance
     pixels = [draw_kit.camera.project(R @ np.array([0.0, 0.5, h]) + t) for h in heights_m]
     return np.array([seen[round(float(y)), round(float(x))] for x, y in pixels], float), scene
 
@@ -95,7 +95,7 @@ def test_a_black_floor_gives_its_wall_next_to_nothing(renderer, draw_kit):
 
 def test_an_open_corner_sees_half_of_an_even_sky(renderer, draw_kit):
     target = corner(draw_kit, floor="black")
-    sky = uniform_light(np.array([10.0]))
+    sky = uniform_field(np.array([10.0]))
     open_wall = draw_kit.target([target.parts[1]], target.materials)
     low, _ = wall_light(renderer, draw_kit, target, [0.03], sky=sky)
     alone, _ = wall_light(renderer, draw_kit, open_wall, [0.03], sky=sky)

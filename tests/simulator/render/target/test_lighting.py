@@ -5,13 +5,13 @@ import pytest
 
 from simulator.render.earth.albedo import albedo_map, albedo_of_day
 from simulator.render.irradiance import (
-    SkyLight,
+    IrradianceField,
     basis,
     earth_shine,
     field_of_samples,
     moon_shine,
     spherical_fibonacci,
-    uniform_light,
+    uniform_field,
 )
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.targets.model import Part
@@ -51,7 +51,7 @@ def ball(draw_kit, **material):
 def test_a_white_thing_in_a_white_furnace_cannot_be_seen(renderer, draw_kit, material):
     target = ball(draw_kit, **material)
     scene = draw_kit.scene(target, t_m=(0, 0, 4.0), sun_visible_fraction=0.0)
-    seen = renderer.render(scene, target, labels=True, sky=uniform_light([3.0]))
+    seen = renderer.render(scene, target, labels=True, sky=uniform_field([3.0]))
     inside = seen.radiance[seen.coverage > 0.999]
     assert len(inside) > 10_000
     assert np.abs(inside / 3.0 - 1).max() < 0.01
@@ -151,7 +151,7 @@ def test_a_wall_takes_its_share_of_the_sky_from_the_floor_and_gives_light_back(r
     dim = draw_kit.white(name="black", base_color=(0.02, 0.02, 0.02))
     target = draw_kit.target([floor, wall, thick], [dim])
     scene = draw_kit.scene(target, t_m=(-0.3, 0, 4.0), sun_visible_fraction=0.0)
-    image = renderer.render(scene, target, sky=uniform_light([1.0])).radiance
+    image = renderer.render(scene, target, sky=uniform_field([1.0])).radiance
 
     def at(x):
         u, v = scene.camera.project([x - 0.3, 0.0, 4.0])
@@ -179,7 +179,7 @@ def test_irradiance_of_any_field_is_its_polynomial_of_the_normal(renderer, draw_
     field = np.array([3.0, 0.4, -0.3, 0.5, 0.35, -0.45, 0.25, 0.15, -0.3, 0.5])[:, None]
 
     def drawn(coefficients):
-        light = SkyLight(coefficients, np.zeros((1, 4)), -2.0, axis)
+        light = IrradianceField(coefficients, np.zeros((1, 4)), -2.0, axis)
         seen = renderer.render(scene, target, labels=True, sky=light)
         return seen.radiance.astype(float), seen.coverage > 0.999
 

@@ -26,9 +26,9 @@ def flight():
 )
 def test_a_pixel_of_a_millimetre_takes_five_samples(flight, renderer, monkeypatch, quality, farther, lattice):
     scene, target = flight
-    chosen, choose = [], passes.choose_lattice
+    chosen, choose = [], passes.choose_pattern
     monkeypatch.setattr(
-        passes, "choose_lattice", lambda *a, **k: chosen.append(choose(*a, **k)) or chosen[-1]
+        passes, "choose_pattern", lambda *a, **k: chosen.append(choose(*a, **k)) or chosen[-1]
     )
     away_m = tuple(farther * m for m in scene.t_camera_from_target_m)
     renderer.render(replace(scene, t_camera_from_target_m=away_m, quality=quality), target)
@@ -40,7 +40,7 @@ def test_where_it_begins_the_picture_stays(flight, renderer, monkeypatch):
     five = renderer.render(scene, target)
     monkeypatch.setattr(placement, "NEAR_PIXEL_M", 0.0)
     seven = renderer.render(scene, target)
-    monkeypatch.setattr(placement, "LATTICES", {"default": placement.LATTICES["high"]})
+    monkeypatch.setattr(placement, "PATTERNS", {"default": placement.PATTERNS["high"]})
     many = renderer.render(scene, target)
     brightest = np.quantile(many.radiance, 0.995)
     rms = [np.sqrt(np.mean((one.radiance - many.radiance) ** 2)) / brightest for one in (five, seven)]

@@ -5,7 +5,7 @@ import pytest
 
 from simulator.render.bake.geometry import VERTEX
 from simulator.render.target.mesh import upload
-from simulator.render.target.shadow_frustum import SurfacePatches, light_matrix, light_window
+from simulator.render.target.shadow_frustum import SurfacePatches, fit_shadow_frustum, light_matrix
 from simulator.render.target.visible_triangles import visible_triangles
 from simulator.targets.library import load_target
 from simulator.targets.model import Material
@@ -51,7 +51,7 @@ def test_the_window_holds_all_that_shows(renderer, draw_kit, name):
         camera_from_target[2, 3] += rng.uniform(0.4, 1.5) * mesh.radius_m
         along = rng.standard_normal(3)
         light = light_matrix(mesh.center_m, mesh.radius_m, along / np.linalg.norm(along))
-        window = light_window(patches, camera, camera_from_target, light, closed=mesh.is_closed)
+        window = fit_shadow_frustum(patches, camera, camera_from_target, light, closed=mesh.is_closed)
         smaller += window.half < 1
         place = -camera_from_target[:3, :3].T @ camera_from_target[:3, 3]
         shown = visible_triangles(mesh, np.append(place, 1.0)) if mesh.is_closed else mesh.triangles

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from simulator.render.target.shadow_frustum import light_matrix, window_around
+from simulator.render.target.shadow_frustum import frustum_around, light_matrix
 from simulator.targets.model import Material
 
 pytestmark = pytest.mark.gl
@@ -61,7 +61,7 @@ def test_the_window_holds_the_craft(draw_kit):
     for _ in range(20):
         along = rng.standard_normal(3)
         light = light_matrix(center, radius_m, along / np.linalg.norm(along))
-        window = window_around(corners.T, light)
+        window = frustum_around(corners.T, light)
         clip = window.matrix @ light @ np.vstack([corners.T, np.ones(4)])
         assert 0.9 < np.abs(clip[:2]).max() < 1 - 4 / 512  # it fills the window, but for the filter's reach
         assert window.half < 1

@@ -8,7 +8,7 @@ import pytest
 from simulator.render.bake.edge_gaps import edge_gaps
 from simulator.render.bake.mesh_edges import find_edges
 from simulator.render.projection import PixelRect
-from simulator.render.target.visible_edges import EdgeView, SeenEdges
+from simulator.render.target.visible_edges import EdgeCamera, VisibleEdges
 from tests.harness.boxes import closed_box
 from tools.validation.bare_scene import square_camera
 
@@ -48,8 +48,8 @@ def test_a_pair_is_drawn_once_it_is_wide_enough(edges, focal_px, in_gap):
     mesh = SimpleNamespace(shells=(), radius_m=0.5)
     camera_from_target = np.eye(4)
     camera_from_target[2, 3] = 5.0  # the gap is 0.4 and 1.2 pixels wide; the camera looks at the faces z = 0
-    view = EdgeView(square_camera(512, focal_px), PixelRect(0, 0, 512, 512), 4.9, camera_from_target)
-    seen = SeenEdges(edges, mesh)
+    view = EdgeCamera(square_camera(512, focal_px), PixelRect(0, 0, 512, 512), 4.9, camera_from_target)
+    seen = VisibleEdges(edges, mesh)
     drawn, _ = seen.numbers(view, pairs=False)
     places = seen.edges.vertices_m[seen.edges.ends[drawn]]
     long = np.ptp(places, axis=1)[:, 1] > 0.5

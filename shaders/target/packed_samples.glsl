@@ -24,12 +24,13 @@ vec2 opposite_steps(vec2 steps) {
     return p * min(1.0, CODE_RANGE * CODE_SCALE * inversesqrt(max(dot(p, p), 1e-12)));
 }
 
-// material_word: the material's number, shifted to its place.
+// First word of a sample. material_word: the material's number, shifted to its place.
 uint pack_surface(int material_word, vec2 steps) {
     ivec2 q = ivec2(steps + (CODE_CENTER + 0.5));
     return uint(material_word | (q.x << NORMAL_BITS) | q.y);
 }
 
+// A material number in its place in the first word.
 int material_word(float number) { return int(number + 0.5) << (2 * NORMAL_BITS); }
 
 // The second word of a sample: the frame's stamp above, a place in the atlas of charts, 0..1, below it. Samples with
@@ -51,15 +52,17 @@ uint surface_of(uvec2 words) { return words.y >> uint(2 * CHART_BITS) == u_stamp
 // Camera z [m] of a sample's depth; inverse of simulator/render/projection.py. Stamp k has depths from 16^-k
 // to 16 times that, see simulator/render/gl/depth_buffer.py. Older ones are as far as can be.
 float camera_z(float depth) {
-    float near = u_lattice.z, far = u_lattice.w;
+    float near = u_pattern.z, far = u_pattern.w;
     float scale = uintBitsToFloat((127u + 4u * (u_stamp >> uint(2 * CHART_BITS))) << 23u);
     return near * far / (far - min((depth * scale - 1.0) / 15.0, 1.0) * (far - near));
 }
 
+// Place in the atlas of charts, 0..1, of a sample's second word.
 vec2 chart_of(uint word) {
     return vec2((word >> uint(CHART_BITS)) & CHART_MASK, word & CHART_MASK) / float(CHART_MASK);
 }
 
+// Material number of a sample's first word.
 uint material_of(uint word) { return word >> uint(2 * NORMAL_BITS); }
 
 // The two coordinates as whole numbers; sums of them may be averaged.
@@ -67,6 +70,7 @@ ivec2 normal_code(uint word) {
     return ivec2(int(word >> uint(NORMAL_BITS)) & CODE_MASK, int(word) & CODE_MASK);
 }
 
+// Unit normal, camera frame, of a code.
 vec3 decode_normal(vec2 code) {
     vec2 p = (code - CODE_CENTER) / CODE_SCALE;
     float r2 = dot(p, p);
