@@ -181,8 +181,8 @@ def _over_passing_ground(
         if k == n_drawings - 1:
             first.shade()
         start = time.perf_counter()
-        smeared = motion_blur(rendered.radiance, partial(_ways_px, mid, early, late))
-        means = [np.add(means[0], smeared, out=means[0])] if means else [smeared]
+        blurred = motion_blur(rendered.radiance, partial(_ways_px, mid, early, late))
+        means = [np.add(means[0], blurred, out=means[0])] if means else [blurred]
         stage_ms["motion_blur"] += (time.perf_counter() - start) * 1e3
     mean = means[0]
     if n_drawings > 1:
