@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import secrets
 import socket
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -31,7 +33,8 @@ from hil.host.recording.space_packets import SpacePacketSink
 from hil.host.report import write_report
 from hil.host.run import RunConfig, run_host
 from hil.host.time_code import with_time_code
-from hil.host.truth_policy import truth_kept_home
+from hil.host.truth_policy import check_access
+from hil.link.security import read_key
 from hil.link.transports.url import parse_url
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder
@@ -66,10 +69,7 @@ def host(
     ] = "lockstep",
     truth: Annotated[
         str,
-        typer.Option(
-            help="separate: own endpoint, one port up; inline: with each frame; off: kept home, as always where "
-            "others can reach --listen over a network."
-        ),
+        typer.Option(help="separate: own endpoint, one port up; inline: with each frame; off: kept home."),
     ] = "separate",
     log: Annotated[
         Path | None, typer.Option(help="Folder for frames.csv and summary.json: new or empty.")
@@ -94,6 +94,10 @@ def host(
             help="Frames in a row without an answer in time after which the board counts as gone; 0: never.",
         ),
     ] = 3,
+    key: Annotated[
+        Path | None,
+        typer.Option(help="File with a key that boards and loggers must prove to have; hil key writes one."),
+    ] = None,
     mcap: Annotated[
         Path | None,
         typer.Option(
@@ -143,16 +147,16 @@ def host(
     if n is not None and every_s is not None:
         raise UserError("hil host takes -n or --every, not both; leave one out")
     given = NO_FAULTS if faults is None else read_faults(faults)
-    link, warning = truth_kept_home(
-        LinkConfig(
-            url=listen,
-            mode="realtime" if mode == "realtime" else "lockstep",
-            truth="off" if truth == "off" else "inline" if truth == "inline" else "separate",
-            timeout_s=timeout_s or POSE_S,
-            max_misses=max_misses,
-            faults=given,
-        )
+    link = LinkConfig(
+        url=listen,
+        mode="realtime" if mode == "realtime" else "lockstep",
+        truth="off" if truth == "off" else "inline" if truth == "inline" else "separate",
+        timeout_s=timeout_s or POSE_S,
+        max_misses=max_misses,
+        faults=given,
+        key=None if key is None else read_key(str(key)),
     )
+    check_access(link)
     plan = plan_flight(
         load_flown(scenario, "hil host"),
         n=None if every_s is not None else (n or 30),
@@ -162,8 +166,6 @@ def host(
     check_one_channel(plan)
     if log is not None:
         empty_folder(log, option="--log")
-    if warning:
-        say(f"flyaround: {warning}", stderr=True)
     config = RunConfig(
         link=link,
         log_dir=log,
@@ -194,7 +196,7 @@ def host(
                 config,
                 on_row=count,
                 on_listening=lambda url, truth_url: say(
-                    listening_text(url, truth_url, plan.target.name), stderr=True
+                    listening_text(url, truth_url, plan.target.name, keyed=link.key is not None), stderr=True
                 ),
                 on_end=end,
             )
@@ -240,6 +242,7 @@ def board(
     ],
     target: Annotated[str, typer.Option(help="Target name.")] = "tango",
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
+    key: Annotated[Path | None, typer.Option(help="File with the key that the host asks for.")] = None,
 ) -> None:
     """The board's side, on this machine: connect, estimate, answer; exit 1 where the host went without a goodbye.
 
@@ -250,7 +253,7 @@ def board(
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"{target}.board.json"
         write_board_model(load_target(target), path)
-        summary = run_board(url, str(path), method=method)
+        summary = run_board(url, str(path), method=method, key=None if key is None else read_key(str(key)))
     say(f"{summary.frames} frames, {summary.accepted} accepted: {summary.ended}", stderr=True)
     if not summary.goodbye:
         raise typer.Exit(1)
@@ -271,6 +274,21 @@ def bundle(
     say(f"{path}: {size / 1024:.0f} kB. On the board: python3 {path.name} tcp://HOST:5600 --model {names[0]}")
 
 
+def make_key(
+    path: Annotated[Path, typer.Argument(help="The file to write; copy it to the board.")],
+) -> None:
+    """Write a new key for hil host --key and hil board --key."""
+    if path.exists():
+        raise UserError(f"{path} is there already: name another file, both sides would need the new key")
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except OSError as error:
+        raise UserError(f"{path} cannot be written ({error.strerror}): name another file") from error
+    with os.fdopen(descriptor, "w") as file:
+        file.write(secrets.token_hex(32) + "\n")
+    say(f"{path}: copy it to the board by a way you trust, and give it to both sides by --key")
+
+
 def report(
     folder: Annotated[Path, typer.Argument(help="A folder written by hil host --log.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print where the page is as JSON.")] = False,
@@ -283,14 +301,14 @@ def report(
         say(f"report: {page}")
 
 
-def listening_text(url: str, truth_url: str | None, target: str) -> str:
+def listening_text(url: str, truth_url: str | None, target: str, *, keyed: bool = False) -> str:
     """Where a host listens, and what to type on the board."""
-    there = board_url(url)
+    there, key = board_url(url), " --key FILE" if keyed else ""
     lines = [
         f"listening on {url}; on the board type",
-        f"  flyaround hil board {there} --target {target}",
+        f"  flyaround hil board {there} --target {target}{key}",
         f"or, with the file that flyaround hil bundle board.pyz --target {target} writes,",
-        f"  python3 board.pyz {there} --model {target}",
+        f"  python3 board.pyz {there} --model {target}{key}",
     ]
     if url.startswith("serial"):
         lines.append("with the board's own name of the line in place of this machine's")
@@ -337,6 +355,7 @@ app.command()(host)
 app.command()(board)
 app.command()(bundle)
 app.command()(report)
+app.command("key")(make_key)
 app.command()(display)
 app.command("display-calibrate")(display_calibrate)
 app.command("display-match")(display_match)

@@ -14,6 +14,7 @@ from typing import List, Optional
 from hil.board.agent import bundled_models, run_board, svd_factory
 from hil.board.files import read_bounded
 from hil.link.errors import LinkError
+from hil.link.security import read_key
 
 # of a camera file: thousands of times what one takes
 MOST_BYTES = 10_000_000
@@ -32,6 +33,7 @@ def main(arguments: Optional[List[str]] = None, program: str = "hil.board") -> i
     )
     parser.add_argument("--method", default="svd", help="estimator (default: svd)")
     parser.add_argument("--timeout", type=float, default=60.0, help="seconds to wait for the host")
+    parser.add_argument("--key", help="file with the key that the host asks for")
     parser.add_argument("--window", type=int, default=2, help="frames held at once")
     parser.add_argument("--image", help="estimate one PNG instead of meeting a host")
     parser.add_argument("--camera", help="CAMERA.json of the image")
@@ -50,6 +52,7 @@ def main(arguments: Optional[List[str]] = None, program: str = "hil.board") -> i
             options.method,
             connect_timeout_s=options.timeout,
             window=options.window,
+            key=None if options.key is None else read_key(options.key),
         )
     except LinkError as error:
         sys.stderr.write(f"{error}\n")

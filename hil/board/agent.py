@@ -32,6 +32,7 @@ from hil.link.packets.messages import (
     TimeSyncRequest,
 )
 from hil.link.packets.packet import PacketType
+from hil.link.security import prove_to_host
 from hil.link.session import Link, greet_host
 from hil.link.transports.url import connect
 
@@ -173,6 +174,7 @@ def run_board(
     model_sha256: str = "",
     connect_timeout_s: float = 60.0,
     window: int = 2,
+    key: Optional[bytes] = None,
 ) -> BoardSummary:
     """Serve one session with a host, to its end.
 
@@ -183,6 +185,7 @@ def run_board(
     make_estimator : any estimator, made once the camera is known.
     connect_timeout_s : how long to try to reach the host, and then to wait for its first word.
     window : frames held at once, the one in work included.
+    key : shared with the host, which must prove that it has it; None where it asks for none.
 
     Raises
     ------
@@ -205,7 +208,12 @@ def run_board(
         method=method,
         board=f"{platform.node()} {platform.machine()} Python {platform.python_version()}{runs_on}",
     )
-    link = Link(connect(url, connect_timeout_s))
+    line = connect(url, connect_timeout_s)
+    try:
+        link = Link(line if key is None else prove_to_host(line, key))
+    except LinkError:
+        line.close()
+        raise
     try:
         repeat_s = 1.0 if url.startswith("serial") else math.inf
         terms = greet_host(link, hello, connect_timeout_s, repeat_s=repeat_s)

@@ -27,7 +27,7 @@ from hil.host.link_process.host_link import CLOSE_TIMEOUT_S, QUICK_TIMEOUT_S, Ho
 from hil.host.link_process.ipc import FrameResult, LinkConfig
 from hil.host.recording.recorder import Recorder
 from hil.host.signals import signals_held
-from hil.host.truth_policy import truth_kept_home, with_truth_endpoint
+from hil.host.truth_policy import check_access, with_truth_endpoint
 from hil.link.packets.messages import HelloAck, Mode, TruthPolicy
 from simulator.errors import UserError
 from simulator.frame import Frame
@@ -92,8 +92,8 @@ def run_host(
     Parameters
     ----------
     frames : as `hil.host.plan_frames` has them from the loop, drawn as they are needed.
-    config : with ``truth="separate"`` and no ``truth_url``, truth loggers connect one port up; where other machines
-        could ask for it, truth stays here, and a warning is logged.
+    config : with ``truth="separate"`` and no ``truth_url``, truth loggers connect one port up. An address that other
+        machines reach needs a key.
     on_row : told each row once its outcome is known, in that order.
     on_listening : told the URLs once the ports are open.
     on_end : told the summary once the books are closed, also of a run that is interrupted or fails; Ctrl-C waits
@@ -107,10 +107,8 @@ def run_host(
     KeyboardInterrupt
         Ctrl-C, or SIGTERM where the program raises one of it; likewise.
     """
-    kept, warning = truth_kept_home(config.link)
-    if warning:
-        logger.warning("%s", warning)
-    terms = with_truth_endpoint(kept)
+    check_access(config.link)
+    terms = with_truth_endpoint(config.link)
     run = BoardSink(terms, on_row, config.recorders)
     with HostLink(terms) as link:
         # ports first, so that a taken one is reported before anything is drawn or written

@@ -1,4 +1,4 @@
-"""Where ground truth may go: to an endpoint of its own, with each frame, or nowhere, and not over a network."""
+"""Who may connect: this machine's programs, from elsewhere whoever proves to have the key; and the truth's address."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import socket
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from hil.host.faults.definitions import ClockDrift
 from hil.link.errors import LinkError
 from hil.link.transports.url import parse_url
 from simulator.errors import UserError
@@ -43,26 +44,22 @@ def with_truth_endpoint(link: LinkConfig) -> LinkConfig:
     return replace(link, truth_url=link.truth_url or default_truth_url(link.url))
 
 
-def truth_kept_home(link: LinkConfig) -> tuple[LinkConfig, str]:
-    """The link with its truth off where others on a network could ask for it, and the sentence that says so.
-
-    Whoever connects is answered, so truth, inline or on its own port, is for this machine's loopback and for serial
-    lines alone.
+def check_access(link: LinkConfig) -> None:
+    """Refuse to listen where other machines can connect, unless they must prove that they have a key.
 
     Raises
     ------
     UserError
-        If a URL is bad.
+        If an address is not the loopback and there is no key.
     """
-    if link.truth == "off":
-        return link, ""
-    for url in (link.url, with_truth_endpoint(link).truth_url):
-        if url is not None and not is_private(url):
-            return replace(link, truth="off", truth_url=None), (
-                f"{url} can be reached from other machines and whoever connects is answered, so ground truth stays"
-                " here (--truth off): listen on tcp://127.0.0.1:PORT to have it sent"
+    for url in (link.url, link.truth_url):
+        if url is not None and link.key is None and not is_private(url):
+            raise UserError(
+                f"{url} can be reached from other machines and whoever connects is answered: give both sides a key"
+                " (flyaround hil key FILE, then --key FILE), or listen on tcp://127.0.0.1:PORT"
             )
-    return link, ""
+    if link.key is not None and any(isinstance(fault, ClockDrift) for fault in link.faults.line):
+        raise UserError("a fault clock_drift changes what the board signs: leave out the fault or the key")
 
 
 def is_private(url: str) -> bool:

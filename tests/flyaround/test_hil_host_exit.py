@@ -58,22 +58,30 @@ def test_a_board_that_leaves_for_good_is_no_success(capsys, tmp_path):
 
 
 def test_what_listens_says_so_and_waits_no_longer_than_it_is_told(capsys, tmp_path):
-    # to everybody, so that the truth must stay at home
     url = free_url("0.0.0.0")  # noqa: S104 - the address in question
     command = ["hil", "host", "tango-space-10m", "-n", "2", "--truth", "inline", "--timeout", "0.2"]
+    # to everybody, so that whoever connects must prove something
+    assert run([*command, "--listen", url, "--log", str(tmp_path / "log")]) == 2
+    assert "give both sides a key" in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "log").exists()
+    key = tmp_path / "key"
+    assert run(["hil", "key", str(key)]) == 0
+    assert key.stat().st_mode & 0o777 == 0o600
+    assert run(["hil", "key", str(key)]) == 2
+    capsys.readouterr()
+    command += ["--key", str(key)]
     start = time.monotonic()
     assert run([*command, "--listen", url, "--log", str(tmp_path / "log")]) == 2
     # the first frame is drawn meanwhile; a minute is what it once waited at least
     assert time.monotonic() - start < 55.0
     said = capsys.readouterr().err.splitlines()
     port = url.rsplit(":", 1)[1]
-    assert said[0].startswith(f"flyaround: {url} can be reached from other machines")
-    assert "(--truth off)" in said[0]
-    assert said[1] == f"listening on {url}; on the board type"
-    assert said[2].strip() == f"flyaround hil board tcp://{socket.gethostname()}:{port} --target tango"
-    assert said[4].strip() == f"python3 board.pyz tcp://{socket.gethostname()}:{port} --model tango"
+    where = f"tcp://{socket.gethostname()}:{port}"
+    assert said[0] == f"listening on {url}; on the board type"
+    assert said[1].strip() == f"flyaround hil board {where} --target tango --key FILE"
+    assert said[3].strip() == f"python3 board.pyz {where} --model tango --key FILE"
     assert said[-1].startswith(f"flyaround: no board connected to {url} within 0.2 s")
-    assert json.loads((tmp_path / "log" / "run.json").read_text())["truth"] == "off"
+    assert json.loads((tmp_path / "log" / "run.json").read_text())["truth"] == "inline"
     assert json.loads((tmp_path / "log" / "summary.json").read_text())["ended"] == "no_board"
 
 

@@ -165,7 +165,7 @@ class _Pump:
     def _take(self, packet: Packet, at_ns: int) -> None:
         if packet.type is PacketType.FRAME_HEADER:
             with contextlib.suppress(PacketError):
-                self._journal.t_s = FrameHeader.decode(packet.payload).t_s
+                self._journal.t_s = FrameHeader.decode(packet.payload[: FrameHeader.LAYOUT.size]).t_s
         acting = [(k, f) for k, f in enumerate(self._faults.line) if self._acts(f)]
         frame_id = _frame_id(packet)
         copies, damaged, swapped = 1, False, False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mmap
 import os
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -34,6 +34,7 @@ class LinkConfig:
     truth_url : where truth loggers connect; None for no such endpoint.
     max_misses : frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
     faults : those of the line are put between the board and the link.
+    key : that boards and truth loggers must prove to have; None asks nobody.
     """
 
     url: str
@@ -44,6 +45,7 @@ class LinkConfig:
     compression: Compression = "auto"
     max_misses: int = 3
     faults: Faults = NO_FAULTS
+    key: bytes | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ from hil.link.packets.messages import (
     HelloAck,
     TruthMessage,
 )
+from hil.link.security import HostTransport
 from hil.link.session import Link, refuse
 from hil.link.transports.url import listen
 
@@ -61,7 +62,9 @@ class LinkServer:
         self._truth: TruthEndpoint | None = None
         try:
             self._truth = (
-                TruthEndpoint(config.truth_url, self._listener.url) if config.truth_url is not None else None
+                TruthEndpoint(config.truth_url, self._listener.url, config.key)
+                if config.truth_url is not None
+                else None
             )
         except LinkError:
             self._listener.close()
@@ -248,6 +251,8 @@ class LinkServer:
             return
         if self._config.faults.line:
             transport = with_line_faults(transport, self._config.faults, self._journal)
+        if self._config.key is not None:
+            transport = HostTransport(transport, self._config.key)
         if self._board.link is not None:
             refuse(Link(transport), ErrorCode.BUSY, BUSY)
             return

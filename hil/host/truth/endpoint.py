@@ -8,10 +8,11 @@ import time
 from typing import Any
 
 from hil.link.clock import now_ns
-from hil.link.errors import LinkError
+from hil.link.errors import LinkClosed, LinkError, PacketError
 from hil.link.framing.length_prefix import LengthFraming
 from hil.link.packets.messages import Bye, ErrorCode, ErrorMessage, Message, TruthMessage
 from hil.link.packets.packet import MAGIC, Packet
+from hil.link.security import HostHandshake
 from hil.link.transports.tcp import TcpListener, keep_alive
 from hil.link.transports.url import parse_url
 
@@ -19,6 +20,8 @@ MAX_CLIENTS = 16
 # a logger that lags this far behind is cut off, and so is one that has not caught up for this long
 MAX_BACKLOG_BYTES = 8 << 20
 MAX_LAG_NS = 10_000_000_000
+# a logger has this long to prove that it has the key
+PROOF_NS = 10_000_000_000
 # the goodbye and what is queued, to all loggers together
 CLOSE_S = 2.0
 
@@ -31,6 +34,9 @@ class _Client:
         self.sequence = 0
         self.heard = b""  # the end of what it said
         self.said_all = False  # its end of the line is closed: it left, or only listens
+        self.framing = LengthFraming()
+        self.handshake: HostHandshake | None = None
+        self.since_ns = now_ns()
 
     def send(self) -> None:
         """What the line takes now.
@@ -62,9 +68,33 @@ class _Client:
         except BlockingIOError:
             return False
         self.said_all = self.said_all or not data
+        if self.handshake is not None:
+            self._hear_proof(data, self.handshake)
+            return False
         found = MAGIC in self.heard + data
         self.heard = (self.heard + data)[-len(MAGIC) + 1 :]
         return found
+
+    def _hear_proof(self, data: bytes, handshake: HostHandshake) -> None:
+        self.framing.feed(data)
+        while True:
+            try:
+                packet = self.framing.next_packet()
+            except PacketError:
+                continue
+            if packet is None:
+                return
+            try:
+                answer = handshake.take(packet)
+            except LinkClosed as error:
+                raise OSError(str(error)) from error
+            if answer is not None:
+                self.backlog += self.framing.encode(answer)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it may be told the truth."""
+        return self.handshake is None or self.handshake.seal is not None
 
 
 class TruthEndpoint:
@@ -76,9 +106,11 @@ class TruthEndpoint:
     Parameters
     ----------
     url : where loggers connect. board_url : where boards do, for one that knocks here.
+    key : that a logger must prove to have, within ``PROOF_NS``; None asks nobody.
     """
 
-    def __init__(self, url: str, board_url: str) -> None:
+    def __init__(self, url: str, board_url: str, key: bytes | None = None) -> None:
+        self._key = key
         scheme, host, port = parse_url(url)
         if scheme != "tcp":
             raise LinkError(f"the truth endpoint {url!r} must be a TCP address: write tcp://127.0.0.1:5601")
@@ -99,6 +131,8 @@ class TruthEndpoint:
             return
         sock.setblocking(False)
         client = _Client(sock)
+        if self._key is not None:
+            client.handshake = HostHandshake(self._key)
         with contextlib.suppress(OSError):  # it left already; sending will show it
             keep_alive(sock)
         self._make_room()
@@ -116,7 +150,7 @@ class TruthEndpoint:
     @property
     def lagging(self) -> bool:
         """Whether something is still to be sent."""
-        return any(client.backlog for client in self._clients)
+        return any(client.backlog or not client.is_known for client in self._clients)
 
     def flush(self) -> None:
         """Send what the lines take now; boards, and loggers that left or lag too far, are dropped."""
@@ -129,6 +163,11 @@ class TruthEndpoint:
                     self._refuse(client, ErrorCode.OTHER, sentence)
                     continue
                 client.send()
+                if not client.is_known and now_ns() - client.since_ns >= PROOF_NS:
+                    self._refuse(
+                        client, ErrorCode.OTHER, "no proof of the key came: give the logger --key FILE"
+                    )
+                    continue
             except OSError:
                 self._drop(client)
                 continue
@@ -152,11 +191,14 @@ class TruthEndpoint:
 
     def _queue(self, message: Message) -> None:
         for client in self._clients:
-            self._append(client, message)
+            if client.is_known:
+                self._append(client, message)
         self.flush()
 
     def _append(self, client: _Client, message: Message) -> None:
         packet = Packet(message.TYPE, message.encode(), session_id=0, sequence=client.sequence)
+        if client.handshake is not None and client.handshake.seal is not None:
+            packet = client.handshake.seal.seal(packet)
         client.backlog += self._framing.encode(packet)
         client.sequence += 1
 

@@ -10,7 +10,9 @@ from pathlib import Path
 
 from hil.link.errors import LinkClosed, LinkError, PacketError
 from hil.link.packets.messages import Bye, ErrorMessage, TruthMessage, decode_message
-from hil.link.transports.tcp import TcpTransport, connect_tcp
+from hil.link.security import prove_to_host
+from hil.link.transports.base import Transport
+from hil.link.transports.tcp import connect_tcp
 from hil.link.transports.url import parse_url
 from simulator.errors import UserError
 
@@ -26,9 +28,11 @@ class TruthLogger:
     ----------
     url : the truth endpoint; it may open later than ``start``.
     path : the JSONL file, overwritten.
+    key : that the host asks for; None where it asks for none.
     """
 
-    def __init__(self, url: str, path: Path) -> None:
+    def __init__(self, url: str, path: Path, key: bytes | None = None) -> None:
+        self._key = key
         try:
             _, self._host, self._port = parse_url(url)
         except LinkError as error:
@@ -58,7 +62,7 @@ class TruthLogger:
         return self._received
 
     def _run(self) -> None:
-        transport: TcpTransport | None = None
+        transport: Transport | None = None
         while transport is None and not self._stop.is_set():
             try:
                 transport = connect_tcp(self._host, self._port, 0.0)
@@ -66,6 +70,13 @@ class TruthLogger:
                 time.sleep(0.05)
         if transport is None:
             return
+        if self._key is not None:
+            try:
+                transport = prove_to_host(transport, self._key)
+            except LinkError as error:
+                logger.warning("no truth is logged: %s", error)
+                transport.close()
+                return
         self._connected.set()
         try:
             with self._path.open("a", encoding="utf-8") as file:

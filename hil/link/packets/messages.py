@@ -69,6 +69,10 @@ def decode_message(packet: Packet) -> Message:
     ProtocolMistake
         If the payload is not what its type says. The packet's CRC was right, so that its sender wrote it so.
     """
+    if packet.type not in _BY_TYPE:
+        raise ProtocolMistake(
+            f"a {packet.type.name} packet has no place here: one side has a key and one has none"
+        )
     try:
         message: Message = _BY_TYPE[packet.type].decode(packet.payload)
     except PacketError as error:

@@ -36,6 +36,9 @@ class PacketType(IntEnum):
     TRUTH = 9
     BYE = 10
     ERROR = 11
+    AUTH_REQUEST = 12
+    AUTH_CHALLENGE = 13
+    AUTH_PROOF = 14
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from hil.host.ledger.summary import RUN_JSON, RunTerms, summarise, this_machine
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.report import write_report
 from hil.host.report_plots import GREEN, MARKERS, ORANGE, RED, WRONG, kind_of, outcome_colour, plot_errors
-from hil.host.truth_policy import truth_kept_home
+from hil.host.truth_policy import check_access
 from simulator.errors import UserError
 
 RUN = {
@@ -287,25 +287,23 @@ def test_what_to_type_on_the_board():
 
 
 @pytest.mark.parametrize(
-    ("url", "truth", "truth_url", "kept"),
+    ("url", "truth_url", "open_to_all"),
     [
-        ("tcp://127.0.0.1:5600", "separate", None, False),
-        ("tcp://localhost:5600", "inline", None, False),
-        ("tcp://[::1]:5600", "separate", None, False),
-        ("serial:///dev/ttyUSB0?baud=921600", "separate", None, False),
-        ("serial:///dev/ttyUSB0", "inline", None, False),
-        ("tcp://0.0.0.0:5600", "off", None, False),
-        ("tcp://0.0.0.0:5600", "separate", None, True),
-        ("tcp://[::]:5600", "inline", None, True),
-        ("tcp://192.0.2.7:5600", "separate", None, True),
-        ("tcp://127.0.0.1:5600", "separate", "tcp://192.0.2.7:5601", True),
+        ("tcp://127.0.0.1:5600", None, False),
+        ("tcp://localhost:5600", None, False),
+        ("tcp://[::1]:5600", None, False),
+        ("serial:///dev/ttyUSB0?baud=921600", None, False),
+        ("tcp://0.0.0.0:5600", None, True),
+        ("tcp://[::]:5600", None, True),
+        ("tcp://192.0.2.7:5600", None, True),
+        ("tcp://127.0.0.1:5600", "tcp://192.0.2.7:5601", True),
     ],
 )
-def test_truth_leaves_this_machine_by_no_open_port(url, truth, truth_url, kept):
-    link = LinkConfig(url=url, mode="lockstep", truth=truth, timeout_s=1.0, truth_url=truth_url)
-    safe, sentence = truth_kept_home(link)
-    assert (safe.truth == "off") == (kept or truth == "off")
-    assert bool(sentence) == kept
-    if kept:
-        assert "--truth off" in sentence
-        assert safe.truth_url is None
+def test_addresses_of_other_machines_need_a_key(url, truth_url, open_to_all):
+    link = LinkConfig(url=url, mode="lockstep", truth="separate", timeout_s=1.0, truth_url=truth_url)
+    check_access(replace(link, key=b"0123456789abcdef"))
+    if open_to_all:
+        with pytest.raises(UserError, match="give both sides a key"):
+            check_access(link)
+    else:
+        check_access(link)

@@ -1,0 +1,281 @@
+"""A pre-shared key on the line: each side proves that it has it, and every packet carries a MAC that is good once.
+
+Challenge and answer both ways (after ISO/IEC 9798-4, mutual, three passes), HMAC-SHA-256 (RFC 2104) throughout:
+
+    board -> host  AUTH_REQUEST    board's nonce (32)
+    host -> board  AUTH_CHALLENGE  host's nonce (32), HMAC(key, "flyaround host"  | both nonces) (32)
+    board -> host  AUTH_PROOF      HMAC(key, "flyaround board" | both nonces) (32)
+
+Each direction then has a key of its own, HMAC(key, "flyaround to board" or "flyaround to host" | both nonces). A sealed
+packet's payload ends in a counter (u64) and the first 16 bytes of HMAC(key, version, type, session, sequence, payload,
+counter). A counter that was seen, or is older than the last 1024, is refused. Nothing is encrypted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+import stat
+import struct
+import time
+from dataclasses import replace
+from typing import Optional, Tuple
+
+from hil.link.errors import LinkClosed, LinkError, PacketError
+from hil.link.packets.messages import ErrorMessage, decode_message
+from hil.link.packets.packet import Packet, PacketType
+from hil.link.transports.base import Transport
+
+NONCE_BYTES = PROOF_BYTES = 32
+MAC_BYTES = 16
+COUNTER = struct.Struct("<Q")
+TRAILER_BYTES = COUNTER.size + MAC_BYTES
+WINDOW = 1024
+"""Packets that may overtake each other on a line that does not keep their order."""
+LEAST_KEY_BYTES, MOST_KEY_BYTES = 16, 4096
+ANSWER_S = 10.0
+REPEAT_S = 1.0
+_ABOUT = struct.Struct("<HBQI")
+_IN_CLEAR = (PacketType.ERROR, PacketType.BYE)
+
+
+def read_key(path: str) -> bytes:
+    """A key from a file: its bytes less white space at the end.
+
+    Raises
+    ------
+    LinkError
+        If it cannot be read, is too short or too long, or others than its owner may read it.
+    """
+    try:
+        with open(path, "rb") as file:  # noqa: PTH123 - a board's Python may be old
+            mode = os.fstat(file.fileno()).st_mode
+            data = file.read(MOST_KEY_BYTES + 1).rstrip()
+    except OSError as error:
+        raise LinkError(
+            f"key file {path} cannot be read ({error.strerror}): name the one both sides have"
+        ) from error
+    if not stat.S_ISREG(mode) or not LEAST_KEY_BYTES <= len(data) <= MOST_KEY_BYTES:
+        raise LinkError(
+            f"key file {path} has {len(data)} bytes, allowed: {LEAST_KEY_BYTES} to {MOST_KEY_BYTES};"
+            " flyaround hil key FILE writes one"
+        )
+    if os.name == "posix" and mode & 0o077:
+        raise LinkError(f"key file {path} may be read by others: chmod 600 {path}")
+    return data
+
+
+def _proof(key: bytes, label: str, nonces: bytes) -> bytes:
+    return hmac.new(key, label.encode() + nonces, hashlib.sha256).digest()
+
+
+class Seal:
+    """Counters and MACs of both directions of one session.
+
+    Parameters
+    ----------
+    key : shared. nonces : the board's, then the host's. is_host : which side this is.
+    """
+
+    def __init__(self, key: bytes, nonces: bytes, *, is_host: bool) -> None:
+        there, back = _proof(key, "flyaround to board", nonces), _proof(key, "flyaround to host", nonces)
+        self._out, self._in = (there, back) if is_host else (back, there)
+        self._sent = 0
+        self._newest = 0
+        self._seen = 0  # bit k: whether the counter k below the newest came
+
+    def seal(self, packet: Packet) -> Packet:
+        """The packet with counter and MAC behind its payload."""
+        self._sent += 1
+        body = packet.payload + COUNTER.pack(self._sent)
+        return replace(packet, payload=body + self._mac(self._out, packet, body))
+
+    def open(self, packet: Packet) -> Packet:
+        """The packet as it was before it was sealed.
+
+        Raises
+        ------
+        PacketError
+            If its MAC is wrong or its counter was seen before.
+        """
+        if len(packet.payload) < TRAILER_BYTES:
+            raise PacketError(f"a {packet.type.name} packet has no MAC: it is not of this session")
+        body, mac = packet.payload[:-MAC_BYTES], packet.payload[-MAC_BYTES:]
+        if not hmac.compare_digest(mac, self._mac(self._in, packet, body)):
+            raise PacketError(f"a {packet.type.name} packet has a wrong MAC: it is not of this session")
+        (counter,) = COUNTER.unpack(body[-COUNTER.size :])
+        self._take(counter, packet.type.name)
+        return replace(packet, payload=body[: -COUNTER.size])
+
+    def _take(self, counter: int, name: str) -> None:
+        ahead = counter - self._newest
+        if ahead > 0:
+            self._seen = ((self._seen << min(ahead, WINDOW)) | 1) & ((1 << WINDOW) - 1)
+            self._newest = counter
+            return
+        if -ahead >= WINDOW or self._seen >> -ahead & 1:
+            raise PacketError(f"a {name} packet came twice, or long after its time")
+        self._seen |= 1 << -ahead
+
+    @staticmethod
+    def _mac(key: bytes, packet: Packet, body: bytes) -> bytes:
+        about = _ABOUT.pack(packet.version, packet.type, packet.session_id, packet.sequence)
+        return hmac.new(key, about + body, hashlib.sha256).digest()[:MAC_BYTES]
+
+
+class HostHandshake:
+    """The host's half: answers requests, and has a `Seal` once a board has proved itself."""
+
+    def __init__(self, key: bytes) -> None:
+        self._key = key
+        self._nonces: Optional[bytes] = None
+        self.seal: Optional[Seal] = None
+
+    def take(self, packet: Packet) -> Optional[Packet]:
+        """The answer to a packet of the handshake, None where there is none to give.
+
+        A board that began again asks anew; the seal of before stays until it has proved itself.
+
+        Raises
+        ------
+        LinkClosed
+            If a proof is wrong: whoever sent it has another key, and gets no second try on this line.
+        """
+        if packet.type is PacketType.AUTH_REQUEST and len(packet.payload) == NONCE_BYTES:
+            nonces = packet.payload + os.urandom(NONCE_BYTES)
+            self._nonces = nonces
+            answer = nonces[NONCE_BYTES:] + _proof(self._key, "flyaround host", nonces)
+            return Packet(PacketType.AUTH_CHALLENGE, answer)
+        if packet.type is PacketType.AUTH_PROOF and self._nonces is not None:
+            if not hmac.compare_digest(packet.payload, _proof(self._key, "flyaround board", self._nonces)):
+                self._nonces = None
+                raise LinkClosed("it has another key")
+            if self.seal is None or self._nonces != self._of_seal:
+                self.seal, self._of_seal = Seal(self._key, self._nonces, is_host=True), self._nonces
+        return None
+
+    _of_seal: bytes = b""
+
+
+class HostTransport:
+    """A line on which a board must prove itself before anything else is heard from it."""
+
+    def __init__(self, line: Transport, key: bytes) -> None:
+        self._line = line
+        self._handshake = HostHandshake(key)
+        self.name, self.chunk_bytes = line.name, line.chunk_bytes
+
+    def send_packet(self, packet: Packet) -> None:
+        """Send sealed; before the proof only errors and goodbyes go out, as they are."""
+        seal = self._handshake.seal
+        if seal is not None:
+            packet = seal.seal(packet)
+        elif packet.type not in _IN_CLEAR:
+            raise LinkClosed(f"{self.name} has not proved that it has the key")
+        self._line.send_packet(packet)
+
+    def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
+        """Faults strike below the seal: see `hil.host.faults`."""
+        self._line.send_damaged(packet, at, flip)
+
+    def recv_packet(self, timeout_s: float) -> Optional[Packet]:
+        """The next packet that is of this session; None after ``timeout_s``."""
+        deadline = time.monotonic() + timeout_s
+        while True:
+            packet = self._line.recv_packet(max(0.0, deadline - time.monotonic()))
+            if packet is None:
+                return None
+            if packet.type in (PacketType.AUTH_REQUEST, PacketType.AUTH_PROOF):
+                answer = self._handshake.take(packet)
+                if answer is not None:
+                    self._line.send_packet(answer)
+            elif self._handshake.seal is not None:
+                return self._handshake.seal.open(packet)
+            else:
+                raise LinkClosed("it did not prove that it has the host's key: start it with --key FILE")
+
+    def fileno(self) -> int:
+        """What to wait on."""
+        return self._line.fileno()
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+
+class BoardTransport:
+    """A line to a host that has proved that it has the key."""
+
+    def __init__(self, line: Transport, seal: Seal, proof: Packet) -> None:
+        self._line, self._seal, self._proof = line, seal, proof
+        self.name, self.chunk_bytes = line.name, line.chunk_bytes
+
+    def send_packet(self, packet: Packet) -> None:
+        """Send sealed. HELLO is told the proof again before: a line that loses bytes may have lost it."""
+        if packet.type is PacketType.HELLO:
+            self._line.send_packet(self._proof)
+        self._line.send_packet(self._seal.seal(packet))
+
+    def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
+        """Faults strike below the seal: see `hil.host.faults`."""
+        self._line.send_damaged(packet, at, flip)
+
+    def recv_packet(self, timeout_s: float) -> Optional[Packet]:
+        """The next packet that is of this session; None after ``timeout_s``."""
+        packet = self._line.recv_packet(timeout_s)
+        if packet is None or packet.type is PacketType.AUTH_CHALLENGE:
+            return None
+        return self._seal.open(packet)
+
+    def fileno(self) -> int:
+        """What to wait on."""
+        return self._line.fileno()
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+
+def prove_to_host(line: Transport, key: bytes, timeout_s: float = ANSWER_S) -> BoardTransport:
+    """The board's half, or a truth logger's: a sealed line to a host that has the same key.
+
+    Raises
+    ------
+    LinkError
+        If the host has another key or none, or does not answer in ``timeout_s``.
+    """
+    nonce = os.urandom(NONCE_BYTES)
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        line.send_packet(Packet(PacketType.AUTH_REQUEST, nonce))
+        repeat = min(deadline, time.monotonic() + REPEAT_S)
+        while time.monotonic() < repeat:
+            try:
+                packet = line.recv_packet(max(0.0, repeat - time.monotonic()))
+            except PacketError:
+                continue
+            if packet is None:
+                break
+            if packet.type is PacketType.ERROR:
+                message = decode_message(packet)
+                if isinstance(message, ErrorMessage):
+                    raise LinkError(f"the host at {line.name} refuses: {message.text}")
+            answer = _checked(line.name, key, nonce, packet)
+            if answer is not None:
+                seal, proof = answer
+                line.send_packet(proof)
+                return BoardTransport(line, seal, proof)
+    raise LinkError(
+        f"the host at {line.name} does not answer for the key (waited {timeout_s:g} s): was it started with --key?"
+    )
+
+
+def _checked(name: str, key: bytes, nonce: bytes, packet: Packet) -> Optional[Tuple[Seal, Packet]]:
+    if packet.type is not PacketType.AUTH_CHALLENGE or len(packet.payload) != NONCE_BYTES + PROOF_BYTES:
+        return None
+    nonces = nonce + packet.payload[:NONCE_BYTES]
+    if not hmac.compare_digest(packet.payload[NONCE_BYTES:], _proof(key, "flyaround host", nonces)):
+        raise LinkError(f"the host at {name} has another key: give both sides the same file")
+    proof = Packet(PacketType.AUTH_PROOF, _proof(key, "flyaround board", nonces))
+    return Seal(key, nonces, is_host=False), proof

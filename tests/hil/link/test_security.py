@@ -1,0 +1,262 @@
+"""A key on the line: who has it gets in, who has not is told so, and no packet counts twice or changed."""
+
+import socket
+import threading
+import time
+from dataclasses import replace
+
+import pytest
+from hil_loop import Instant, Loop, adds_up, board, frames
+
+from hil.host.faults.definitions import ClockDrift, Faults
+from hil.host.truth.logger import TruthLogger
+from hil.link.errors import LinkClosed, LinkError, PacketError
+from hil.link.framing.length_prefix import LengthFraming
+from hil.link.packets.packet import Packet, PacketType
+from hil.link.security import (
+    NONCE_BYTES,
+    TRAILER_BYTES,
+    WINDOW,
+    HostHandshake,
+    HostTransport,
+    Seal,
+    prove_to_host,
+    read_key,
+)
+from hil.link.transports.in_process import virtual_pair
+from hil.link.transports.tcp import connect_tcp
+from simulator.errors import UserError
+
+KEY, OTHER = b"0123456789abcdef", b"fedcba9876543210"
+POSE = Packet(PacketType.POSE, b"a pose", session_id=7, sequence=3)
+
+
+def pair():
+    nonces = bytes(range(64))
+    return Seal(KEY, nonces, is_host=True), Seal(KEY, nonces, is_host=False)
+
+
+def test_what_was_sealed_opens_once():
+    host, board_side = pair()
+    sealed = board_side.seal(POSE)
+    assert len(sealed.payload) == len(POSE.payload) + TRAILER_BYTES
+    assert host.open(sealed) == POSE
+    with pytest.raises(PacketError, match="came twice"):
+        host.open(sealed)
+
+
+@pytest.mark.parametrize("at", range(6 + TRAILER_BYTES))
+def test_a_changed_byte_is_refused(at):
+    host, board_side = pair()
+    sealed = board_side.seal(POSE)
+    data = bytearray(sealed.payload)
+    data[at] ^= 1
+    with pytest.raises(PacketError, match="wrong MAC"):
+        host.open(replace(sealed, payload=bytes(data)))
+
+
+@pytest.mark.parametrize("change", [{"type": PacketType.CREDIT}, {"session_id": 8}, {"sequence": 4}])
+def test_a_changed_header_is_refused(change):
+    host, board_side = pair()
+    with pytest.raises(PacketError, match="wrong MAC"):
+        host.open(replace(board_side.seal(POSE), **change))
+
+
+def test_a_packet_is_not_turned_back_at_its_sender_nor_used_in_another_session():
+    host, board_side = pair()
+    sealed = board_side.seal(POSE)
+    with pytest.raises(PacketError, match="wrong MAC"):
+        board_side.open(sealed)
+    with pytest.raises(PacketError, match="wrong MAC"):
+        Seal(KEY, bytes(64), is_host=True).open(sealed)
+    with pytest.raises(PacketError, match="no MAC"):
+        host.open(POSE)
+
+
+def test_packets_may_overtake_each_other_within_the_window():
+    host, board_side = pair()
+    sealed = [board_side.seal(replace(POSE, sequence=k)) for k in range(WINDOW + 2)]
+    order = [5, 3, 4, 0, WINDOW + 1]
+    assert [host.open(sealed[k]).sequence for k in order] == order
+    for late in (0, 1, 3):
+        with pytest.raises(PacketError, match="twice, or long after"):
+            host.open(sealed[late])
+    assert host.open(sealed[WINDOW]).sequence == WINDOW
+
+
+def test_handshake_needs_the_key():
+    handshake = HostHandshake(KEY)
+    assert handshake.take(Packet(PacketType.AUTH_PROOF, bytes(32))) is None
+    challenge = handshake.take(Packet(PacketType.AUTH_REQUEST, bytes(NONCE_BYTES)))
+    assert len(challenge.payload) == 64
+    with pytest.raises(LinkClosed, match="another key"):
+        handshake.take(Packet(PacketType.AUTH_PROOF, bytes(32)))
+    assert handshake.seal is None
+
+
+def host_of(line, key, heard):
+    def serve():
+        secured = HostTransport(line, key)
+        try:
+            while True:
+                packet = secured.recv_packet(5.0)
+                if packet is not None:
+                    heard.append(packet)
+                    secured.send_packet(replace(packet, type=PacketType.CREDIT))
+                    return
+        except LinkError as error:
+            heard.append(error)
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    return thread
+
+
+def test_both_sides_prove_themselves():
+    here, there = virtual_pair()
+    heard = []
+    thread = host_of(there, KEY, heard)
+    line = prove_to_host(here, KEY)
+    line.send_packet(POSE)
+    assert line.recv_packet(5.0) == replace(POSE, type=PacketType.CREDIT)
+    thread.join(5)
+    assert heard == [POSE]
+
+
+def test_another_key_is_told_at_once():
+    here, there = virtual_pair()
+    host_of(there, OTHER, [])
+    begin = time.monotonic()
+    with pytest.raises(LinkError, match="has another key"):
+        prove_to_host(here, KEY)
+    assert time.monotonic() - begin < 2
+
+
+def test_runs_with_a_key(tmp_path):
+    loggers, rows = [], []
+
+    def listen(_url):
+        loggers.append(TruthLogger(loop.truth_url, tmp_path / "truth.jsonl", KEY))
+        loggers.append(TruthLogger(loop.truth_url, tmp_path / "stranger.jsonl", OTHER))
+        for logger in loggers:
+            logger.start()
+        assert loggers[0].wait_connected(10)
+        time.sleep(0.3)
+        board(Instant, key=KEY)(loop.url)
+
+    loop = Loop(listen)
+    summary = loop.run(frames(10), key=KEY, truth="separate", on_row=rows.append)
+    assert adds_up(summary)
+    assert summary.accepted == 10
+    assert loggers[0].stop() == 10
+    assert loggers[1].stop(0.1) == 0
+    assert (tmp_path / "stranger.jsonl").read_text() == ""
+
+
+def test_a_stranger_without_the_key_keeps_no_board_out():
+    said = []
+
+    def both(url):
+        with pytest.raises(LinkError) as caught:
+            board(Instant, connect_timeout_s=3.0)(url)
+        said.append(str(caught.value))
+        board(Instant, key=KEY)(url)
+
+    summary = Loop(both).run(frames(4), key=KEY)
+    assert summary.accepted == 4
+    assert summary.sent == 4
+    assert said
+
+
+def test_recorded_packets_of_another_run_are_worth_nothing():
+    """Everything that a board said to one run, said to another one."""
+    recorded = bytearray()
+
+    def record(url):
+        port = int(url.rsplit(":", 1)[1])
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            thread = threading.Thread(
+                target=board(Instant, key=KEY),
+                args=(f"tcp://127.0.0.1:{server.getsockname()[1]}",),
+                daemon=True,
+            )
+            thread.start()
+            mine, _ = server.accept()
+        upstream = socket.create_connection(("127.0.0.1", port))
+
+        def copy(source, sink, keep):
+            try:
+                while data := source.recv(65536):
+                    if keep is not None:
+                        keep += data
+                    sink.sendall(data)
+            except OSError:
+                pass
+
+        back = threading.Thread(target=copy, args=(upstream, mine, None), daemon=True)
+        back.start()
+        copy(mine, upstream, recorded)
+        mine.close()
+        upstream.close()
+        thread.join(5)
+
+    Loop(record).run(frames(3), key=KEY)
+    assert len(recorded) > 500
+
+    def replay(url):
+        with socket.create_connection(("127.0.0.1", int(url.rsplit(":", 1)[1]))) as line:
+            line.sendall(recorded)
+            time.sleep(0.5)
+        board(Instant, key=KEY)(url)
+
+    rows = []
+    summary = Loop(replay).run(frames(3), key=KEY, on_row=rows.append)
+    assert (summary.accepted, summary.link.sessions) == (3, 1)
+
+
+def test_a_key_less_host_and_a_board_with_one():
+    def start(url):
+        line = connect_tcp("127.0.0.1", int(url.rsplit(":", 1)[1]), 5.0)
+        with pytest.raises(LinkError, match="--key"):
+            prove_to_host(line, KEY, 1.5)
+        line.close()
+        board(Instant)(url)
+
+    assert Loop(start).run(frames(2)).accepted == 2
+
+
+def test_other_machines_need_a_key():
+    with pytest.raises(UserError, match="hil key FILE"):
+        Loop().run(frames(1), url="tcp://0.0.0.0:0")
+    with pytest.raises(UserError, match="hil key FILE"):
+        Loop().run(frames(1), truth="separate", truth_url="tcp://0.0.0.0:0")
+    with pytest.raises(UserError, match="clock_drift"):
+        Loop().run(frames(1), key=KEY, faults=Faults(line=(ClockDrift(ppm=1.0),)))
+    summary = Loop(lambda url: board(Instant, key=KEY)(f"tcp://127.0.0.1:{url.rsplit(':', 1)[1]}")).run(
+        frames(2), url="tcp://0.0.0.0:0", key=KEY, truth="inline"
+    )
+    assert (summary.accepted, summary.truth) == (2, "inline")
+
+
+def test_key_files(tmp_path):
+    path = tmp_path / "key"
+    path.write_bytes(KEY + b"\n")
+    path.chmod(0o600)
+    assert read_key(str(path)) == KEY
+    path.chmod(0o644)
+    with pytest.raises(LinkError, match="chmod 600"):
+        read_key(str(path))
+    path.chmod(0o600)
+    path.write_bytes(b"short")
+    with pytest.raises(LinkError, match="16 to 4096"):
+        read_key(str(path))
+    with pytest.raises(LinkError, match="cannot be read"):
+        read_key(str(tmp_path / "none"))
+
+
+def test_a_sealed_packet_is_an_ordinary_one_to_the_framing():
+    framing = LengthFraming()
+    _, board_side = pair()
+    sealed = board_side.seal(POSE)
+    framing.feed(framing.encode(sealed))
+    assert framing.next_packet() == sealed
