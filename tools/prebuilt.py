@@ -1,4 +1,4 @@
-"""What ``assets/prebuilt`` holds, and how it is made: what a first start of the standard scenes would take longest for.
+"""Makes ``assets/prebuilt``: the cache entries that a first start of the standard scenes would take longest for.
 
 `python -m tools.prebuilt` makes it again, where the output of a maker has changed and its version was raised.
 """

@@ -1,4 +1,4 @@
-"""The user's cache folder: decoded maps and tables that are slow to make, written atomically.
+"""Arrays in the user's cache folder: decoded maps and tables that are slow to make, written atomically.
 
 A name says what an entry was made from, its end if it is what was written (`simulator.runtime.cache`). Who needs what
 another thread or program is making waits for it. What no program has asked for in `KEPT_DAYS` goes when something new
@@ -45,7 +45,7 @@ log = logging.getLogger(__name__)
 
 
 def cache_bytes() -> int:
-    """What lies in the cache folder."""
+    """Size of the cache folder [bytes]."""
     total = 0
     for path in cache_folder().rglob("*"):
         with suppress(OSError):  # another program may have removed it
@@ -85,14 +85,14 @@ def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]
 
 
 class DeferredWrites:
-    """What a first picture is drawn from, written when that is done, or as soon as another program wants some of it."""
+    """Arrays of a first frame, written when it is drawn, or as soon as another program waits for one of them."""
 
     def __init__(self) -> None:
         self._start, self._changing = threading.Event(), threading.Lock()
         self._waiting: list[tuple[Mapping[Path, _Array], ExitStack]] = []
 
     def use(self) -> None:
-        """What this thread makes from here on is written later."""
+        """Defer what this thread makes from here on."""
         _deferred.set(self)
 
     def start(self) -> None:

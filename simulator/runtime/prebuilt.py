@@ -1,4 +1,4 @@
-"""What is slow to make and the same for everyone: shipped with the program, under the name that the cache keeps it by.
+"""The prebuilt cache: entries that are slow to make and the same for everyone, shipped under their cache names.
 
 A first start reads it where it would make it. A name says what the thing was made from and by which version of its
 maker, so that a change never meets an old file; `python -m tools.prebuilt` makes ``assets/prebuilt`` again.
@@ -28,7 +28,7 @@ _made_anew: ContextVar[bool] = ContextVar("_made_anew", default=False)
 
 @contextmanager
 def without_prebuilt() -> Iterator[None]:
-    """Within, and on this thread, nothing is found to be shipped: for who makes or tests what is."""
+    """Hide the prebuilt entries from this thread: for who makes or tests them."""
     token = _made_anew.set(True)
     try:
         yield

@@ -1,4 +1,4 @@
-"""Frozen dataclasses, tuples and arrays as one array of bytes and back: what the cache keeps of them.
+"""Serialisation of frozen dataclasses, tuples and arrays to one array of bytes and back, for the cache.
 
 No pickle: what lies in a folder of the user's is data, and never code.
 """

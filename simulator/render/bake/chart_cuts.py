@@ -1,4 +1,4 @@
-"""Which triangles of a mesh make one chart: faces in one plane, and of finely meshed round faces small patches."""
+"""Segmentation of a mesh into charts: faces in one plane, and small patches of finely meshed round faces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The first triangle of a mesh that parallel rays meet: by Embree, or where it has no package, by a grid in numpy.
+"""Ray casting of parallel rays on a mesh: by Embree, or by an exact grid in numpy where it has no package.
 
 Wald et al. (2014), Embree: a kernel framework for efficient CPU ray tracing, ACM TOG 33(4). The grid is exact too and
 some fifty times slower; tests hold the two together.

@@ -1,4 +1,4 @@
-"""Tiling noise for the detail below the maps' 5 km texels: baked once, because arithmetic noise is what costs most."""
+"""Detail noise: one tiling texture for clouds and land below the 5 km texels of the maps, baked once."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def make_detail() -> ByteArray:
     rng = np.random.default_rng(_SEED)
     broad_cloud, broad_land = _field(rng, _BROAD)
     fine_cloud, fine_land = _field(rng, _FINE)
-    cloud = _even(_BROAD_WEIGHT * _enlarge(broad_cloud) + _FINE_WEIGHT * np.tile(fine_cloud, (2, 2)))
-    land = 0.26 * (_enlarge(broad_land) - 0.5) + 0.42 * (np.tile(fine_land, (2, 2)) - 0.5)
+    cloud = _equalise(_BROAD_WEIGHT * _upsample(broad_cloud) + _FINE_WEIGHT * np.tile(fine_cloud, (2, 2)))
+    land = 0.26 * (_upsample(broad_land) - 0.5) + 0.42 * (np.tile(fine_land, (2, 2)) - 0.5)
     out = np.empty((SIZE, SIZE, 4), np.uint8)
     for first in range(0, SIZE, _ROWS):
         rows = slice(first, first + _ROWS)
@@ -75,40 +75,40 @@ def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Ar
     # turrets: puffs of three sizes, brightest at their middles, on a turbulent field
     puffs = np.zeros((size, size), np.float32)
     for count, weight in ((22, 1.0), (53, 0.7), (120, 0.45)):
-        puffs += weight * (1 - _cellular(rng, size, count * scale))
-    soft = _fractal(rng, f, f**-1.25, 3.0 * scale)
-    cloud = _soften(_even(soft / soft.std() + 0.75 * (puffs - puffs.mean()) / puffs.std()))
+        puffs += weight * (1 - _worley_noise(rng, size, count * scale))
+    soft = _spectral_noise(rng, f, f**-1.25, 3.0 * scale)
+    cloud = _blur(_equalise(soft / soft.std() + 0.75 * (puffs - puffs.mean()) / puffs.std()))
     # valleys: creases of several sizes, as rivers cut them, and patches
     creases = np.zeros((size, size), np.float32)
     steep = f**-1.9
     for k in range(4):
-        field = _fractal(rng, f, steep, 4.0 * scale * 2**k)
+        field = _spectral_noise(rng, f, steep, 4.0 * scale * 2**k)
         creases += 0.65**k * np.sqrt(np.abs(field / field.std()))
-    patches = _fractal(rng, f, f**-1.1, 3.0 * scale)
+    patches = _spectral_noise(rng, f, f**-1.1, 3.0 * scale)
     # fields of their own brightness, and woods with edges
     own = np.random.default_rng([_SEED, size])
-    fields = _mosaic(own, size, 110 * scale) - 0.5
-    woods = _even(_fractal(own, f, f**-1.6, 8.0 * scale)) > _OPEN
+    fields = _voronoi_noise(own, size, 110 * scale) - 0.5
+    woods = _equalise(_spectral_noise(own, f, f**-1.6, 8.0 * scale)) > _OPEN
     mixed = creases / creases.std() + 0.6 * patches / patches.std() + 1.1 * fields - 1.6 * woods
-    land = _soften(_even(np.asarray(mixed, np.float32)))
+    land = _blur(_equalise(np.asarray(mixed, np.float32)))
     return cloud, land
 
 
-def _enlarge(image: Float32Array) -> Float32Array:
-    """To the tile's size, its edges still matching."""
+def _upsample(image: Float32Array) -> Float32Array:
+    """To the size of the tile, periodic."""
     factor, pad = SIZE // len(image), 8
     wrapped = np.pad(image, pad, mode="wrap")
     large = cv2.resize(wrapped, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
     return np.asarray(large[pad * factor : -pad * factor, pad * factor : -pad * factor], np.float32)
 
 
-def _soften(image: Float32Array) -> Float32Array:
-    """A blur of about a texel that keeps the tile's edges matching."""
+def _blur(image: Float32Array) -> Float32Array:
+    """A periodic blur of about a texel."""
     wrapped = np.pad(image, 8, mode="wrap")
     return np.asarray(cv2.GaussianBlur(wrapped, (0, 0), 0.6), np.float32)[8:-8, 8:-8]
 
 
-def _fractal(
+def _spectral_noise(
     rng: np.random.Generator, frequencies: FloatArray, amplitudes: FloatArray, low: float
 ) -> Float32Array:
     """Gaussian noise of a spectrum's amplitudes from ``low`` cycles per tile up, periodic."""
@@ -127,8 +127,8 @@ def _frequencies(size: int) -> FloatArray:
     return np.asarray(f)
 
 
-def _cellular(rng: np.random.Generator, size: int, count: int) -> Float32Array:
-    """Distance to the nearest of ``count^2`` jittered points over their spacing, periodic (Worley 1996)."""
+def _worley_noise(rng: np.random.Generator, size: int, count: int) -> Float32Array:
+    """Periodic Worley noise (1996): distance to the nearest of ``count^2`` jittered points over their spacing."""
     spacing, pad = size / count, 32
     cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)
     x, y = np.moveaxis(((cell + rng.random((count, count, 2))) * spacing).astype(int), -1, 0)
@@ -139,8 +139,8 @@ def _cellular(rng: np.random.Generator, size: int, count: int) -> Float32Array:
     return np.asarray(distance[pad:-pad, pad:-pad] / np.float32(spacing), np.float32)
 
 
-def _mosaic(rng: np.random.Generator, size: int, count: int) -> Float32Array:
-    """A number 0..1 for each of ``count^2`` cells of jittered points, periodic."""
+def _voronoi_noise(rng: np.random.Generator, size: int, count: int) -> Float32Array:
+    """Periodic Voronoi noise: a number 0..1 for each cell of ``count^2`` jittered points."""
     pad, spacing = 32, size / count
     cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)
     x, y = np.moveaxis(((cell + rng.random((count, count, 2))) * spacing).astype(int), -1, 0)
@@ -153,8 +153,8 @@ def _mosaic(rng: np.random.Generator, size: int, count: int) -> Float32Array:
     return of_label[nearest][pad:-pad, pad:-pad]
 
 
-def _even(image: Float32Array) -> Float32Array:
-    """Share of the values below each: a threshold at 1 - c then leaves the share c."""
+def _equalise(image: Float32Array) -> Float32Array:
+    """Histogram equalisation: the share of values below each, so that a threshold at 1 - c leaves the share c."""
     counts, edges = np.histogram(image, bins=4096)
     below = np.append(0, np.cumsum(counts)) / image.size
     # a table of even steps: quicker than a search for every value

@@ -1,4 +1,4 @@
-"""The Earth as the camera sees it: stretched coordinates, the part of the image it fills, the rays in view."""
+"""View of the Earth: the camera in stretched Earth-fixed axes, and the part of the image that the Earth fills."""
 
 from __future__ import annotations
 

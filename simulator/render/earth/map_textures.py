@@ -1,4 +1,4 @@
-"""What the Earth is drawn from, decoded or fetched from the cache on threads while the target is prepared."""
+"""Prefetch of the Earth's maps: decoded, or read from the cache, on threads while the target is prepared."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ AUGUST = Season(8, 8, 0.0)  # the month of the fine map
 
 @dataclass(frozen=True, eq=False)
 class EarthMaps:
-    """Pictures and tables under way; ``result()`` of each waits for it.
+    """Futures of maps and tables; ``result()`` waits for one.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class EarthMaps:
 
 
 def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
-    """Start on what a scene's Earth needs, and return at once; NumPy and OpenCV leave Python free meanwhile.
+    """Starts decoding what the Earth of a scene needs, and returns at once; NumPy and OpenCV release Python's lock.
 
     Before there is a scene it may be prefetched for the renderer that will draw it.
     """

@@ -51,7 +51,7 @@ _STRIPS = [slice(row, row + 112) for row in range(0, HEIGHT, 112)]
 
 
 class DecodedMaps:
-    """Decodes maps, and keeps them until it is told to forget: what is made of them together decodes them once."""
+    """Decodes maps and keeps them until `forget`: what is made of several decodes each once."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[str, int], ByteArray] = {}
@@ -170,18 +170,18 @@ def to_reflectance() -> Float32Array:
 
 
 def land_only(values: Float32Array, land: ByteArray) -> Float32Array:
-    """Replace the sea's values by those of the nearest land, so that a crisp coast shows no sea on its land side.
+    """Fills the sea with the values of the nearest land, so that a crisp coast shows no sea on its land side.
 
     What is filled in is smooth: it is worked out at a quarter of the size.
     """
     height, width = land.shape
-    filled = _spread(*_quarter(values, land))
+    filled = _filled(*_quarter_size(values, land))
     out = cv2.resize(filled, (width, height), interpolation=cv2.INTER_LINEAR)
     cv2.copyTo(values, land, out)
     return np.asarray(out, np.float32)
 
 
-def _quarter(values: Float32Array, land: ByteArray) -> tuple[Float32Array, Float32Array]:
+def _quarter_size(values: Float32Array, land: ByteArray) -> tuple[Float32Array, Float32Array]:
     """At a quarter of the size: means of the values with the sea's as zero, and the share of land."""
     small = (land.shape[1] // 4, land.shape[0] // 4)
     masked = cv2.copyTo(values, land)
@@ -190,8 +190,8 @@ def _quarter(values: Float32Array, land: ByteArray) -> tuple[Float32Array, Float
     return np.asarray(mean, np.float32), np.asarray(share, np.float32)
 
 
-def _spread(filled: Float32Array, share: Float32Array) -> Float32Array:
-    """Values of the land, and beside it those of the nearest land, from what `_quarter` gives."""
+def _filled(filled: Float32Array, share: Float32Array) -> Float32Array:
+    """Values of the land, and beside it those of the nearest land, from what `_quarter_size` gives."""
     known = share > 1e-3
     filled[known] = (filled[known].T / share[known]).T
     total = known.astype(np.float32)
@@ -277,10 +277,10 @@ def _panchromatic_land(
         cv2.insertChannel(cv2.convertScaleAbs(cv2.sqrt(reflectance), alpha=255.0), out[rows], 0)
         cv2.insertChannel(coast[rows], out[rows], 3)
         quarter = slice(rows.start // 4, rows.stop // 4)
-        means[quarter], shares[quarter] = _quarter(reflectance, _inland(coast[rows]))
+        means[quarter], shares[quarter] = _quarter_size(reflectance, _inland(coast[rows]))
 
     list(pool.map(reduce, _STRIPS))
-    return _spread(means, shares)
+    return _filled(means, shares)
 
 
 def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
@@ -292,11 +292,11 @@ def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
     def reduce(rows: slice) -> None:
         quarter = slice(rows.start // 4, rows.stop // 4)
         reflectance = np.asarray(cv2.LUT(day_bgr[rows], table), np.float32)
-        means[quarter], shares[quarter] = _quarter(reflectance, _inland(coast[rows]))
+        means[quarter], shares[quarter] = _quarter_size(reflectance, _inland(coast[rows]))
 
     with one_thread(), ThreadPoolExecutor(beside_the_caller()) as pool:
         list(pool.map(reduce, _STRIPS))
-        beside = _spread(means, shares)
+        beside = _filled(means, shares)
         out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
 
         def merge(rows: slice) -> None:
@@ -329,7 +329,7 @@ def _enlarged_root(reflectance: Float32Array, rows: slice) -> ByteArray:
 
 
 class OneThread:
-    """Counts who is within: the setting is the whole process's, and comes back when the last has left."""
+    """OpenCV on one thread. The setting is the process's: it is restored when the last caller leaves."""
 
     def __init__(self) -> None:
         self._changing, self._within, self._before = Lock(), 0, 0

@@ -65,7 +65,7 @@ def ocean_colour(bands: int, sources: Sources | None = None) -> ByteArray:
 
 
 def sources_to_decode(bands: int, files: DecodedMaps) -> Sources | None:
-    """What `ocean_colour` will be made of, from maps that are decoded for others too; none where the cache has them."""
+    """Sources of `ocean_colour`, from maps that are decoded for others too; ``None`` where the cache has the result."""
     return None if is_cached(_key(bands)) else day_and_coast(files)
 
 
@@ -97,7 +97,7 @@ def _make(bands: int, sources: Sources) -> ByteArray:
 
 
 def _within(tile: tuple[slice, slice], wanted: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """The rows and columns of a tile from the first to the last that something (R, C) in it is wanted of."""
+    """The part of a tile that bounds what is wanted (R, C) in it."""
     rows, columns = (np.flatnonzero(wanted.any(axis=k)) for k in (1, 0))
     ranges = [(found[0], found[-1] + 1) if len(found) else (0, 0) for found in (rows, columns)]
     first, second = (
@@ -150,7 +150,7 @@ def _mask() -> NDArray[np.bool_]:
 
 
 def near_bright_water(z: FloatArray, longitude: FloatArray) -> NDArray[np.bool_]:
-    """Whether there is such water within half a degree or a degree.
+    """Whether there is shallow or turbid water within half a degree or a degree.
 
     Parameters
     ----------

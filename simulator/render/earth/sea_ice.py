@@ -1,4 +1,4 @@
-"""The sea's ice through the year: a climatology, because the maps show open water in every month.
+"""Sea ice through the year: a climatology, because the maps show open water in every month.
 
 Edges of the ice at its largest and smallest, drawn by hand so that the area within them comes to the month's extent;
 between them by that extent. The extents are those of 1981-2010 as commonly quoted from NSIDC's Sea Ice Index (Fetterer
@@ -51,12 +51,12 @@ EXTENT_SOUTH = (5.0, 3.1, 4.0, 7.0, 10.4, 13.6, 16.2, 17.8, 18.5, 18.1, 16.0, 10
 # fmt: on
 _FARTHEST_DEG = 40.0  # there is no ice nearer to the equator
 _SEED = 1893
-VERSION = 1  # of `_make_noise`: raise it when the same pole gets other noise
+VERSION = 1  # of `_make_ice_noise`: raise it when the same pole gets other noise
 _POLAR_SINE = 0.94  # of the latitude (70 degrees): nearer to the poles a degree of longitude is narrow
 
 
 def sea_ice(epoch_utc: str) -> ByteArray:
-    """(720, 1440) share of the sea under ice, 255 for all, row 0 in the north, column 0 at -180 degrees."""
+    """(720, 1440) ice concentration, 0..255, row 0 in the north, column 0 at -180 degrees."""
     moment = datetime.fromisoformat(epoch_utc)
     return _of_day(moment.timetuple().tm_yday)
 
@@ -74,8 +74,8 @@ def _of_day(day: int) -> ByteArray:
         middles = (np.arange(12) + 0.5) / 12 * _YEAR
         extent = np.interp(day, middles, extents, period=_YEAR)
         grown = (extent - min(extents)) / (max(extents) - min(extents))
-        tongues, leads, aside = _noise(pole)
-        edge = grown * _edge(largest, longitude) + (1 - grown) * _edge(smallest, longitude)
+        tongues, leads, aside = _ice_noise(pole)
+        edge = grown * _edge_latitude(largest, longitude) + (1 - grown) * _edge_latitude(smallest, longitude)
         # an edge that runs along a meridian wanders too: it is looked up to the side
         meridian = (
             np.arange(WIDTH) + (_TONGUES_DEG * WIDTH / 360) * aside / np.cos(np.radians(latitude))[:, None]
@@ -117,19 +117,19 @@ def _polar_rows() -> int:
     return round((90 - _FARTHEST_DEG) / 180 * HEIGHT)
 
 
-def _edge(points: tuple[tuple[float, float], ...], longitude: FloatArray) -> FloatArray:
+def _edge_latitude(points: tuple[tuple[float, float], ...], longitude: FloatArray) -> FloatArray:
     x, y = np.array(points, float).T
     return np.asarray(np.interp(longitude, x, y, period=360.0))
 
 
 @lru_cache(maxsize=2)
-def _noise(pole: int) -> Float32Array:
+def _ice_noise(pole: int) -> Float32Array:
     """(3, rows, WIDTH) from the pole outwards: the edge's tongues, of deviation 1, the pack's leads, 0..1, tongues."""
-    return cached_array(entry_name("ice", VERSION, pole), lambda: _make_noise(pole))
+    return cached_array(entry_name("ice", VERSION, pole), lambda: _make_ice_noise(pole))
 
 
-def _make_noise(pole: int) -> Float32Array:
-    """`_noise`.
+def _make_ice_noise(pole: int) -> Float32Array:
+    """`_ice_noise`.
 
     Drawn on the plane of the azimuthal projection, where it is the same in every direction.
     """

@@ -1,4 +1,4 @@
-"""A tiling mountain land cut by rivers, for the ground below the maps' texels in `high`: ridges, wadis, bare strata.
+"""Terrain detail below the texels of the maps in `high`: one tiling land of ridges and wadis, cut by rivers.
 
 Where rivers have cut for long, height rises along each by area^-0.45 (Flint's law), and every point drains the way that
 costs it least: the shortest paths over a land whose steps cost so much. Shortest paths are sought, the land's cost is
@@ -43,33 +43,35 @@ def make_terrain_detail() -> ByteArray:
     deviation 0.2; the share of gravel and sand, brighter than rock, on the floors of valleys.
     """
     rng = np.random.default_rng(_SEED)
-    base = _fractal(rng, _COARSE, 2.0, -1.7)
+    base = _spectral_noise(rng, _COARSE, 2.0, -1.7)
     plains = base < np.quantile(base, _PLAINS)
-    hardness = np.exp(0.55 * _fractal(rng, _COARSE, 4.0, -1.0) + 0.35 * rng.standard_normal(base.shape))
-    _, area = drained(plains, hardness, _TURNS)
+    hardness = np.exp(
+        0.55 * _spectral_noise(rng, _COARSE, 4.0, -1.0) + 0.35 * rng.standard_normal(base.shape)
+    )
+    _, area = drainage(plains, hardness, _TURNS)
     # the same land on the fine grid, whose channels run where the coarse ones do
-    fine = _enlarged(hardness) * np.exp(0.4 * rng.standard_normal((SIZE, SIZE)))
-    known = np.exp(_enlarged(np.log(area)))
-    height, area = drained(_enlarged(plains.astype(float)) > 0.5, fine, 0, known)
+    fine = _upsampled(hardness) * np.exp(0.4 * rng.standard_normal((SIZE, SIZE)))
+    known = np.exp(_upsampled(np.log(area)))
+    height, area = drainage(_upsampled(plains.astype(float)) > 0.5, fine, 0, known)
     height = _blurred(height, 1.1)
     slopes = [0.5 * (np.roll(height, -1, axis) - np.roll(height, 1, axis)) for axis in (1, 0)]
     steep = _SLOPE / np.sqrt(np.mean(slopes[0] ** 2 + slopes[1] ** 2))
     # gravel and sand lie as wide as the stream is large
     floor = sum(_blurred(np.clip(np.log(area) - k, 0.0, 1.0), 0.6 * 1.5**k) for k in (3, 4, 5, 6))
-    floor = np.clip(floor + _blurred(_enlarged(plains.astype(float)), 1.5), 0.0, 1.0)
+    floor = np.clip(floor + _blurred(_upsampled(plains.astype(float)), 1.5), 0.0, 1.0)
     # what stands over its surroundings is bare and dark, what washes down is pale; units of rock differ
     crest = _blurred(height, 10.0) - _blurred(height, 1.5)
-    units = _steps(rng, 1.6 * _fractal(rng, SIZE, 2.0, -1.8))
-    rock = crest / crest.std() + 0.45 * units / units.std() + 0.3 * _fractal(rng, SIZE, 20.0, -0.9)
+    units = _steps(rng, 1.6 * _spectral_noise(rng, SIZE, 2.0, -1.8))
+    rock = crest / crest.std() + 0.45 * units / units.std() + 0.3 * _spectral_noise(rng, SIZE, 20.0, -0.9)
     rock = 0.2 * (rock - rock.mean()) / rock.std()
     channels = [0.5 + s * (steep / (2 * SLOPE_MAX)) for s in slopes] + [0.5 + rock, floor]
     return np.dstack([np.clip(255 * c + 0.5, 0, 255).astype(np.uint8) for c in channels])
 
 
-def drained(
+def drainage(
     outlets: BoolArray, hardness: FloatArray, turns: int, area: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Height of a periodic land that rivers have cut, in steps' costs, and the area that each point drains [texels].
+    """Optimal channel network of a periodic land: its height, in units of cost, and the drainage area [texels].
 
     Parameters
     ----------
@@ -77,12 +79,12 @@ def drained(
     turns : after the first. area : (N, N) that is known to begin with.
     """
     for _ in range(turns + 1):
-        height, down = _shortest(hardness if area is None else hardness * area**-_CONCAVITY, outlets)
-        area = _areas(down).reshape(height.shape)
+        height, down = _least_cost_paths(hardness if area is None else hardness * area**-_CONCAVITY, outlets)
+        area = _drainage_areas(down).reshape(height.shape)
     return height, np.asarray(area)
 
 
-def _shortest(cost: FloatArray, outlets: BoolArray) -> tuple[FloatArray, IntArray]:
+def _least_cost_paths(cost: FloatArray, outlets: BoolArray) -> tuple[FloatArray, IntArray]:
     """(N, N) least cost of a path to an outlet, and (N * N,) the next point on it: an outlet's is itself."""
     size = len(cost)
     index = np.arange(size * size).reshape(size, size)
@@ -98,8 +100,8 @@ def _shortest(cost: FloatArray, outlets: BoolArray) -> tuple[FloatArray, IntArra
     return least.reshape(cost.shape), np.where(before < 0, index.ravel(), before)
 
 
-def _areas(down: IntArray) -> FloatArray:
-    """Points whose water passes each, itself among them, by the next point down of each."""
+def _drainage_areas(down: IntArray) -> FloatArray:
+    """Drainage area of each point [texels], itself included, by the next point down of each."""
     far, hops = down, (down != np.arange(len(down))).astype(int)
     # doubling: each turn adds as many hops as are known
     while hops[far].any():
@@ -122,7 +124,7 @@ def _steps(rng: np.random.Generator, x: FloatArray) -> FloatArray:
     return np.asarray(values[(k - 1) % 64] * (1 - share) + values[k % 64] * share)
 
 
-def _fractal(rng: np.random.Generator, size: int, low: float, power: float) -> FloatArray:
+def _spectral_noise(rng: np.random.Generator, size: int, low: float, power: float) -> FloatArray:
     """Periodic Gaussian noise of a spectrum's power from ``low`` cycles per tile up, standard deviation 1."""
     f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
     f[0, 0] = 1
@@ -132,13 +134,13 @@ def _fractal(rng: np.random.Generator, size: int, low: float, power: float) -> F
     return np.asarray(noise / noise.std())
 
 
-def _enlarged(image: FloatArray) -> FloatArray:
-    """From the coarse grid to the fine, its edges still matching."""
+def _upsampled(image: FloatArray) -> FloatArray:
+    """From the coarse grid to the fine, periodic."""
     pad, factor = 4, SIZE // _COARSE
     large = cv2.resize(np.pad(image, pad, mode="wrap"), None, fx=factor, fy=factor)
     return np.asarray(large[pad * factor : -pad * factor, pad * factor : -pad * factor])
 
 
 def _blurred(image: FloatArray, sigma: float) -> FloatArray:
-    """A blur that keeps the tile's edges matching."""
+    """A periodic blur."""
     return np.asarray(cv2.GaussianBlur(np.pad(image, 24, mode="wrap"), (0, 0), sigma)[24:-24, 24:-24])

@@ -1,4 +1,4 @@
-"""The Moon as the camera sees it: its own axes and unit of length, its light, and the pixels that it touches."""
+"""View of the Moon: the camera in its axes and radii, its illumination, and the pixels that it touches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Edge pass: what the samples miss of each edge's area. Reads the mesh's edges; writes a slope of weights per pixel."""
+"""Edge pass: analytic coverage of edges, as slopes of sample weights. Reads the edges; writes one slope a pixel."""
 
 from __future__ import annotations
 

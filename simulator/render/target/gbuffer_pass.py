@@ -1,4 +1,4 @@
-"""Geometry pass: which surface each lattice sample sees. Reads the mesh; writes material, normal, chart and depth."""
+"""G-buffer pass: which surface each sample sees. Reads the mesh; writes material, normal, chart and depth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Targets on the GPU: what is made of one for the passes, and which of them stay."""
+"""Targets resident on the GPU: the resources of each, and which of them stay."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The supersampling lattice that gives the target its area-true edges in one raster pass.
+"""Sample patterns: supersampling on a lattice that gives the target area-true edges in one raster pass.
 
 A lattice that repeats with every pixel and puts N samples in each is all points (x, y) whose s = s_x x + s_y y and
 t = t_x x + t_y y are whole, for whole coefficients of determinant -N. A framebuffer whose pixels are counted by s and t

@@ -1,4 +1,4 @@
-"""The shadow of a target on itself: which part of it the map shows, how fine, and what the shading is told of it."""
+"""Self-shadowing of a target: the frustum and resolution of its shadow map, and the uniforms that read it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a target is drawn: its pixels, the tiles that it may touch, its depth range, and how densely it is sampled."""
+"""Viewport fit: the pixels and tiles that a target may touch, its depth range, and how densely it is sampled."""
 
 from __future__ import annotations
 

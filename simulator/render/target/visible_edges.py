@@ -1,4 +1,4 @@
-"""Which edges of a mesh a frame draws: those that may show, reach the window and are not one of a close pair."""
+"""Edge culling: the edges of a mesh that may be visible, reach the window and are not one of a close pair."""
 
 from __future__ import annotations
 

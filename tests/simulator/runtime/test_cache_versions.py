@@ -78,7 +78,7 @@ MAKERS = {
     "outlines": (write.OUTLINES_VERSION, outlines),
     "geometry": (geometry.VERSION, lambda: [prepared(load_target(SMALL))[0].values]),
     "transfer": ((radiance_transfer.VISIBILITY_VERSION, radiance_transfer.VERSION), light),
-    "ice": (sea_ice.VERSION, lambda: [sea_ice._make_noise(0)]),
+    "ice": (sea_ice.VERSION, lambda: [sea_ice._make_ice_noise(0)]),
     "detail": (detail_noise.VERSION, lambda: [detail_noise.make_detail()]),
     "seasons": (seasons.VERSION, lambda: [seasons._make_ground_slopes(), *seasons._make_gains((1,), 3)]),
     "mipmaps": (mipmaps.VERSION, lambda: [mipmaps._smaller(np.eye(64, dtype=np.uint8) * 255, globe=True)]),

@@ -12,7 +12,7 @@ def land():
     outlets = np.zeros((48, 48), bool)
     outlets[20:22, 5:40] = True
     hardness = np.exp(0.4 * rng.standard_normal(outlets.shape))
-    return outlets, hardness, *valleys.drained(outlets, hardness, 3)
+    return outlets, hardness, *valleys.drainage(outlets, hardness, 3)
 
 
 def test_all_water_comes_to_the_outlets(land):
