@@ -43,7 +43,10 @@ from simulator.targets.board_model.write import write_board_model
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from hil.host.recording.recorder import Recorder
+    from simulator.frame import Frame
 
 ANY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - listened on at the user's wish
 
@@ -174,43 +177,46 @@ def host(
         target_sha256=plan.target.sha256,
         recorders=_recorders(mcap, live, ccsds, log),
     )
+    drawn = frames_of_plan(
+        with_exposure_faults(plan, given), device_index=gpu, workers=workers, warm_up=mode == "realtime"
+    )
+    coded = with_time_code(drawn, faults=given) if time_code else drawn
+    summary = _stream(with_camera_faults(coded, given), config, plan.n_frames, as_json=as_json)
+    if summary.ended != "completed":
+        # what was sent is in the ledger; a script must not take a run without a board for a whole one
+        say(
+            f"flyaround: the board left after {summary.sent} of {plan.n_frames} frames ({summary.board_gone}) and"
+            f" did not come back within {link.timeout_s:g} s: start it again, and this run with it",
+            stderr=True,
+        )
+        raise typer.Exit(1)
+
+
+def _stream(frames: Iterable[Frame], config: RunConfig, n_frames: int, *, as_json: bool) -> LedgerSummary:
+    """Run the host with a progress bar; its summary, printed also where the run is interrupted."""
+    ends: list[LedgerSummary] = []
+    done = 0
     with progress_bar("frames to the board", quiet=as_json) as progress:
-        done = 0
 
         def count(_row: LedgerRow) -> None:
             nonlocal done
             done += 1
-            progress(done, plan.n_frames)
+            progress(done, n_frames)
 
         def end(summary: LedgerSummary) -> None:
             if summary.ended in {"completed", "board_lost", "interrupted"}:
                 ends.append(summary)
 
-        ends: list[LedgerSummary] = []
-        drawn = frames_of_plan(
-            with_exposure_faults(plan, given), device_index=gpu, workers=workers, warm_up=mode == "realtime"
-        )
+        def listening(url: str, truth_url: str | None) -> None:
+            keyed = config.link.key is not None
+            say(listening_text(url, truth_url, config.target_name, keyed=keyed), stderr=True)
+
         try:
-            run_host(
-                with_camera_faults(with_time_code(drawn, faults=given) if time_code else drawn, given),
-                config,
-                on_row=count,
-                on_listening=lambda url, truth_url: say(
-                    listening_text(url, truth_url, plan.target.name, keyed=link.key is not None), stderr=True
-                ),
-                on_end=end,
-            )
+            run_host(frames, config, on_row=count, on_listening=listening, on_end=end)
         finally:
             for summary in ends:
-                _print_summary(summary, log, as_json=as_json)
-    if ends[0].ended != "completed":
-        # what was sent is in the ledger; a script must not take a run without a board for a whole one
-        say(
-            f"flyaround: the board left after {ends[0].sent} of {plan.n_frames} frames ({ends[0].board_gone}) and"
-            f" did not come back within {link.timeout_s:g} s: start it again, and this run with it",
-            stderr=True,
-        )
-        raise typer.Exit(1)
+                _print_summary(summary, config.log_dir, as_json=as_json)
+    return ends[0]
 
 
 def _recorders(
