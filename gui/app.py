@@ -15,7 +15,7 @@ from gui.keys import Action
 from gui.panels import SidePanel, draw_help
 from gui.recorder import FlightRecorder
 from gui.session import Session
-from gui.telemetry import read_out
+from gui.telemetry import telemetry_of
 from gui.view_settings import Options, ViewSettings
 from gui.viewport import Viewport
 from gui.window import Window, import_parts
@@ -240,7 +240,7 @@ class Console:
             "tracking": session.tracking,
             "paused": session.paused,
             "rate": session.rate,
-            **read_out(world, scene).document(),
+            **telemetry_of(world, scene).document(),
             "q_camera_from_target_wxyz": scene.q_camera_from_target_wxyz,
             "t_camera_from_target_m": scene.t_camera_from_target_m,
             "q_camera_from_eci_wxyz": scene.q_camera_from_eci_wxyz,

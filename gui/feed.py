@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Protocol
 
-from gui.telemetry import Readout, read_out
+from gui.telemetry import Telemetry, telemetry_of
 from gui.view_settings import apply_view_settings
 from simulator.errors import UserError
 from simulator.loop import FrameRequest, FramesLostError
@@ -49,7 +49,7 @@ class Picture:
 
     frame: Frame
     moment: Moment
-    readout: Readout
+    telemetry: Telemetry
     divisor: int
 
 
@@ -187,8 +187,8 @@ class Feed:
         """Take the frame that was asked for the longest ago."""
         request = self._waiting.pop(0)
         self._account(frame, request)
-        readout = read_out(request.moment.world, request.scene)
-        self.newest = Picture(frame, request.moment, readout, request.divisor)
+        telemetry = telemetry_of(request.moment.world, request.scene)
+        self.newest = Picture(frame, request.moment, telemetry, request.divisor)
         if request.labels:
             self.saved.append(self.newest)
 

@@ -142,7 +142,7 @@ class SidePanel:
         if feed.newest is None:
             imgui.text_disabled("no picture yet")
             return
-        r = feed.newest.readout
+        r = feed.newest.telemetry
         imgui.push_font(self._window.figure_font, 0.0)
         self._row("LVLH m", r.position_lvlh_m, "{:+8.3f}", "radial, along-track, cross-track")
         self._row("  mm/s", tuple(1e3 * v for v in r.velocity_lvlh_m_s), "{:+8.2f}", "in the rotating frame")

@@ -1,4 +1,4 @@
-"""The session of an operator: clock, guidance or steering, and the scene to be drawn. No window, no GL."""
+"""An operator's session: clock, guidance or manual control, and the scene to be drawn. No window, no GL."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gui import manual_control as steering
+from gui import manual_control
 from gui.keys import STEERING, THRUST, Action
 from gui.recorder import FlightRecorder
 from simulator.runtime.arrays import Vec3, vec3
@@ -257,21 +257,21 @@ class Session:
         return self.flight.chaser(self._t_s) if self._steered is None else self._steered
 
     def _command(self, chaser: ChaserState, h: float) -> Command:
-        acceleration = steering.thrust_camera_m_s2(self._held)
+        acceleration = manual_control.thrust_camera_m_s2(self._held)
         if self._braking:
-            brake, speed = steering.brake_camera_m_s2(chaser, self.flight.lvlh(chaser.t_s), h)
+            brake, speed = manual_control.brake_camera_m_s2(chaser, self.flight.lvlh(chaser.t_s), h)
             acceleration = acceleration + brake
-            self._braking = speed >= steering.BRAKED_M_S
-        wanted = steering.turn_camera_rad_s(self._held)
+            self._braking = speed >= manual_control.BRAKED_M_S
+        wanted = manual_control.turn_camera_rad_s(self._held)
         if self._aim is not None:
-            self._aim = steering.turned_aim(self._aim, wanted, h)
-            wanted = wanted + steering.tracking_rate_rad_s(chaser, self._aim)
-        command = steering.command(acceleration, wanted, chaser, h)
+            self._aim = manual_control.turned_aim(self._aim, wanted, h)
+            wanted = wanted + manual_control.tracking_rate_rad_s(chaser, self._aim)
+        command = manual_control.command(acceleration, wanted, chaser, h)
         if self._keep_out is None:
             return command
         frame = self.flight.orbit.frame(chaser.t_s)
         command, self._guarded = guarded_command(
-            chaser, command, h, frame, self._keep_out, steering.BRAKE_M_S2
+            chaser, command, h, frame, self._keep_out, manual_control.BRAKE_M_S2
         )
         return command
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Readout:
+class Telemetry:
     """What one picture shows, in figures.
 
     Parameters
@@ -52,7 +52,7 @@ class Readout:
         return asdict(self)
 
 
-def read_out(world: WorldState, scene: SceneState) -> Readout:
+def telemetry_of(world: WorldState, scene: SceneState) -> Telemetry:
     """The figures of one moment.
 
     Parameters
@@ -68,7 +68,7 @@ def read_out(world: WorldState, scene: SceneState) -> Readout:
     R_camera_from_target = matrix_from_quat(scene.q_camera_from_target_wxyz)
     relative = R_camera_from_target @ np.array(world.omega_target_rad_s) - np.array(world.omega_camera_rad_s)
     to_sun = np.array(scene.sun_direction_camera)
-    return Readout(
+    return Telemetry(
         epoch_utc=world.epoch_utc,
         t_s=world.t_s,
         range_m=distance,

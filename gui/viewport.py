@@ -1,4 +1,4 @@
-"""The view: the newest picture, letterboxed, with marks, crosshair and figures drawn over it."""
+"""The picture on the screen: the newest frame, letterboxed, with truth, crosshair and telemetry drawn over it."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ class Viewport:
     ) -> None:
         imgui = self._imgui
         x, y, width, height = place
-        r = picture.readout
+        r = picture.telemetry
         imgui.push_font(self._window.figure_font, 0.0)
         line = self._line
         rate = float(np.linalg.norm(r.relative_rate_deg_s))

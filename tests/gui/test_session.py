@@ -13,7 +13,7 @@ from gui.keys import BINDINGS, THRUST, TURN, Action
 from gui.manual_control import ACCELERATION_M_S2, BRAKE_M_S2, COARSE_GAIN, RATE_RAD_S, SLEW_RAD_S2
 from gui.recorder import FlightRecorder
 from gui.session import FRAME_STEP_S, RATES, STEP_S, Session
-from gui.telemetry import read_out
+from gui.telemetry import telemetry_of
 from gui.view_settings import ViewSettings, apply_view_settings, reduced_camera
 from gui.viewport import Letterbox
 from simulator.errors import UserError
@@ -171,15 +171,15 @@ def test_stop_brings_the_chaser_to_rest_in_lvlh(session: Session) -> None:
 def test_tracking_keeps_the_target_in_the_middle_while_thrusting(session: Session) -> None:
     fly(session, 4.0, Action.RIGHT)
     assert session.tracking
-    assert read_out(session.moment.world, session.scene()).off_boresight_deg < 0.1
+    assert telemetry_of(session.moment.world, session.scene()).off_boresight_deg < 0.1
 
 
 def test_tracking_brings_a_lost_target_back(session: Session) -> None:
     fly(session, 2.0, Action.YAW_RIGHT)
-    assert read_out(session.moment.world, session.scene()).off_boresight_deg > 2.0
+    assert telemetry_of(session.moment.world, session.scene()).off_boresight_deg > 2.0
     session.centre()
     fly(session, 8.0)
-    assert read_out(session.moment.world, session.scene()).off_boresight_deg < 0.1
+    assert telemetry_of(session.moment.world, session.scene()).off_boresight_deg < 0.1
 
 
 def test_the_rate_changes_no_faster_than_the_slew(session: Session) -> None:
@@ -264,10 +264,10 @@ def test_no_key_does_two_things() -> None:
     assert {b.action for b in BINDINGS} == set(Action)
 
 
-def test_readout_of_a_known_geometry(session: Session) -> None:
+def test_telemetry_of_a_known_geometry(session: Session) -> None:
     fly(session, 1.0)
     world, scene = session.moment.world, session.scene()
-    shown = read_out(world, scene)
+    shown = telemetry_of(world, scene)
     later = session.flight.state(session.t_s + 0.01)
     assert shown.range_m == pytest.approx(world.range_m, abs=1e-9)
     assert shown.closing_m_s == pytest.approx(-(later.range_m - world.range_m) / 0.01, abs=1e-4)
