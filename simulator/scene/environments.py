@@ -15,7 +15,7 @@ EnvironmentName = Literal["full", "thesis", "undifferentiated", "airless", "spac
 class Environment(msgspec.Struct, frozen=True, kw_only=True):
     """Which layers of the world are drawn. Each Earth layer has its own optics and its own switch.
 
-    Parameters
+    Attributes
     ----------
     seasons : land and ice of the date, August's otherwise. relief : shading of mountains. sea_ice : as in most years.
     undifferentiated : land, sea and clouds reflect alike, as a plain globe does.
