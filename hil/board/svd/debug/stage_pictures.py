@@ -71,23 +71,10 @@ def stage_pictures(
     top = max(float(np.percentile(image, 99.9)), 1.0)
     wge = trace.get("image_gradient") or trace.get("wge")
     if isinstance(wge, WeakGradientElimination):
-        strong = wge.strong.astype(np.uint8)
-        out["gradient"] = _whole(grey(np.sqrt(wge.magnitude), 1.0), "image gradient (square root)")
-        out["histogram"] = histogram(wge)
-        out["thresholded"] = _whole(grey(strong, 1.0), "thresholded gradient")
-        keep = cv2.dilate(strong, np.ones((5, 5), np.uint8))
-        keep = cv2.resize(keep, image.shape[::-1], interpolation=cv2.INTER_NEAREST)
-        out["filtered"] = _whole(grey(np.where(keep > 0, image, 0), top), "filtered image")
+        out.update(_gradients(image, top, wge))
     regions = trace.get("regions", [])
     if regions:
-        canvas = grey(image, top)
-        for k, r in enumerate(regions):
-            a, b = (int(r.x0), int(r.y0)), (int(r.x1), int(r.y1))
-            cv2.rectangle(canvas, a, b, GREEN if k == 0 else ORANGE, 4 if k == 0 else 2)
-        grown = trace.get("published_region")
-        if grown is not None:
-            cv2.rectangle(canvas, (int(grown.x0), int(grown.y0)), (int(grown.x1), int(grown.y1)), BLUE, 2)
-        out["region"] = _whole(canvas, "regions of interest")
+        out["region"] = _regions(image, top, regions, trace.get("published_region"))
     corner, scale = _window(image, regions)
     back = _view(image, top, corner, scale)
     for name, segments in _streams(trace).items():
@@ -98,15 +85,7 @@ def stage_pictures(
     out.update(_points(trace, back, corner, scale))
     groups = _groups(trace)
     if groups:
-        canvas = back.copy() // 2
-        for kind, points in groups.items():
-            for figure in points:
-                uv = np.rint(((figure - corner + 0.5) * scale - 0.5) * 16).astype(np.int32)
-                # a parallel pair is two lines, every other group a chain
-                chains = [uv[:2], uv[2:]] if kind == "parallel_pair" else [uv]
-                cv2.polylines(canvas, chains, kind == "closed_tetrad", GROUP_COLOURS[kind], 1, cv2.LINE_AA, 4)
-        label(canvas, "perceptual groups: " + ", ".join(f"{len(p)} {k}" for k, p in groups.items() if len(p)))
-        out["groups"] = canvas
+        out["groups"] = _group_picture(groups, back, corner, scale)
     for proposal in trace.get("learned_proposals", [])[:1]:
         noise = max(noise_sigma(image, 255.0 if image.dtype == np.uint8 else float(image.max())), 0.1)
         out["learned_proposal"] = learned_proposal_picture(
@@ -127,6 +106,43 @@ def stage_pictures(
         out["overlay"] = canvas
         out["camera_in_map"] = camera_in_map(model, camera, q, t)
     return out
+
+
+def _gradients(image: Array, top: float, wge: WeakGradientElimination) -> Dict[str, Array]:
+    """Weak gradient elimination: the gradient, its histogram, what is left of it and of the image."""
+    out: Dict[str, Array] = {}
+    strong = wge.strong.astype(np.uint8)
+    out["gradient"] = _whole(grey(np.sqrt(wge.magnitude), 1.0), "image gradient (square root)")
+    out["histogram"] = histogram(wge)
+    out["thresholded"] = _whole(grey(strong, 1.0), "thresholded gradient")
+    keep = cv2.dilate(strong, np.ones((5, 5), np.uint8))
+    keep = cv2.resize(keep, image.shape[::-1], interpolation=cv2.INTER_NEAREST)
+    out["filtered"] = _whole(grey(np.where(keep > 0, image, 0), top), "filtered image")
+    return out
+
+
+def _regions(image: Array, top: float, regions: Any, grown: Any) -> Array:  # noqa: ANN401 - Regions, or None
+    """Regions of interest, the first one green; ``grown`` : of a published method, blue."""
+    canvas = grey(image, top)
+    for k, r in enumerate(regions):
+        a, b = (int(r.x0), int(r.y0)), (int(r.x1), int(r.y1))
+        cv2.rectangle(canvas, a, b, GREEN if k == 0 else ORANGE, 4 if k == 0 else 2)
+    if grown is not None:
+        cv2.rectangle(canvas, (int(grown.x0), int(grown.y0)), (int(grown.x1), int(grown.y1)), BLUE, 2)
+    return _whole(canvas, "regions of interest")
+
+
+def _group_picture(groups: Dict[str, Array], back: Array, corner: Array, scale: float) -> Array:
+    """Perceptual groups, a colour for each kind."""
+    canvas = back.copy() // 2
+    for kind, points in groups.items():
+        for figure in points:
+            uv = np.rint(((figure - corner + 0.5) * scale - 0.5) * 16).astype(np.int32)
+            # a parallel pair is two lines, every other group a chain
+            chains = [uv[:2], uv[2:]] if kind == "parallel_pair" else [uv]
+            cv2.polylines(canvas, chains, kind == "closed_tetrad", GROUP_COLOURS[kind], 1, cv2.LINE_AA, 4)
+    label(canvas, "perceptual groups: " + ", ".join(f"{len(p)} {k}" for k, p in groups.items() if len(p)))
+    return canvas
 
 
 def histogram(wge: WeakGradientElimination) -> Array:
