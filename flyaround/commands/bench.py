@@ -12,10 +12,9 @@ from rich.table import Table
 from flyaround.commands.terminal import progress_bar, terminal
 from hil.bench.estimator_time import bench_estimator
 from hil.bench.link_latency import bench_link
-from simulator.bench.parts import bench_capture, bench_world
+from simulator.bench.parts import bench_capture, bench_sensor, bench_world
 from simulator.bench.scaling import bench_scaling
 from simulator.bench.scenes import BENCH_SCENES, bench_scenes
-from simulator.bench.sensor import bench_sensor
 from simulator.bench.start import bench_start
 from simulator.bench.throughput import THROUGHPUT_SCENES, bench_throughput
 from simulator.errors import UserError
