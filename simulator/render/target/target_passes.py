@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +17,6 @@ from simulator.render.target.edge_pass import EdgeBuffers, EdgePass
 from simulator.render.target.gbuffer_pass import GBufferPass, TexturedGBufferPass
 from simulator.render.target.interreflection import Interreflection
 from simulator.render.target.label_pass import LabelPass, Surfaces
-from simulator.render.target.materials import material_values
 from simulator.render.target.mesh import upload
 from simulator.render.target.mesh_array import WholeMesh
 from simulator.render.target.resident_targets import ResidentTarget, ResidentTargets
@@ -24,7 +25,7 @@ from simulator.render.target.shade_pass import ShadePass
 from simulator.render.target.textures import Textures
 from simulator.render.target.viewport_fit import TILE_REACH_PX, choose_pattern, fit_viewport
 from simulator.render.target.visible_edges import EdgeCamera
-from simulator.scene.illumination.bands import bands_of
+from simulator.scene.illumination.bands import bands_of, reflectance
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.illumination.bands import Bands
     from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from simulator.targets.model import Material, Target
 
 # between nodes of baked light in the preset `high`, of the target's radius; and nodes along a patch that returns light
 FINE_TEXEL, FINE_PATCH = 0.012, 2
@@ -294,3 +295,25 @@ def _matrix(R: FloatArray, t_m: ArrayLike) -> FloatArray:
 def _matrix_of(scene: SceneState) -> FloatArray:
     """(4, 4) camera from target."""
     return _matrix(scene.camera_from_target.R, scene.t_camera_from_target_m)
+
+
+@lru_cache(maxsize=16)
+def material_values(materials: tuple[Material, ...], bands: Bands) -> Mapping[str, FloatArray]:
+    """Members of the block ``Materials``; the same object again for the same materials, which need no second upload."""
+    color, surface, grain = np.zeros((256, 4)), np.zeros((256, 4)), np.zeros((256, 4))
+    for k, material in enumerate(materials, start=1):
+        albedo = reflectance(bands, np.asarray(material.base_color))
+        color[k, : len(albedo)] = albedo
+        color[k, 3] = material.metallic
+        surface[k] = [
+            max(material.roughness, 0.03),  # below this a highlight is narrower than the Sun's own disc
+            material.clearcoat,
+            max(material.clearcoat_roughness, 0.03),
+            material.crinkle,
+        ]
+        if material.anisotropy > 0:
+            strength = material.anisotropy * (-1 if material.turned else 1)
+            grain[k] = [*(np.asarray(material.grain) / np.linalg.norm(material.grain)), strength]
+    return MappingProxyType(
+        {"u_material_color": color, "u_material_surface": surface, "u_material_grain": grain}
+    )
