@@ -97,17 +97,14 @@ def propose_learned(s: Search) -> None:
 
 
 def propose_many_scales(s: Search) -> None:
-    """Poses of many places and sizes about what is seen, refined on one patch of all of them."""
+    """Poses of many places and sizes about what is seen, by the same network."""
     assert s.learned is not None  # noqa: S101 - the round asks for it
     source = s.hypotheses[0].source
-    found, places = hypotheses_of_places(s.target, s.frame, s.learned, s.places[0], source, s.reduced)
-    s.frame.mark("multi_scale_proposal")
-    # refined here, for they share no patch with the hypotheses of a region
-    s.aligned = refine_many_scales(s.target, s.frame, found, places) if places else []
+    s.elsewhere, s.crops = hypotheses_of_places(s.target, s.frame, s.learned, s.places[0], source, s.reduced)
 
 
 def propose_by_edges(s: Search) -> None:
-    """Poses of perceptual groups and of viewpoint templates, aligned on the edges of each region."""
+    """Poses of perceptual groups and of viewpoint templates in each region."""
     # what the learned proposal is sure of is where it is: there edges find the attitudes that it does not
     sure = [place.source for place in s.places if place.craft > SURE]
     some = sure[:1] or s.regions[: REGIONS if s.frame.background < 0 else EMPTY_REGIONS]
@@ -115,13 +112,24 @@ def propose_by_edges(s: Search) -> None:
     for region in some:
         edges = region_edges(s.target, s.frame, region)
         if edges is not None:
-            q, t = template_poses(s.target, s.frame, edges)
-            gq, gt = group_poses(s.target, s.figures, s.frame, edges)
-            q, t = np.concatenate([q, gq]), np.concatenate([t, gt])
-            s.hypotheses += refine_by_edges(s.target, s.frame, edges, q, t)
+            templates = template_poses(s.target, s.frame, edges)
+            s.poses.append((edges, templates, group_poses(s.target, s.figures, s.frame, edges)))
 
 
 # --- refine
+
+
+def align_many_scales(s: Search) -> None:
+    """Hypotheses of many places, which share no patch with those of a region, on one patch of all of them."""
+    if s.crops:
+        s.aligned = refine_many_scales(s.target, s.frame, s.elsewhere, s.crops)
+
+
+def align_poses_on_edges(s: Search) -> None:
+    """The poses of each region on its edges: what holds becomes a hypothesis."""
+    for edges, *poses in s.poses:
+        q, t = (np.concatenate(parts) for parts in zip(*poses))  # noqa: B905 - Python 3.9 has no strict=
+        s.hypotheses += refine_by_edges(s.target, s.frame, edges, q, t)
 
 
 def rank_hypotheses(s: Search) -> None:
@@ -272,8 +280,18 @@ PREPARE = (
 
 ROUNDS = (
     Round((Stage("learned_proposal", propose_learned),)),
-    Round((Stage("multi_scale_alignment", propose_many_scales),), when=declined_by_learned, thorough=True),
-    Round((Stage("edge_search", propose_by_edges),), when=nothing_found, thorough=True),
+    Round(
+        (Stage("multi_scale_proposal", propose_many_scales),),
+        (Stage("multi_scale_alignment", align_many_scales),),
+        when=declined_by_learned,
+        thorough=True,
+    ),
+    Round(
+        (Stage("edge_search", propose_by_edges),),
+        (Stage("edge_alignment", align_poses_on_edges),),
+        when=nothing_found,
+        thorough=True,
+    ),
 )
 
 REFINE = (
@@ -331,7 +349,7 @@ class PoseEstimator(Estimator):
             if not turn.when(s):
                 continue
             s.thorough, s.aligned = turn.thorough, []
-            run(turn.generators, s)
+            run((*turn.generators, *turn.refiners), s)
             if s.hypotheses:
                 run((*REFINE, *SELECT, *CHECKS, *DECIDE), s)
         if s.result is None:
@@ -340,4 +358,5 @@ class PoseEstimator(Estimator):
             # the stages that were not needed, for the pictures of all
             s.places, s.regions = [], s.regions[:1]
             propose_by_edges(s)
+            align_poses_on_edges(s)
         return replace(s.result, method=self.method)

@@ -15,10 +15,15 @@ from hil.board.svd.image.observation import Observation
 from hil.board.svd.image.region import Region
 from hil.board.svd.image.weak_gradients import WeakGradientElimination
 from hil.board.svd.model.prepared_target import PreparedTarget
+from hil.board.svd.propose.edge_search import RegionEdges
 from hil.board.svd.propose.learned.learned_proposal import LearnedProposal, LearnedProposer
+from hil.board.svd.propose.learned.network_input import ImageCrop
 from hil.board.svd.propose.perceptual_groups import Chains
 
 Array = np.ndarray
+
+# q (N, 4) and t (N, 3) of many poses.
+Poses = Tuple[Array, Array]
 
 
 @dataclass
@@ -33,7 +38,9 @@ class Search:
     reduced, edges : the image reduced, and what weak gradient elimination leaves of it.
     regions : where the target may be, the likeliest first. places : what the learned proposal says of them.
     thorough : whether a round before did not settle it: ask more.
-    hypotheses : the one list that generators fill, best first. aligned : those refined so far, best first.
+    hypotheses : the one list that generators fill, best first. elsewhere, crops : those of many places, and the places.
+    poses : of each region, its edges and the poses of each generator, before edges make hypotheses of them.
+    aligned : hypotheses refined so far, best first.
     patch : the part of the image they were last scored on. selection : the best, and between what.
     result : the best answer of all rounds so far.
     """
@@ -50,6 +57,9 @@ class Search:
     places: List[LearnedProposal] = field(default_factory=list)
     thorough: bool = False
     hypotheses: List[Hypothesis] = field(default_factory=list)
+    elsewhere: List[Hypothesis] = field(default_factory=list)
+    crops: List[ImageCrop] = field(default_factory=list)
+    poses: List[Tuple[RegionEdges, Poses, Poses]] = field(default_factory=list)
     aligned: List[Hypothesis] = field(default_factory=list)
     patch: Optional[ImagePatch] = None
     selection: Optional[Selection] = None
@@ -87,10 +97,12 @@ class Round:
 
     Parameters
     ----------
+    generators : propose. refiners : of this round alone, before those of all rounds.
     when : whether what the rounds before found asks for it. thorough : ask more in the stages that follow.
     """
 
     generators: Tuple[Stage, ...]
+    refiners: Tuple[Stage, ...] = ()
     when: Callable[[Search], bool] = always
     thorough: bool = False
 
