@@ -26,7 +26,12 @@ class Framing(Protocol):
 class Transport(Protocol):
     """A line to one other side.
 
-    ``send_packet`` and ``recv_packet`` may be called from two different threads, one each.
+    ``send_packet`` and ``recv_packet`` may be called from two different threads, one each. What a transport promises:
+    a packet that arrives is whole and was sent (its CRC held). What it may not promise, and its docstring then says:
+    that all packets arrive, in order, once; that the other side's leaving is noticed.
+
+    A new transport takes a file in this folder with a class for the line and one for its `Listener`, and a scheme in
+    `url`. The contract's tests run over every transport.
     """
 
     name: str
@@ -64,7 +69,10 @@ class Listener(Protocol):
 
 
 class StreamTransport(ABC):
-    """The part that all byte streams share: framing and deadlines."""
+    """The part that all byte streams share: framing and deadlines.
+
+    A stream's own class says how bytes are written and read, and who closes what.
+    """
 
     chunk_bytes = 1 << 18
 

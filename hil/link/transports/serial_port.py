@@ -18,7 +18,8 @@ except ImportError:
 class SerialTransport(StreamTransport):
     """One serial port at one baud rate, 8N1.
 
-    A serial line has no connection, so the other side's leaving shows only as silence or as BYE.
+    Packets may be lost or damaged, never reordered. A serial line has no connection, so the other side's leaving shows
+    only as silence or as BYE. There is no flow control: a receiver that does not read loses bytes.
     """
 
     # a damaged byte costs one chunk; 20 bytes of overhead in 2048 are 1.4 %

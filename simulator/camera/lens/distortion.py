@@ -7,6 +7,10 @@ Normalised coordinates are (x / z, y / z) of a point in the camera frame. Models
 - ``kannala_brandt``: k1 k2 k3 k4 of the angle from the axis, Kannala & Brandt (2006), A generic camera model and
   calibration method for conventional, wide-angle, and fish-eye lenses, IEEE TPAMI 28(8).
 
+A new model takes three steps: its name in `DistortionModel`, how many coefficients it has in `COEFFICIENT_COUNTS`, and
+the forward map with its derivative in `_forward`. The renderer draws by a table of rays, so that nothing else changes.
+tests/simulator/camera/test_distortion.py runs every round trip over it, with OpenCV's projection beside.
+
 A polynomial turns back somewhere. `LensDomain` holds the radius up to which it is used, just outside the image;
 beyond, the picture goes on in proportion, so that what is outside the field of view can never land inside.
 """

@@ -20,6 +20,17 @@ if TYPE_CHECKING:
 class Pose:
     """``x_to = R_to_from_frm @ x_frm + t_m``.
 
+    >>> target = Pose.of("camera", "target", (1, 0, 0, 0), (0, 0, 10))
+    >>> target
+    <Pose camera_from_target, origin at (0, 0, 10) m>
+    >>> target @ Pose.of("target", "panel", (1, 0, 0, 0), (0.5, 0, 0))
+    <Pose camera_from_panel, origin at (0.5, 0, 10) m>
+    >>> target.inverse().apply((0, 0, 10)).tolist()
+    [0.0, 0.0, 0.0]
+    >>> target @ target
+    Traceback (most recent call last):
+    ValueError: cannot compose camera_from_target with camera_from_target: the inner frames differ
+
     Parameters
     ----------
     to, frm : names of the frames, e.g. ``"camera"``, ``"target"``.
@@ -46,6 +57,11 @@ class Pose:
             raise ValueError(f"translation {to} from {frm} must be finite, got {t.tolist()}")
         return Pose(to, frm, quat(quat_normalize(q_wxyz)), vec3(t))
 
+    def __repr__(self) -> str:
+        """Which frames, and where the one's origin lies in the other."""
+        origin = ", ".join(f"{x + 0.0:.6g}" for x in self.t_m)
+        return f"<Pose {self.to}_from_{self.frm}, origin at ({origin}) m>"
+
     @property
     def R(self) -> FloatArray:
         """(3, 3) rotation matrix ``R_to_from_frm``."""
@@ -68,7 +84,9 @@ class Pose:
             If the inner frames differ.
         """
         if self.frm != other.to:
-            raise ValueError(f"cannot compose {self.to}_from_{self.frm} with {other.to}_from_{other.frm}")
+            raise ValueError(
+                f"cannot compose {self.to}_from_{self.frm} with {other.to}_from_{other.frm}: the inner frames differ"
+            )
         return Pose.of(
             self.to, other.frm, quat_multiply(self.q_wxyz, other.q_wxyz), self.apply(np.asarray(other.t_m))
         )
