@@ -29,19 +29,6 @@ def rectangle(lo: ArrayLike, hi: ArrayLike) -> FloatArray:
     return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
 
 
-def offset_polygon(polygon: ArrayLike, inset: float) -> FloatArray:
-    """A convex polygon (K, 2), counter-clockwise, with every side moved inwards by ``inset``."""
-    p = np.asarray(polygon, float)
-    side = following(p) - p
-    inward = np.column_stack([-side[:, 1], side[:, 0]]) / np.linalg.norm(side, axis=1)[:, None]
-    level = (inward * p).sum(axis=1) + inset
-    corners = []
-    for k in range(len(p)):
-        pair = [k - 1, k]
-        corners.append(np.linalg.solve(inward[pair], level[pair]))
-    return np.array(corners)
-
-
 def signed_area(polygon: FloatArray) -> float:
     """Area of a polygon (K, 2), positive when counter-clockwise."""
     x, y = polygon.T

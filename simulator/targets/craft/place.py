@@ -37,11 +37,6 @@ def placed_point(point_m: ArrayLike, origin_m: ArrayLike, u: ArrayLike, v: Array
     return vec3(_columns(u, v) @ np.asarray(point_m, float) + np.asarray(origin_m, float))
 
 
-def turned_z(mesh: Mesh, angle_rad: float) -> Mesh:
-    """The mesh turned about the z axis."""
-    return mesh.rotated(turn_z(angle_rad))
-
-
 def turn_z(angle_rad: float) -> FloatArray:
     """(3, 3) rotation about z."""
     c, s = np.cos(angle_rad), np.sin(angle_rad)

@@ -8,7 +8,7 @@ import trimesh
 
 from simulator.targets.builders.cells import cell_grid, clipped_rectangle
 from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.prism import circle, offset_polygon, prism, rectangle, triangulate
+from simulator.targets.builders.prism import circle, prism, rectangle, triangulate
 from simulator.targets.builders.solids import bar, box, cone, dome, lathe, rod, truss
 
 N = 96
@@ -108,8 +108,3 @@ def test_cells_stand_apart() -> None:
     grid = cell_grid([0.0, 0.1], [0.0, 0.05, 0.1], tile, 1.0, 0.001)
     assert len(as_trimesh(grid).split()) == 6
     assert grid.positions_m[:, 2].min() == 1.0
-
-
-def test_inset_of_a_square() -> None:
-    inner = offset_polygon(rectangle((0, 0), (2, 2)), 0.25)
-    assert np.allclose(sorted(map(tuple, inner)), [(0.25, 0.25), (0.25, 1.75), (1.75, 0.25), (1.75, 1.75)])
