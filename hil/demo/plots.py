@@ -87,7 +87,7 @@ def plot_latency(rows: Sequence[LedgerRow]) -> Figure:
     )
     axes[0].set(xlabel="frame", ylabel="end-to-end [ms]")
     # below the plot: a dozen stages would cover the bars
-    _legend(axes[0], fontsize=8, ncols=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
+    _legend(axes[0], fontsize=8, ncols=5, loc="upper center", bbox_to_anchor=(0.5, -0.16))
     if len(e2e):
         ordered = np.sort(e2e)
         axes[1].step(ordered, np.arange(1, len(ordered) + 1) / len(ordered), color=SKY, lw=2, where="post")
