@@ -99,13 +99,6 @@ class Faces:
         return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-18))
 
     @cached_property
-    def group_material(self) -> Array:
-        """(G,) material of each group."""
-        out = np.zeros(self.groups, int)
-        out[self.group] = self.material
-        return out
-
-    @cached_property
     def painting_places(self) -> Tuple[Array, Array, Array, Array]:
         """Place of each node in the order, far to near: ``gain`` (N, N) times its sides plus ``base`` (N,).
 
