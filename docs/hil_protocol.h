@@ -155,19 +155,24 @@ static inline int fly_read_hello_ack(struct fly_hello_ack *m, const uint8_t *p, 
 }
 
 struct fly_time_sync {
-  uint64_t asked_ns, received_ns, sent_ns; /* the last two in replies only */
+  uint64_t asked_ns, received_ns, sent_ns; /* the last two in replies only, as is what follows */
+  uint32_t newest_frame, tells;            /* tells: 1 where newest_frame is told; FLY_NO_FRAME before the first */
 };
 static inline int fly_read_time_sync_request(struct fly_time_sync *m, const uint8_t *p, uint32_t n) {
   if (n != 8) return FLY_BAD_PAYLOAD;
   m->asked_ns = fly_u64(p);
   m->received_ns = m->sent_ns = 0;
+  m->newest_frame = FLY_NO_FRAME;
+  m->tells = 0;
   return FLY_OK;
 }
 static inline int fly_read_time_sync_reply(struct fly_time_sync *m, const uint8_t *p, uint32_t n) {
-  if (n != 24) return FLY_BAD_PAYLOAD;
+  if (n != 32) return FLY_BAD_PAYLOAD;
   m->asked_ns = fly_u64(p);
   m->received_ns = fly_u64(p + 8);
   m->sent_ns = fly_u64(p + 16);
+  m->newest_frame = fly_u32(p + 24);
+  m->tells = fly_u32(p + 28);
   return FLY_OK;
 }
 

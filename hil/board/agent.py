@@ -247,6 +247,7 @@ class _Session:
         self._assembler = FrameAssembler(terms)
         self._logged = 0
         self._goodbye = False
+        self._newest = NO_FRAME
         self._ended = "the host went away"
         self._stop = threading.Event()
 
@@ -337,9 +338,10 @@ class _Session:
         elif isinstance(message, FrameChunk):
             complete = self._assembler.chunk(message)
             if complete is not None:
+                self._newest = complete[0].frame_id
                 self._arrive(_Arrival(complete[0], complete[1], at_ns))
         elif isinstance(message, TimeSyncRequest):
-            self._link.send(answer_time_sync(message, at_ns))
+            self._link.send(answer_time_sync(message, at_ns, self._newest))
         elif isinstance(message, Bye):
             self._goodbye, self._ended = True, f"the host ended the session ({message.reason})"
             return False

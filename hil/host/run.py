@@ -65,6 +65,7 @@ class RunConfig:
     connect_timeout_s : wait for the first board.
     window : most frames under way at once; the board may ask for fewer.
     deadline_s : a pose later than this counts as a miss; realtime's default is the frame interval.
+    latency_s : realtime: the camera hands a picture over so long after the end of its exposure, whatever drawing took.
     target_name, target_sha256 : the target that is flown; a board with another model is refused.
     recorders : told each frame and its outcome; closed with the books.
     """
@@ -74,6 +75,7 @@ class RunConfig:
     connect_timeout_s: float = CONNECT_TIMEOUT_S
     window: int = 2
     deadline_s: float | None = None
+    latency_s: float = 0.0
     target_name: str = ""
     target_sha256: str = ""
     recorders: tuple[Recorder, ...] = ()
@@ -109,7 +111,7 @@ def run_host(
     """
     check_access(config.link)
     terms = with_truth_endpoint(config.link)
-    run = BoardSink(terms, on_row, config.recorders)
+    run = BoardSink(terms, on_row, config.recorders, config.deadline_s, config.latency_s)
     with HostLink(terms) as link:
         # ports first, so that a taken one is reported before anything is drawn or written
         run.link = link
@@ -204,8 +206,15 @@ class BoardSink:
         config: LinkConfig,
         on_row: Callable[[LedgerRow], None] | None,
         recorders: tuple[Recorder, ...] = (),
+        deadline_s: float | None = None,
+        latency_s: float = 0.0,
     ) -> None:
         self.config = config
+        self._deadline_ms = None if deadline_s is None else 1e3 * deadline_s
+        self._latency_s = latency_s
+        # one anchor for the run: the wall clock may be set meanwhile, intervals stay true
+        self._utc_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
+        self._last_t_s: float | None = None
         self._recorders = list(recorders)
         self.writer: LedgerWriter | None = None
         self.rows: list[LedgerRow] = []
@@ -233,10 +242,14 @@ class BoardSink:
         self.wait_for_outcomes()
 
     def _when_due(self, frame: Frame) -> None:
-        """Frame out at the scenario's pace, whatever the board does."""
-        t_ns = round(frame.scene.t_s * 1e9)
+        """Frame out at the scenario's pace, the camera's latency after its exposure, whatever drawing and board do."""
+        scene = frame.scene
+        t_ns = round((scene.t_s + 0.5 * scene.exposure_s + self._latency_s) * 1e9)
         if self._origin_ns is None:
             self._origin_ns = time.monotonic_ns() + LEAD_NS - t_ns
+        if self._deadline_ms is None and self._last_t_s is not None:
+            self._deadline_ms = 1e3 * (scene.t_s - self._last_t_s)
+        self._last_t_s = scene.t_s
         self._collect(0.0)
         while not self.link.has_room:
             self._collect(0.1)
@@ -257,6 +270,7 @@ class BoardSink:
             url=self.link.url,
             timeout_s=self.config.timeout_s,
             deadline_ms=None if config.deadline_s is None else 1e3 * config.deadline_s,
+            latency_ms=1e3 * config.latency_s if self.config.mode == "realtime" else None,
         )
         text = msgspec.json.format(msgspec.json.encode(terms), indent=1)
         try:
@@ -319,7 +333,7 @@ class BoardSink:
         if self.config.mode == "realtime" and deadline_ms is None:
             deadline_ms = self.interval_ms()
         board, counts = self.link.last_board, self.link.counts
-        trip = counts.clock_round_trip_ns
+        trip, bound = counts.clock_round_trip_ns, counts.clock_offset_bound_ns
         return summarise(
             self.rows,
             started_utc=self._started_utc,
@@ -330,6 +344,7 @@ class BoardSink:
             url=self.link.url,
             timeout_s=self.config.timeout_s,
             deadline_ms=deadline_ms,
+            latency_ms=1e3 * self._latency_s if self.config.mode == "realtime" else None,
             board=None
             if board is None
             else Board(
@@ -348,6 +363,9 @@ class BoardSink:
                 sessions=counts.sessions,
                 late_poses=counts.late_poses,
                 clock_round_trip_ms=None if trip is None else trip * 1e-6,
+                clock_offset_bound_ms=None if bound is None else bound * 1e-6,
+                clock_drift_ppm=counts.clock_drift_ppm,
+                clock_drift_ppm_sigma=counts.clock_drift_ppm_sigma,
             ),
         )
 
@@ -363,6 +381,7 @@ class BoardSink:
             bits=scene.sensor.bits,
             due_ns=due_ns,
             truth=None if self.config.truth == "off" else _told_truth(frame),
+            latency_s=self._latency_s,
         )
         self._tell(lambda recorder: recorder.frame(frame))
 
@@ -381,7 +400,7 @@ class BoardSink:
 
     def _add(self, result: FrameResult) -> None:
         frame = self._open.pop(result.frame_id)
-        row = ledger_row(frame, result)
+        row = ledger_row(frame, result, self._utc_minus_monotonic_ns, self._deadline_ms)
         self.rows.append(row)
         self._tell(lambda recorder: recorder.row(frame, row))
         if self.writer is not None:

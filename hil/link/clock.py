@@ -1,17 +1,29 @@
-"""Monotonic clocks of two machines, and the offset between them.
+"""Monotonic clocks of two machines: the offset between them, how it drifts, and how well both are known.
 
 The exchange is that of NTP: asked (a), received (b), answered (b), back (a). Reference: Mills (1991),
 Internet time synchronization, IEEE Trans. Communications 39(10): the sample with the smallest round
-trip has the smallest error, bounded by half of it.
+trip has the smallest error, bounded by half of it. Drift is the slope of a robust line (Theil 1950, Sen 1968,
+median of the slopes of all pairs) through the offsets of the shortest round trip of each second.
 """
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from typing import Deque, Optional, Tuple
+from dataclasses import dataclass
+from typing import Deque, List, Optional
+
+import numpy as np
 
 from hil.link.packets.messages import TimeSyncReply, TimeSyncRequest
+
+# oscillators of computers stay within this: what drift may be while it is not known
+LIKELY_PPM = 100.0
+# a line needs this long, and so many seconds with an exchange
+LINE_S, LINE_POINTS = 5.0, 5
+BIN_NS = 1_000_000_000
+# from the median of absolute deviations to a standard deviation
+MAD_TO_SIGMA = 1.4826
 
 
 def now_ns() -> int:
@@ -19,42 +31,132 @@ def now_ns() -> int:
     return time.monotonic_ns()
 
 
+@dataclass(frozen=True)
+class ClockSample:
+    """One exchange: when it was, in the middle, by this clock; the other clock minus this one; its round trip [ns]."""
+
+    at_ns: int
+    offset_ns: int
+    round_trip_ns: int
+
+
+@dataclass(frozen=True)
+class ClockLine:
+    """Offset ``offset_ns`` at ``at_ns``, growing by ``drift_ppm``, which is known to ``sigma_ppm`` (one sigma)."""
+
+    at_ns: int
+    offset_ns: float
+    drift_ppm: float
+    sigma_ppm: float
+
+
 class ClockFilter:
-    """Offset of the other side's clock, from the best of the last exchanges.
+    """Offset and drift of the other side's clock, from the exchanges of the last minutes.
 
     Parameters
     ----------
-    keep : how many exchanges are remembered; fewer follow drift faster.
+    keep_s : how long exchanges are remembered; less follows a drift that changes faster.
     """
 
-    def __init__(self, keep: int = 16) -> None:
-        self._samples: Deque[Tuple[int, int]] = deque(maxlen=keep)
+    def __init__(self, keep_s: float = 120.0) -> None:
+        self._keep_ns = int(keep_s * 1e9)
+        self._samples: Deque[ClockSample] = deque()  # the shortest round trip of each second
+        self._count = 0
+        self._line: Optional[ClockLine] = None
+        self._stale = False  # whether the line is older than the samples
 
     def add(self, asked_ns: int, received_ns: int, answered_ns: int, back_ns: int) -> None:
         """One exchange; a round trip that is not positive is a broken clock and is left out."""
         round_trip = (back_ns - asked_ns) - (answered_ns - received_ns)
-        if round_trip >= 0:
-            offset = ((received_ns - asked_ns) + (answered_ns - back_ns)) // 2
-            self._samples.append((round_trip, offset))
+        if round_trip < 0:
+            return
+        offset = ((received_ns - asked_ns) + (answered_ns - back_ns)) // 2
+        sample = ClockSample((asked_ns + back_ns) // 2, offset, round_trip)
+        self._count += 1
+        if self._samples and sample.at_ns // BIN_NS == self._samples[-1].at_ns // BIN_NS:
+            if round_trip >= self._samples[-1].round_trip_ns:
+                return
+            self._samples[-1] = sample
+        else:
+            self._samples.append(sample)
+            while sample.at_ns - self._samples[0].at_ns > self._keep_ns:
+                self._samples.popleft()
+        self._stale = True
 
     def add_reply(self, reply: TimeSyncReply, back_ns: int) -> None:
         """One exchange from its reply packet."""
         self.add(reply.asked_ns, reply.received_ns, reply.sent_ns, back_ns)
 
+    def offset_at(self, at_ns: int) -> Optional[int]:
+        """Other clock minus this one at a time of this clock; None before the first exchange."""
+        best = self._best(at_ns)
+        if best is None:
+            return None
+        return best.offset_ns + round(1e-6 * self._drift_ppm * (at_ns - best.at_ns))
+
+    def offset_bound_at(self, at_ns: int) -> Optional[int]:
+        """How far off ``offset_at`` may be at most: half a round trip, and what drift may have added since [ns]."""
+        best = self._best(at_ns)
+        return None if best is None else self._bound(best, at_ns)
+
     @property
-    def offset_ns(self) -> Optional[int]:
-        """Other clock minus this one, None before the first exchange."""
-        return min(self._samples)[1] if self._samples else None
+    def line(self) -> Optional[ClockLine]:
+        """Offset and drift as a line through the exchanges; None while they are too few or too close together."""
+        if self._stale:
+            self._line, self._stale = fit_line(list(self._samples)), False
+        return self._line
 
     @property
     def round_trip_ns(self) -> Optional[int]:
-        """Round trip of the exchange that ``offset_ns`` is from; its error is at most half of it."""
-        return min(self._samples)[0] if self._samples else None
+        """Shortest round trip of the exchanges that are remembered."""
+        return min((sample.round_trip_ns for sample in self._samples), default=None)
 
     def __len__(self) -> int:
-        return len(self._samples)
+        return self._count
+
+    @property
+    def _drift_ppm(self) -> float:
+        return 0.0 if self.line is None else self.line.drift_ppm
+
+    def _bound(self, sample: ClockSample, at_ns: int) -> int:
+        # rounded up: halves of nanoseconds are lost in the offset
+        known_ppm = LIKELY_PPM if self.line is None else 3 * self.line.sigma_ppm
+        return sample.round_trip_ns // 2 + 1 + round(1e-6 * known_ppm * abs(at_ns - sample.at_ns))
+
+    def _best(self, at_ns: int) -> Optional[ClockSample]:
+        return min(self._samples, key=lambda sample: self._bound(sample, at_ns), default=None)
 
 
-def answer_time_sync(request: TimeSyncRequest, received_ns: int) -> TimeSyncReply:
-    """The reply to a request, stamped now."""
-    return TimeSyncReply(request.asked_ns, received_ns, now_ns())
+def fit_line(samples: List[ClockSample]) -> Optional[ClockLine]:
+    """A robust line through offsets, with the uncertainty of its slope.
+
+    Samples whose round trip is beyond twice the shortest, and above their median, are left out: something stood in
+    their way, on one side more than on the other.
+    """
+    if not samples:
+        return None
+    trips = np.array([sample.round_trip_ns for sample in samples], float)
+    good = trips <= max(2 * float(trips.min()), float(np.median(trips)))
+    at = np.array([sample.at_ns - samples[0].at_ns for sample in samples], float)[good]
+    offset = np.array([sample.offset_ns - samples[0].offset_ns for sample in samples], float)[good]
+    if len(at) < LINE_POINTS or at[-1] - at[0] < LINE_S * 1e9:
+        return None
+    first, second = np.triu_indices(len(at), 1)
+    slope = float(np.median((offset[second] - offset[first]) / (at[second] - at[first])))
+    middle = float(at.mean())
+    rest = offset - slope * (at - middle)
+    centre = float(np.median(rest))
+    # no better than an eighth of the shortest round trip, which may lie all on one side now and not then
+    scatter = max(MAD_TO_SIGMA * float(np.median(np.abs(rest - centre))), float(trips.min()) / 8)
+    sigma = scatter / float(np.sqrt(np.sum((at - middle) ** 2)))
+    # the median of slopes is 0.95 as efficient as least squares
+    return ClockLine(
+        samples[0].at_ns + round(middle), samples[0].offset_ns + centre, 1e6 * slope, 1e6 * sigma / 0.95
+    )
+
+
+def answer_time_sync(
+    request: TimeSyncRequest, received_ns: int, newest_frame: Optional[int] = None
+) -> TimeSyncReply:
+    """The reply to a request, stamped now; ``newest_frame`` is the last one that came whole."""
+    return TimeSyncReply(request.asked_ns, received_ns, now_ns(), newest_frame)

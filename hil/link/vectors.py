@@ -64,7 +64,7 @@ EXAMPLES: List[Tuple[str, Message]] = [
         ),
     ),
     ("time_sync_request", TimeSyncRequest(1_000_000_007)),
-    ("time_sync_reply", TimeSyncReply(1_000_000_007, 77_000_000_001, 77_000_000_900)),
+    ("time_sync_reply", TimeSyncReply(1_000_000_007, 77_000_000_001, 77_000_000_900, 41)),
     (
         "frame_header",
         FrameHeader(

@@ -7,6 +7,7 @@ import csv
 import io
 import json
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from simulator.world.frames.rotation import rotation_angle_rad
 
 if TYPE_CHECKING:
     from hil.host.link_process.ipc import FrameResult
+    from hil.link.packets.messages import PoseMessage
     from simulator.frame import Frame
     from simulator.runtime.arrays import Quat, Vec3
 
@@ -42,6 +44,14 @@ class LedgerRow:
     q_wxyz, t_m : ``camera_from_target`` as the board has it; ``truth_*`` the true one.
     E_T_m, E_R_deg : pose error, where both are known.
     faults : what struck the frame on purpose, of camera and line.
+    exposure_start_utc, exposure_end_utc : on the host's clock, ISO 8601 to the nanosecond, as are the next ones.
+    drawn_utc : the picture was there. handed_over_utc : the camera gave it to the link.
+    sent_utc : the last byte was with the operating system. received_on_board_utc, begun_utc, answered_utc : frame
+        whole, estimator begins and ends, by the clock offset. received_utc : the pose was back.
+    handover_error_ms : handed over minus end of exposure and latency (realtime).
+    late : whether the picture was not there when it was to be handed over (realtime).
+    staleness_ms : age of mid-exposure when the estimator began.
+    deadline_met : whether the answer came within the deadline; False of a frame without one, None where there is none.
     """
 
     frame_id: int
@@ -67,6 +77,19 @@ class LedgerRow:
     E_T_m: float | None = None
     E_R_deg: float | None = None
     faults: tuple[str, ...] = ()
+    exposure_start_utc: str = ""
+    exposure_end_utc: str = ""
+    drawn_utc: str = ""
+    handed_over_utc: str = ""
+    sent_utc: str = ""
+    received_on_board_utc: str = ""
+    begun_utc: str = ""
+    answered_utc: str = ""
+    received_utc: str = ""
+    handover_error_ms: float | None = None
+    staleness_ms: float | None = None
+    late: bool | None = None
+    deadline_met: bool | None = None
 
     @property
     def wrong(self) -> bool | None:
@@ -95,6 +118,22 @@ _VECTORS = {
     "truth_q_wxyz": ("truth_q_w", "truth_q_x", "truth_q_y", "truth_q_z"),
     "truth_t_m": ("truth_t_x_m", "truth_t_y_m", "truth_t_z_m"),
 }
+_TIMES = (
+    "exposure_start_utc",
+    "exposure_end_utc",
+    "drawn_utc",
+    "handed_over_utc",
+    "sent_utc",
+    "received_on_board_utc",
+    "begun_utc",
+    "answered_utc",
+    "received_utc",
+)
+_DELAYS = ("handover_error_ms", "staleness_ms")
+_ANSWERS = ("late", "deadline_met")
+_ANSWER_CELLS = {None: "", False: "0", True: "1"}
+# ledgers without these are older and read, too
+LATER_COLUMNS = ("faults", *_TIMES, *_DELAYS, *_ANSWERS)
 COLUMNS = (
     "frame_id",
     "epoch_utc",
@@ -106,7 +145,7 @@ COLUMNS = (
     "stages_ms",
     *_ERRORS,
     *(column for columns in _VECTORS.values() for column in columns),
-    "faults",
+    *LATER_COLUMNS,
 )
 
 
@@ -123,8 +162,22 @@ def _ms(start_ns: int | None, end_ns: int | None) -> float | None:
     return None if start_ns is None or end_ns is None else (end_ns - start_ns) * 1e-6
 
 
-def ledger_row(frame: Frame, result: FrameResult) -> LedgerRow:
-    """A frame and its outcome as a row."""
+def utc_text(ns: int) -> str:
+    """Nanoseconds since 1970-01-01 UTC as ISO 8601."""
+    second, rest = divmod(ns, 1_000_000_000)
+    return f"{datetime.fromtimestamp(second, UTC):%Y-%m-%dT%H:%M:%S}.{rest:09d}Z"
+
+
+def ledger_row(
+    frame: Frame, result: FrameResult, utc_minus_monotonic_ns: int = 0, deadline_ms: float | None = None
+) -> LedgerRow:
+    """A frame and its outcome as a row.
+
+    Parameters
+    ----------
+    utc_minus_monotonic_ns : of the host's clocks, the same for all rows of a run.
+    deadline_ms : of an answer, from the start of sending; None without one.
+    """
     scene, truth = frame.scene, frame.truth
     row = LedgerRow(
         frame_id=frame.number,
@@ -141,6 +194,9 @@ def ledger_row(frame: Frame, result: FrameResult) -> LedgerRow:
         truth_q_wxyz=None if truth is None else truth.q_camera_from_target_wxyz,
         truth_t_m=None if truth is None else truth.t_camera_from_target_m,
     )
+    row = replace(row, **_camera_times(result, utc_minus_monotonic_ns))
+    if deadline_ms is not None:
+        row = replace(row, deadline_met=row.e2e_ms is not None and row.e2e_ms <= deadline_ms)
     pose = result.pose
     if pose is None:
         return row
@@ -148,6 +204,8 @@ def ledger_row(frame: Frame, result: FrameResult) -> LedgerRow:
     errors: tuple[float | None, float | None] = (None, None)
     if q is not None and t is not None and row.truth_q_wxyz is not None and row.truth_t_m is not None:
         errors = pose_errors(q, t, row.truth_q_wxyz, row.truth_t_m)
+    if offset is not None:
+        row = replace(row, **_board_times(result, pose, offset, utc_minus_monotonic_ns))
     return replace(
         row,
         board_wait_ms=_ms(pose.receive_ns, pose.start_ns),
@@ -161,6 +219,37 @@ def ledger_row(frame: Frame, result: FrameResult) -> LedgerRow:
         E_T_m=errors[0],
         E_R_deg=errors[1],
     )
+
+
+def _camera_times(result: FrameResult, shift_ns: int) -> dict[str, Any]:
+    start_ns, end_ns = result.exposure_ns or (None, None)
+    times = {
+        "exposure_start_utc": start_ns,
+        "exposure_end_utc": end_ns,
+        "drawn_utc": result.ready_ns,
+        "handed_over_utc": result.handed_over_ns,
+        "sent_utc": result.send_end_ns,
+        "received_utc": result.received_ns,
+    }
+    due_ns, ready_ns = result.due_ns, result.ready_ns
+    return {
+        **{name: utc_text(ns + shift_ns) for name, ns in times.items() if ns is not None},
+        "handover_error_ms": _ms(due_ns, result.handed_over_ns),
+        "late": None if due_ns is None or ready_ns is None else ready_ns > due_ns,
+    }
+
+
+def _board_times(result: FrameResult, pose: PoseMessage, offset_ns: int, shift_ns: int) -> dict[str, Any]:
+    times = {
+        "received_on_board_utc": pose.receive_ns,
+        "begun_utc": pose.start_ns,
+        "answered_utc": pose.end_ns,
+    }
+    middle_ns = None if result.exposure_ns is None else sum(result.exposure_ns) // 2
+    return {
+        **{name: utc_text(ns - offset_ns + shift_ns) for name, ns in times.items()},
+        "staleness_ms": _ms(middle_ns, pose.start_ns - offset_ns),
+    }
 
 
 class LedgerWriter:
@@ -242,7 +331,9 @@ def _cells(row: LedgerRow) -> list[str]:
         vector = getattr(row, name)
         cells += [""] * len(columns) if vector is None else [repr(float(x)) for x in vector]
     cells.append(";".join(row.faults))
-    return cells
+    cells += [getattr(row, name) for name in _TIMES]
+    cells += [_number(getattr(row, name)) for name in _DELAYS]
+    return cells + [_ANSWER_CELLS[getattr(row, name)] for name in _ANSWERS]
 
 
 def read_ledger(folder: Path) -> list[LedgerRow]:
@@ -263,8 +354,8 @@ def read_ledger(folder: Path) -> list[LedgerRow]:
     line = 0
     try:
         reader = csv.DictReader(io.StringIO(data[: data.rfind(b"\n") + 1].decode()))
-        # ledgers of versions without faults are read, too
-        missing = [name for name in COLUMNS[:-1] if name not in (reader.fieldnames or [])]
+        needed = COLUMNS[: -len(LATER_COLUMNS)]
+        missing = [name for name in needed if name not in (reader.fieldnames or [])]
         if missing:
             raise UserError(f"{path} has no column {missing[0]!r}: it was not written by this version's host")
         rows = []
@@ -294,6 +385,11 @@ def _row(cells: dict[str, str]) -> LedgerRow:
     optional: dict[str, Any] = {
         name: float(cells[name]) if cells[name] else None for name in (*_SCALARS, *_ERRORS)
     }
+    later: dict[str, Any] = {
+        **{name: cells.get(name, "") for name in _TIMES},
+        **{name: float(cells[name]) if cells.get(name) else None for name in _DELAYS},
+        **{name: cells[name] == "1" if cells.get(name) else None for name in _ANSWERS},
+    }
     vectors: dict[str, Any] = {name: _vector(cells, columns) for name, columns in _VECTORS.items()}
     return LedgerRow(
         frame_id=int(cells["frame_id"]),
@@ -304,6 +400,7 @@ def _row(cells: dict[str, str]) -> LedgerRow:
         reason=cells["reason"],
         stages_ms=stages_ms,
         faults=tuple(name for name in cells.get("faults", "").split(";") if name),
+        **later,
         **optional,
         **vectors,
     )

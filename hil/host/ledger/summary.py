@@ -62,6 +62,9 @@ class LinkTotals(msgspec.Struct, frozen=True, kw_only=True):
     sessions: Count = 0
     late_poses: Count = 0
     clock_round_trip_ms: float | None = None
+    clock_offset_bound_ms: float | None = None
+    clock_drift_ppm: float | None = None
+    clock_drift_ppm_sigma: float | None = None
 
 
 class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
@@ -75,6 +78,7 @@ class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
     url: str
     timeout_s: float
     deadline_ms: float | None = None
+    latency_ms: float | None = None
 
 
 class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
@@ -115,6 +119,17 @@ class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
     stages: list[StageTimes] = []
     deadline_ms: float | None = None
     deadline_misses: Count | None = None
+    latency_ms: float | None = None
+    late: Count | None = None
+    handover_error_ms_p50: float | None = None
+    handover_error_ms_p99: float | None = None
+    handover_error_ms_p999: float | None = None
+    handover_error_ms_max: float | None = None
+    staleness_ms_p50: float | None = None
+    staleness_ms_p95: float | None = None
+    staleness_ms_p99: float | None = None
+    staleness_ms_max: float | None = None
+    e2e_ms_p95: float | None = None
     median_E_T_m: float | None = None
     median_E_R_deg: float | None = None
     board: Board | None = None
@@ -188,6 +203,8 @@ def summarise(rows: Sequence[LedgerRow], **run: Any) -> LedgerSummary:  # noqa: 
     lag = [row.send_lag_ms for row in rows if row.send_lag_ms is not None]
     board = [row.board_total_ms for row in rows if row.board_total_ms is not None]
     render = [row.render_ms for row in rows if row.render_ms is not None]
+    handover = [abs(row.handover_error_ms) for row in rows if row.handover_error_ms is not None]
+    stale = [row.staleness_ms for row in rows if row.staleness_ms is not None]
     accepted = [row for row in rows if row.outcome == ACCEPTED]
     deadline_ms = run.get("deadline_ms")
     return LedgerSummary(
@@ -202,6 +219,16 @@ def summarise(rows: Sequence[LedgerRow], **run: Any) -> LedgerSummary:  # noqa: 
         e2e_ms_p90=percentile(e2e, 90),
         e2e_ms_p99=percentile(e2e, 99),
         e2e_ms_max=percentile(e2e, 100),
+        e2e_ms_p95=percentile(e2e, 95),
+        late=sum(row.late is True for row in rows) if any(row.late is not None for row in rows) else None,
+        handover_error_ms_p50=percentile(handover, 50),
+        handover_error_ms_p99=percentile(handover, 99),
+        handover_error_ms_p999=percentile(handover, 99.9),
+        handover_error_ms_max=percentile(handover, 100),
+        staleness_ms_p50=percentile(stale, 50),
+        staleness_ms_p95=percentile(stale, 95),
+        staleness_ms_p99=percentile(stale, 99),
+        staleness_ms_max=percentile(stale, 100),
         send_lag_ms_p50=percentile(lag, 50),
         send_lag_ms_p99=percentile(lag, 99),
         board_total_ms_p50=percentile(board, 50),

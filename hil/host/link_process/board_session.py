@@ -34,7 +34,9 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 SYNC_BURST = 8
-SYNC_EVERY_NS = 1_000_000_000
+SYNC_EVERY_NS = 250_000_000
+# while frames wait for a board that says nothing it is asked whether it has what it was sent
+ASK_AGAIN_NS = 100_000_000
 # a board answers clock requests once its estimator is ready; no frame is sent before
 SYNC_PATIENCE_NS = 60_000_000_000
 # a board that sends without end is listened to this long at a time: frames, loggers and the run get their turn
@@ -59,6 +61,7 @@ class BoardSession:
         self.ack: HelloAck | None = None
         self.unread = False  # the board has said more than was listened to
         self.next_sync_ns = 0
+        self._asked_ns = 0
         self.counts = LinkCounts()
         self._mistakes = 0
         self._up: BoardUp | None = None  # greeted, not yet announced
@@ -139,6 +142,10 @@ class BoardSession:
     def _greet(self, hello: Hello, link: Link) -> None:
         assert self.terms is not None  # noqa: S101 - nobody is let in before the terms
         terms = replace(self.terms.ack, chunk_bytes=link.transport.chunk_bytes)
+        if self._config.mode == "realtime":
+            terms = replace(
+                terms, window=1
+            )  # the newest frame waits at the host, where a newer one can replace it
         wish = self._config.compression
         compress = wish == "zstd" or (wish == "auto" and self._serial)
         repeated = self.ack is not None and link.last_sequence != 0
@@ -176,6 +183,8 @@ class BoardSession:
 
     def _take_clock_reply(self, reply: TimeSyncReply, at_ns: int, link: Link) -> None:
         self._clock.add_reply(reply, at_ns)
+        if reply.newest_frame is not None:
+            self._in_flight.lost_on_the_line(reply.asked_ns, reply.newest_frame)
         if self._up is None:
             return
         if len(self._clock) >= SYNC_BURST:
@@ -188,9 +197,10 @@ class BoardSession:
         if self._up is not None:
             self._tell(self._up)
             self._up = None
+            self.next_sync_ns = now_ns() + SYNC_EVERY_NS
 
     def _take_pose(self, pose: PoseMessage, at_ns: int) -> None:
-        if not self._in_flight.answer(pose, at_ns, self._clock.offset_ns):
+        if not self._in_flight.answer(pose, at_ns, self._clock.offset_at(at_ns)):
             self.counts = replace(self.counts, late_poses=self.counts.late_poses + 1)
 
     def _take_error(self, error: ErrorMessage) -> None:
@@ -217,7 +227,7 @@ class BoardSession:
         self._in_flight.lose(reason)
 
     def _count_packets(self, link: Link) -> None:
-        c, s = self.counts, link.stats
+        c, s, line = self.counts, link.stats, self._clock.line
         self.counts = replace(
             c,
             packets_sent=c.packets_sent + s.sent,
@@ -226,14 +236,24 @@ class BoardSession:
             protocol_mistakes=c.protocol_mistakes + s.mistakes,
             sequence_gaps=c.sequence_gaps + s.sequence_gaps,
             clock_round_trip_ns=self._clock.round_trip_ns,
+            clock_offset_bound_ns=self._clock.offset_bound_at(now_ns()),
+            clock_drift_ppm=None if line is None else line.drift_ppm,
+            clock_drift_ppm_sigma=None if line is None else line.sigma_ppm,
         )
 
+    def ask_what_came(self) -> None:
+        """Frames wait for the board: ask it soon, where it was not asked since the last was sent."""
+        sent_ns = self._in_flight.last_sent_ns
+        if sent_ns is not None and self._asked_ns < max(sent_ns, now_ns() - ASK_AGAIN_NS):
+            self.next_sync_ns = min(self.next_sync_ns, now_ns())
+
     def sync_clock(self) -> None:
-        """Ask for the board's clock where it is time to."""
+        """Ask for the board's clock, and what came to it, where it is time to."""
         if self.link is not None and self.ack is not None and now_ns() >= self.next_sync_ns:
             self.next_sync_ns = now_ns() + SYNC_EVERY_NS
             self._announce()  # a board that never answers clock requests may still answer frames
+            self._asked_ns = now_ns()
             try:
-                self.link.send(TimeSyncRequest(now_ns()))
+                self.link.send(TimeSyncRequest(self._asked_ns))
             except LinkClosed as error:
                 self.leave(str(error))

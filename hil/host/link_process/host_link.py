@@ -138,6 +138,7 @@ class HostLink:
         bits: int,
         due_ns: int | None,
         truth: dict[str, Any] | None,
+        latency_s: float = 0.0,
     ) -> None:
         """Hand over a frame; there must be room."""
         if self._slots is None or not self._free:
@@ -157,6 +158,8 @@ class HostLink:
                 exposure_s,
                 due_ns,
                 truth,
+                latency_s,
+                ready_ns=time.monotonic_ns(),
             )
         )
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from hil.host.link_process.ipc import FrameResult
+from hil.link.packets.messages import NO_FRAME
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.host.link_process.ipc import FrameJob
+    from hil.host.link_process.ipc import FrameJob, FrameResult
     from hil.link.packets.messages import PoseMessage
+
+# a frame that is still being sent
+NEVER_NS = 1 << 62
 
 
 @dataclass
@@ -40,7 +43,7 @@ class FramesInFlight:
         self._report = report
         self._timeout_s = timeout_s
         self._flying: dict[int, FrameInFlight] = {}
-        self._held: list[int] = []
+        self._held: dict[int, int] = {}  # when the sending of each ended
         self.misses = 0
         """Frames that ran out of time, or of credit for such frames, since the board last spoke of one."""
 
@@ -63,8 +66,19 @@ class FramesInFlight:
         """A frame whose sending begins now."""
         flight = FrameInFlight(job, at_ns, at_ns, at_ns + int(self._timeout_s * 1e9))
         self._flying[job.frame_id] = flight
-        self._held.append(job.frame_id)
+        self._held[job.frame_id] = NEVER_NS
         return flight
+
+    def sent(self, flight: FrameInFlight, at_ns: int) -> None:
+        """The last byte of a frame is out."""
+        flight.send_end_ns = at_ns
+        if flight.job.frame_id in self._held:
+            self._held[flight.job.frame_id] = at_ns
+
+    @property
+    def last_sent_ns(self) -> int | None:
+        """When the sending of the newest frame at the board ended; None where it holds none."""
+        return max(self._held.values(), default=None)
 
     def overdue(self, at_ns: int) -> int:
         """How many frames run out of time at ``at_ns`` without a sign of damage on the line."""
@@ -76,16 +90,13 @@ class FramesInFlight:
         self.misses = 0  # late or not, it works
         if flight is not None:
             self._report(
-                FrameResult(
-                    pose.frame_id,
-                    "accepted" if pose.accepted else "declined",
-                    pose.reason,
-                    flight.job.due_ns,
-                    flight.send_start_ns,
-                    flight.send_end_ns,
-                    at_ns,
-                    pose,
-                    clock_offset_ns,
+                replace(
+                    flight.job.result("accepted" if pose.accepted else "declined", pose.reason),
+                    send_start_ns=flight.send_start_ns,
+                    send_end_ns=flight.send_end_ns,
+                    received_ns=at_ns,
+                    pose=pose,
+                    clock_offset_ns=clock_offset_ns,
                 )
             )
         self.release(pose.frame_id)
@@ -94,7 +105,7 @@ class FramesInFlight:
     def release(self, frame_id: int) -> None:
         """Frames up to this one are no longer at the board; those without an answer never get one."""
         self.misses = 0
-        self._held = [held for held in self._held if held > frame_id]
+        self._held = {held: sent for held, sent in self._held.items() if held > frame_id}
         for passed in [f for f in self._flying if f <= frame_id]:
             if self._flying[passed].damage_seen:
                 self._drop(passed, "corrupt", "frame or pose was damaged on the line")
@@ -112,9 +123,25 @@ class FramesInFlight:
         flying = frame_id in self._flying
         if flying:
             self._drop(frame_id, cause, reason)
-        if frame_id in self._held:
-            self._held.remove(frame_id)
+        self._held.pop(frame_id, None)
         return flying
+
+    def lost_on_the_line(self, asked_ns: int, newest_frame: int) -> None:
+        """What the board told of itself, asked after some frames: those that did not reach it whole are given up.
+
+        Parameters
+        ----------
+        asked_ns : frames whose sending ended before this should have come before the question.
+        newest_frame : the last that came whole, ``NO_FRAME`` before the first.
+        """
+        for frame_id, sent_ns in list(self._held.items()):
+            if sent_ns >= asked_ns or (newest_frame != NO_FRAME and newest_frame >= frame_id):
+                continue
+            self.misses = 0  # not the board's doing
+            if frame_id in self._flying:
+                cause = "corrupt" if self._flying[frame_id].damage_seen else "lost"
+                self._drop(frame_id, cause, "it did not reach the board whole")
+            del self._held[frame_id]
 
     def refuse(self, frame_id: int, reason: str) -> bool:
         """Report that the board's answer to this frame cannot be used; False when it is not in flight."""
@@ -134,25 +161,22 @@ class FramesInFlight:
             cause, why = ("corrupt", "; damaged packets were seen") if flight.damage_seen else ("timeout", "")
             self.misses += not flight.damage_seen
             self._drop(frame_id, cause, f"no pose within {self._timeout_s:g} s{why}")
-            if flight.damage_seen and frame_id in self._held:
-                self._held.remove(frame_id)  # it may never have reached the board
+            if flight.damage_seen:
+                self._held.pop(frame_id, None)  # it may never have reached the board
 
     def lose(self, reason: str) -> None:
         """The board went away, or began anew, with all that it had."""
         for frame_id in list(self._flying):
             self._drop(frame_id, "disconnected", reason)
-        self._held = []
+        self._held = {}
         self.misses = 0
 
     def _drop(self, frame_id: int, cause: str, reason: str) -> None:
         flight = self._flying.pop(frame_id)
         self._report(
-            FrameResult(
-                frame_id,
-                f"dropped:{cause}",
-                reason,
-                flight.job.due_ns,
-                flight.send_start_ns,
-                flight.send_end_ns,
+            replace(
+                flight.job.result(f"dropped:{cause}", reason),
+                send_start_ns=flight.send_start_ns,
+                send_end_ns=flight.send_end_ns,
             )
         )

@@ -63,7 +63,10 @@ class FrameJob:
 
     Parameters
     ----------
-    due_ns : when to send, on the monotonic clock that all processes of this machine share; None for now.
+    exposure_s, latency_s : the exposure, and how long after its end the camera hands the picture over.
+    due_ns : when it does, on the monotonic clock that all processes of this machine share; None for now, as a camera
+        that is triggered in time.
+    ready_ns : when the picture was there; after ``due_ns`` the camera is late.
     truth : what goes to the truth endpoint or, inline, to the board; None for nothing.
     """
 
@@ -77,6 +80,30 @@ class FrameJob:
     exposure_s: float
     due_ns: int | None
     truth: dict[str, Any] | None
+    latency_s: float = 0.0
+    ready_ns: int | None = None
+    handed_over_ns: int | None = None
+
+    @property
+    def exposure_ns(self) -> tuple[int, int] | None:
+        """Start and end of the exposure: the latency before the picture is due, or was handed over."""
+        over_ns = self.handed_over_ns if self.due_ns is None else self.due_ns
+        if over_ns is None:
+            return None
+        end_ns = over_ns - round(1e9 * self.latency_s)
+        return end_ns - round(1e9 * self.exposure_s), end_ns
+
+    def result(self, outcome: str, reason: str) -> FrameResult:
+        """The frame's outcome, with all that is known of it before it was sent."""
+        return FrameResult(
+            self.frame_id,
+            outcome,
+            reason,
+            self.due_ns,
+            ready_ns=self.ready_ns,
+            handed_over_ns=self.handed_over_ns,
+            exposure_ns=self.exposure_ns,
+        )
 
 
 @dataclass(frozen=True)
@@ -139,6 +166,7 @@ class FrameResult:
     Parameters
     ----------
     outcome : accepted, declined or dropped:CAUSE.
+    due_ns, ready_ns, handed_over_ns, exposure_ns : as of `FrameJob`; handed over when the link took it up, sent or not.
     clock_offset_ns : board's clock minus the host's, None while unknown.
     faults : of the line that struck the frame or its answer, on purpose.
     """
@@ -153,6 +181,9 @@ class FrameResult:
     pose: PoseMessage | None = None
     clock_offset_ns: int | None = None
     faults: tuple[str, ...] = ()
+    ready_ns: int | None = None
+    handed_over_ns: int | None = None
+    exposure_ns: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -167,6 +198,9 @@ class LinkCounts:
     sessions: int = 0
     late_poses: int = 0
     clock_round_trip_ns: int | None = None
+    clock_offset_bound_ns: int | None = None
+    clock_drift_ppm: float | None = None
+    clock_drift_ppm_sigma: float | None = None
 
 
 @dataclass(frozen=True)

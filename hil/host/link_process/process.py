@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import sys
 from collections import deque
@@ -73,6 +74,7 @@ class LinkServer:
         self._slots: FrameSlots | None = None
         self._pending = PendingLinks(lambda reason: self._pipe.send(BoardDown(reason)))
         self._waiting: deque[FrameJob] = deque()
+        self._newest: FrameJob | None = None  # real time: handed over, waits for the board
         self._journal = FaultJournal()
         self._in_flight = FramesInFlight(self._report, config.timeout_s)
         self._board = BoardSession(config, self._pipe.send, self._in_flight)
@@ -133,6 +135,8 @@ class LinkServer:
         times = [first for first in firsts if first is not None]
         if self._waiting and self._waiting[0].due_ns is not None:
             times.append(self._waiting[0].due_ns - SPIN_NS)
+        if self._newest is not None and self._newest.handed_over_ns is not None:
+            times.append(self._newest.handed_over_ns + self._timeout_ns)
         if self._blocked_until_ns:
             times.append(self._blocked_until_ns)
         if self._board.link is not None:
@@ -163,7 +167,7 @@ class LinkServer:
         """A frame that was never sent."""
         self._pipe.send(SlotFree(job.slot))
         self._publish_truth(job)
-        self._report(FrameResult(job.frame_id, f"dropped:{cause}", reason, job.due_ns))
+        self._report(job.result(f"dropped:{cause}", reason))
 
     def _report(self, result: FrameResult) -> None:
         """A frame's outcome to the run, with what struck it on purpose."""
@@ -172,22 +176,63 @@ class LinkServer:
     # --- frames out -------------------------------------------------------------------------
 
     def _send_due(self) -> None:
+        if self._config.mode == "realtime":
+            self._hand_over_due()
+            self._send_newest()
+        else:
+            self._send_in_step()
+
+    def _hand_over_due(self) -> None:
+        """Take up the frames that are due; of those that wait for the board the newest stays."""
+        while self._waiting:
+            due_ns = self._waiting[0].due_ns or 0
+            if due_ns - now_ns() > SPIN_NS:
+                return
+            while now_ns() < due_ns:
+                pass
+            job = replace(self._waiting.popleft(), handed_over_ns=now_ns())
+            if self._board.link is None or self._board.ack is None:
+                self._drop(job, "disconnected", "no board was connected")
+                continue
+            if self._newest is not None:
+                # a board that let every frame run out of time keeps its credit: it hangs
+                self._in_flight.misses += self._in_flight.none_in_flight
+                reason = f"frame {job.frame_id} came while it waited for the board"
+                self._drop(self._newest, "superseded", reason)
+            self._newest = job
+            self._send_newest()
+
+    def _send_newest(self) -> None:
+        """Send the frame that waits, where the board has room for it."""
+        job = self._newest
+        if job is None:
+            return
+        waits_until_ns = (job.handed_over_ns or 0) + self._timeout_ns
+        if self._board.link is None or self._board.ack is None:
+            self._newest = None
+            self._drop(job, "disconnected", "no board was connected")
+        elif self._in_flight.held < self._board.ack.window:
+            self._newest = None
+            self._send_frame(job, self._board.link, self._board.ack)
+        elif now_ns() >= waits_until_ns:
+            self._newest = None
+            self._in_flight.misses += self._in_flight.none_in_flight
+            self._drop(job, "no_credit", f"the board still held {self._in_flight.held} frames")
+        else:
+            self._board.ask_what_came()
+
+    def _send_in_step(self) -> None:
         while self._waiting:
             job = self._waiting[0]
-            if job.due_ns is not None:
-                if job.due_ns - now_ns() > SPIN_NS:
-                    return
-                while now_ns() < job.due_ns:
-                    pass
             if self._board.link is None or self._board.ack is None:
                 self._waiting.popleft()
                 self._drop(job, "disconnected", "no board was connected")
             elif self._in_flight.held >= self._board.ack.window:
-                if self._config.mode == "lockstep":
-                    # nothing is lost by waiting for the board to finish what the host gave up on
-                    self._blocked_until_ns = self._blocked_until_ns or now_ns() + self._timeout_ns
-                    if now_ns() < self._blocked_until_ns:
-                        return
+                # nothing is lost by waiting for the board to finish what the host gave up on
+                self._blocked_until_ns = self._blocked_until_ns or now_ns() + self._timeout_ns
+                if now_ns() < self._blocked_until_ns:
+                    self._board.ask_what_came()
+                    return
                 self._blocked_until_ns = 0
                 self._waiting.popleft()
                 self._in_flight.misses += self._in_flight.none_in_flight
@@ -200,6 +245,8 @@ class LinkServer:
     def _send_frame(self, job: FrameJob, link: Link, ack: HelloAck) -> None:
         assert self._slots is not None  # noqa: S101 - frames come after the terms
         start = now_ns()
+        if job.handed_over_ns is None:
+            job = replace(job, handed_over_ns=start)
         flight = self._in_flight.start(job, start)
         try:
             if job.truth is not None and self._config.truth == "inline":
@@ -222,9 +269,9 @@ class LinkServer:
             )
             for chunk in chunks(job.frame_id, data, ack.chunk_bytes):
                 link.send(chunk)
-            flight.send_end_ns = now_ns()
+            self._in_flight.sent(flight, now_ns())
         except LinkClosed as error:
-            flight.send_end_ns = now_ns()
+            self._in_flight.sent(flight, now_ns())
             self._board.leave(str(error))
         self._pipe.send(SlotFree(job.slot))
         self._publish_truth(job)
@@ -295,7 +342,16 @@ def main() -> None:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             pipe.send(Failed(str(error)))
         return
+    if config.mode == "realtime":
+        _keep_time()
     server.run()
+
+
+def _keep_time() -> None:
+    """Run before what only computes, where the system lets this user: frames leave when they are due."""
+    if hasattr(os, "sched_setscheduler"):
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
 
 
 if __name__ == "__main__":

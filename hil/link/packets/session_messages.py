@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from typing import Any, ClassVar, Dict
+from typing import Any, ClassVar, Dict, Optional
 
 from hil.link.errors import PacketError
 from hil.link.packets.enums import NO_FRAME, Encoding, ErrorCode, Mode, TruthPolicy
@@ -158,23 +158,33 @@ class TimeSyncRequest:
 
 @dataclass(frozen=True)
 class TimeSyncReply:
-    """The asker's time back, and the answerer's clock on receiving and on sending [ns]."""
+    """The asker's time back, and the answerer's clock on receiving and on sending [ns].
+
+    Parameters
+    ----------
+    newest_frame : the last frame that came whole to the answerer, ``NO_FRAME`` before the first: who asked after
+        sending a later one knows that it was lost. None where the answerer does not tell.
+    """
 
     TYPE: ClassVar[PacketType] = PacketType.TIME_SYNC_REPLY
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<QQQ")
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<QQQII")
 
     asked_ns: int
     received_ns: int
     sent_ns: int
+    newest_frame: Optional[int] = None
 
     def encode(self) -> bytes:
         """Payload bytes."""
-        return self.LAYOUT.pack(self.asked_ns, self.received_ns, self.sent_ns)
+        tells = self.newest_frame is not None
+        newest = NO_FRAME if self.newest_frame is None else self.newest_frame
+        return self.LAYOUT.pack(self.asked_ns, self.received_ns, self.sent_ns, newest, tells)
 
     @classmethod
     def decode(cls, data: bytes) -> TimeSyncReply:
         """Payload from bytes."""
-        return cls(*unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REPLY"))
+        asked, received, sent, newest, tells = unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REPLY")
+        return cls(asked, received, sent, newest if tells else None)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Faults on purpose: they strike when and what they say, are told in the ledger, and come again with the same seed."""
 
+import time
 from pathlib import Path
 from typing import get_args
 
@@ -174,6 +175,35 @@ def test_lost_and_damaged_frames_are_told_and_come_again(fault):
     _, again = run(fault, max_misses=0, timeout_s=0.6)
     assert [row.faults for row in again] == [row.faults for row in rows]
     assert [row.outcome for row in again] == outcomes
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_frames_that_never_reach_the_board_do_not_use_up_its_credit(mode):
+    """Header and pixels lost, or one of them: the board is asked what it has, and the run goes on."""
+    summary, rows = run(Drop(chance=0.4, direction="to_board"), n=12, mode=mode, timeout_s=20.0, seed=3)
+    whole = [row for row in rows if "drop" not in row.faults]
+    assert len(whole) < 12
+    assert summary.dropped.keys() <= {"lost", "corrupt", "superseded"}
+    # the last of the flight may be any; all that were sent whole were answered
+    sent = [row for row in whole if row.sent_utc]
+    assert {row.outcome for row in sent} == {"accepted"}
+    # half the flight on, they are answered still: nobody starves
+    assert any(row.outcome == "accepted" for row in rows[6:])
+    assert "lost" in summary.dropped
+    assert summary.ended == "completed"
+
+
+def test_a_board_that_does_not_tell_what_came_is_not_taken_for_one_that_lost_it():
+    """A quiet board at work for longer than the host takes to ask."""
+
+    class Thinks(Instant):
+        def estimate(self, image):
+            time.sleep(0.7)
+            return super().estimate(image)
+
+    summary, rows = run(n=2, timeout_s=5.0)
+    told = Loop(board(Thinks)).run(flight(2), on_row=rows.append, timeout_s=5.0)
+    assert (summary.accepted, told.accepted) == (2, 2)
 
 
 def test_duplicates_change_nothing_in_the_books():

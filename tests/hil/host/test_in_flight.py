@@ -6,7 +6,7 @@ import pytest
 
 from hil.host.link_process.in_flight import FramesInFlight
 from hil.host.link_process.ipc import FrameJob
-from hil.link.packets.messages import PoseMessage
+from hil.link.packets.messages import NO_FRAME, PoseMessage
 
 SENT_NS = 5_000_000_000
 TIMEOUT_NS = 2_000_000_000
@@ -16,11 +16,11 @@ class Sky:
     """FramesInFlight with frames 0 to 4 sent a millisecond apart, and what was reported of them."""
 
     def __init__(self, n: int = 5) -> None:
-        self.results = []
+        self.results, self.sent = [], {}
         self.flights = FramesInFlight(self.results.append, TIMEOUT_NS * 1e-9)
         for k in range(n):
             job = FrameJob(0, k, (48, 64), "|u1", 8, "2026-01-01T00:00:00Z", 0.0, 0.01, None, None)
-            self.flights.start(job, SENT_NS + k * 1_000_000)
+            self.sent[k] = self.flights.start(job, SENT_NS + k * 1_000_000)
 
     @property
     def outcomes(self) -> dict[int, str]:
@@ -113,6 +113,27 @@ def test_an_answer_that_cannot_be_used_drops_its_frame_and_releases_it():
     assert sky.flights.held == 1
     assert not sky.flights.refuse(2, "late")
     assert sky.flights.held == 0
+    assert sky.outcomes[2] == "dropped:timeout"
+
+
+def test_frames_that_the_board_never_got_whole_are_given_up_once_it_was_asked():
+    sky = Sky(3)
+    for k, flight in sky.sent.items():
+        if k < 2:
+            sky.flights.sent(flight, SENT_NS + 10 + k)
+    # asked before frame 1 was out: it may come yet
+    sky.flights.lost_on_the_line(SENT_NS + 11, NO_FRAME)
+    assert sky.outcomes == {0: "dropped:lost"}
+    # and the board has 1; 2 is still being sent
+    sky.flights.lost_on_the_line(SENT_NS + 20, 1)
+    assert sky.outcomes == {0: "dropped:lost"}
+    assert sky.flights.held == 2
+    # one that ran out of time gives its credit back as well
+    sky.flights.sent(sky.sent[2], SENT_NS + 30)
+    sky.flights.expire(SENT_NS + TIMEOUT_NS + 5_000_000)
+    assert (sky.flights.held, sky.flights.misses) == (2, 2)
+    sky.flights.lost_on_the_line(SENT_NS + 40, 1)
+    assert (sky.flights.held, sky.flights.misses) == (1, 0)
     assert sky.outcomes[2] == "dropped:timeout"
 
 

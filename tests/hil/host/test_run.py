@@ -93,28 +93,53 @@ def test_inline_truth_is_sent_before_its_frame_and_only_on_the_link():
     assert about_frames == [PacketType.TRUTH, PacketType.FRAME_HEADER] * 3
 
 
-def test_realtime_paces_by_scenario_time_and_drops_without_credit():
-    class Slow(Instant):
-        def estimate(self, image):
-            time.sleep(0.15)
-            return super().estimate(image)
+class Slow(Instant):
+    """Three frames come while it looks at one."""
 
+    def estimate(self, image):
+        time.sleep(0.15)
+        return super().estimate(image)
+
+
+def test_realtime_paces_by_scenario_time_and_the_newest_frame_wins():
     rows, start = [], time.monotonic()
-    summary = Loop(board(Slow, window=1)).run(
+    summary = Loop(board(Slow, window=4)).run(
         frames(20, every_s=0.05), mode="realtime", on_row=rows.append, window=4
     )
     assert time.monotonic() - start > 19 * 0.05
     assert adds_up(summary)
     assert summary.sent == 20
-    assert summary.dropped.keys() == {"no_credit"}
-    assert summary.dropped["no_credit"] >= 8
+    assert summary.dropped.keys() == {"superseded"}
+    assert summary.dropped["superseded"] >= 8
     assert summary.accepted >= 2
     assert summary.board.window == 1
-    assert all(row.e2e_ms is None for row in rows if row.outcome == "dropped:no_credit")
+    assert all(row.e2e_ms is None for row in rows if row.outcome == "dropped:superseded")
     assert summary.deadline_ms == pytest.approx(50.0)
     assert summary.deadline_misses == summary.accepted
-    # frames leave when they are due, never before
-    assert all(row.send_lag_ms >= 0 for row in rows if row.send_lag_ms is not None)
+    # no frame that a newer one could replace is ever looked at: when one is begun, at most one frame time old is used
+    answered = sorted((row for row in rows if row.e2e_ms is not None), key=lambda row: row.frame_id)
+    assert answered[-1].frame_id == 19
+    for row in rows:
+        if row.outcome == "dropped:superseded":
+            assert f"frame {row.frame_id + 1} came while it waited" in row.reason
+    # frames are handed over when they are due, never before, and sent when the board is free
+    assert all(row.handover_error_ms >= 0 for row in rows)
+    assert all(row.send_lag_ms >= row.handover_error_ms for row in answered)
+
+
+def test_host_and_board_never_hold_two_frames_that_were_not_begun():
+    """The frame that is sent to a free board is the newest that was handed over: none waits behind it."""
+    rows = []
+    Loop(board(Slow)).run(frames(20, every_s=0.05), mode="realtime", on_row=rows.append)
+    assert adds_up_rows(rows)
+    for used in (row for row in rows if row.sent_utc):
+        newer = [row for row in rows if row.frame_id > used.frame_id]
+        assert all(row.handed_over_utc >= used.sent_utc for row in newer)
+
+
+def adds_up_rows(rows) -> bool:
+    known = [r for r in rows if r.outcome in {"accepted", "declined"} or r.outcome.startswith("dropped:")]
+    return len(known) == len({r.frame_id for r in rows}) == len(rows)
 
 
 def test_no_frame_is_sent_before_the_estimator_is_ready():

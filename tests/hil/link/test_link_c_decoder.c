@@ -36,7 +36,7 @@ static int show(const struct fly_packet *k) {
     int reply = k->type == FLY_TIME_SYNC_REPLY;
     status = reply ? fly_read_time_sync_reply(&m, p, n) : fly_read_time_sync_request(&m, p, n);
     U("asked_ns", m.asked_ns);
-    if (reply) U("received_ns", m.received_ns), U("sent_ns", m.sent_ns);
+    if (reply) U("received_ns", m.received_ns), U("sent_ns", m.sent_ns), U("newest_frame", m.newest_frame);
   } else if (k->type == FLY_FRAME_HEADER) {
     struct fly_frame_header m;
     status = fly_read_frame_header(&m, p, n);

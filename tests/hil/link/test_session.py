@@ -153,14 +153,52 @@ def test_offset_is_within_half_the_smallest_round_trip(offset_ns, delays):
         now += 10**9
     best = min(out + back for out, back, _ in delays)
     assert clock.round_trip_ns == best
-    assert abs(clock.offset_ns - offset_ns) <= best / 2 + 1
+    nearest = min(range(len(delays)), key=lambda k: delays[k][0] + delays[k][1])
+    at = 10**16 + nearest * 10**9 + sum(delays[nearest]) // 2
+    assert abs(clock.offset_at(at) - offset_ns) <= clock.offset_bound_at(at)
+    assert clock.offset_bound_at(at) <= best / 2 + 2
 
 
 def test_a_clock_that_runs_backwards_is_left_out():
     clock = ClockFilter()
     clock.add(100, 0, 500, 200)
-    assert clock.offset_ns is None
+    assert clock.offset_at(0) is None
     assert clock.round_trip_ns is None
+
+
+def exchanges(seconds: int, *, ppm: float, seed: int, asymmetry_ns: int = 40_000, every_s: float = 0.25):
+    """Round trips over a busy line: some tens of microseconds each way, now and then milliseconds on one of them."""
+    rng = np.random.default_rng(seed)
+    clock, offset_ns, start = ClockFilter(), 7 * 10**12, 10**13
+    for k in range(int(seconds / every_s)):
+        asked = start + round(k * every_s * 1e9)
+        out, back = (30_000 + rng.exponential(asymmetry_ns, 2)).astype(int)
+        if rng.random() < 0.3:
+            out += int(rng.exponential(3e6))
+        received = asked + out
+        theirs = received + offset_ns + round(1e-6 * ppm * (received - start))
+        clock.add(asked, theirs, theirs + 5_000, received + 5_000 + back)
+    at = start + seconds * 10**9
+    return clock, at, offset_ns + round(1e-6 * ppm * (at - start))
+
+
+@pytest.mark.parametrize("ppm", [200.0, -37.0, 0.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_drift_is_recovered_within_ten_ppm_over_a_minute_and_says_how_well(ppm, seed):
+    clock, at, offset_ns = exchanges(60, ppm=ppm, seed=seed)
+    assert abs(clock.line.drift_ppm - ppm) < 10.0
+    # the uncertainty is no excuse and no boast
+    assert abs(clock.line.drift_ppm - ppm) < 5 * clock.line.sigma_ppm
+    assert clock.line.sigma_ppm < 2.0
+    assert abs(clock.offset_at(at) - offset_ns) <= clock.offset_bound_at(at) < 100_000
+
+
+def test_drift_is_not_told_from_a_second_and_its_bound_grows():
+    clock, at, offset_ns = exchanges(2, ppm=90.0, seed=0)
+    assert clock.line is None
+    later = at + 20 * 10**9
+    assert clock.offset_bound_at(later) > 1_800_000 > clock.offset_bound_at(at)
+    assert abs(clock.offset_at(later) - offset_ns - 1_800_000) <= clock.offset_bound_at(later)
 
 
 # --- images --------------------------------------------------------------------------------
