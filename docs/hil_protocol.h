@@ -1,4 +1,4 @@
-/* Flyaround hardware-in-the-loop link, protocol 1: a decoder and encoder for boards, header only.
+/* Flyaround hardware-in-the-loop link, protocol 2: a decoder and encoder for boards, header only.
  *
  * C99, no allocation, no alignment or byte-order assumption. The layout is described in
  * hil_protocol.md; hil_vectors.json holds packets to test against. MIT licence, as the rest.
@@ -10,7 +10,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#define FLY_PROTOCOL_VERSION 1u
+#define FLY_PROTOCOL_VERSION 2u
 #define FLY_HEADER_BYTES 24u
 #define FLY_CRC_BYTES 4u
 #define FLY_MAX_PAYLOAD_BYTES (1u << 22)
@@ -23,7 +23,18 @@ enum fly_type {
   FLY_FRAME_HEADER = 5, FLY_FRAME_CHUNK = 6, FLY_POSE = 7, FLY_CREDIT = 8, FLY_TRUTH = 9,
   FLY_BYE = 10, FLY_ERROR = 11
 };
-enum fly_encoding { FLY_RAW = 0, FLY_ZSTD = 1 };
+enum fly_encoding { FLY_RAW = 0, FLY_ZSTD = 1, FLY_PNG = 2 };
+/* GenICam Pixel Format Naming Convention; HELLO's pixel_formats has one bit each, in this order from bit 0. */
+#define FLY_MONO8 0x01080001u
+#define FLY_MONO10 0x01100003u  /* 16 bits each, the number right-aligned */
+#define FLY_MONO12P 0x010C0047u /* two numbers in three bytes */
+#define FLY_MONO16 0x01100007u
+#define FLY_RGB8 0x02180014u
+#define FLY_TAKES_MONO8 1u
+#define FLY_TAKES_MONO10 2u
+#define FLY_TAKES_MONO12P 4u
+#define FLY_TAKES_MONO16 8u
+#define FLY_TAKES_RGB8 16u
 enum fly_mode { FLY_LOCKSTEP = 0, FLY_REALTIME = 1 };
 enum fly_error_code {
   FLY_OTHER = 0, FLY_VERSION = 1, FLY_CORRUPT = 2, FLY_INCOMPLETE = 3, FLY_MODEL = 4, FLY_BUSY = 5,
@@ -113,7 +124,7 @@ static inline int fly_parse(struct fly_packet *packet, const uint8_t *p, size_t 
 /* ---- payloads ----------------------------------------------------------------------------- */
 
 struct fly_hello {
-  uint16_t protocol, encodings, window;
+  uint16_t protocol, encodings, window, pixel_formats;
   char model_name[65], method[33], board[65];
   uint8_t model_sha256[32];
 };
@@ -122,6 +133,7 @@ static inline int fly_read_hello(struct fly_hello *m, const uint8_t *p, uint32_t
   m->protocol = fly_u16(p);
   m->encodings = fly_u16(p + 2);
   m->window = fly_u16(p + 4);
+  m->pixel_formats = fly_u16(p + 6);
   fly_text(m->model_name, p + 8, 64);
   memcpy(m->model_sha256, p + 72, 32);
   fly_text(m->method, p + 104, 32);
@@ -132,25 +144,26 @@ static inline int fly_read_hello(struct fly_hello *m, const uint8_t *p, uint32_t
 struct fly_hello_ack {
   uint16_t width_px, height_px, window;
   uint8_t bits, encoding, mode, truth;
-  uint32_t chunk_bytes, camera_bytes;
+  uint32_t pixel_format, chunk_bytes, camera_bytes;
   char target_name[65];
   uint8_t target_sha256[32];
   const char *camera_json; /* camera_bytes long, not zero-terminated */
 };
 static inline int fly_read_hello_ack(struct fly_hello_ack *m, const uint8_t *p, uint32_t n) {
-  if (n < 116 || fly_u32(p + 112) != n - 116) return FLY_BAD_PAYLOAD;
+  if (n < 120 || fly_u32(p + 116) != n - 120) return FLY_BAD_PAYLOAD;
   m->width_px = fly_u16(p);
   m->height_px = fly_u16(p + 2);
-  m->bits = p[4];
-  m->encoding = p[5];
-  m->mode = p[6];
-  m->truth = p[7];
-  m->window = fly_u16(p + 8);
-  m->chunk_bytes = fly_u32(p + 12);
-  fly_text(m->target_name, p + 16, 64);
-  memcpy(m->target_sha256, p + 80, 32);
-  m->camera_bytes = n - 116;
-  m->camera_json = (const char *)p + 116;
+  m->pixel_format = fly_u32(p + 4);
+  m->bits = p[8];
+  m->encoding = p[9];
+  m->mode = p[10];
+  m->truth = p[11];
+  m->window = fly_u16(p + 12);
+  m->chunk_bytes = fly_u32(p + 16);
+  fly_text(m->target_name, p + 20, 64);
+  memcpy(m->target_sha256, p + 84, 32);
+  m->camera_bytes = n - 120;
+  m->camera_json = (const char *)p + 120;
   return FLY_OK;
 }
 
@@ -177,26 +190,38 @@ static inline int fly_read_time_sync_reply(struct fly_time_sync *m, const uint8_
 }
 
 struct fly_frame_header {
-  uint32_t frame_id, total_bytes, chunk_count;
+  uint32_t frame_id, pixel_format, total_bytes, chunk_count;
   uint16_t width_px, height_px;
-  uint8_t bits, encoding;
+  uint16_t roi_x_px, roi_y_px, roi_width_px, roi_height_px; /* of the detector, before binning */
+  uint8_t bits, encoding, binning_x, binning_y;
   double exposure_s, t_s;
+  uint64_t camera_frame, exposure_start_ns, exposure_end_ns; /* UTC since 1970 [ns], 0: unknown */
   uint64_t host_send_ns;
   char epoch_utc[41];
 };
 static inline int fly_read_frame_header(struct fly_frame_header *m, const uint8_t *p, uint32_t n) {
-  if (n != 84) return FLY_BAD_PAYLOAD;
+  if (n != 120) return FLY_BAD_PAYLOAD;
   m->frame_id = fly_u32(p);
   m->width_px = fly_u16(p + 4);
   m->height_px = fly_u16(p + 6);
-  m->bits = p[8];
-  m->encoding = p[9];
-  m->total_bytes = fly_u32(p + 12);
-  m->chunk_count = fly_u32(p + 16);
-  m->exposure_s = fly_f64(p + 20);
-  m->t_s = fly_f64(p + 28);
-  m->host_send_ns = fly_u64(p + 36);
-  fly_text(m->epoch_utc, p + 44, 40);
+  m->pixel_format = fly_u32(p + 8);
+  m->bits = p[12];
+  m->encoding = p[13];
+  m->binning_x = p[14];
+  m->binning_y = p[15];
+  m->total_bytes = fly_u32(p + 16);
+  m->chunk_count = fly_u32(p + 20);
+  m->roi_x_px = fly_u16(p + 24);
+  m->roi_y_px = fly_u16(p + 26);
+  m->roi_width_px = fly_u16(p + 28);
+  m->roi_height_px = fly_u16(p + 30);
+  m->camera_frame = fly_u64(p + 32);
+  m->exposure_s = fly_f64(p + 40);
+  m->t_s = fly_f64(p + 48);
+  m->exposure_start_ns = fly_u64(p + 56);
+  m->exposure_end_ns = fly_u64(p + 64);
+  m->host_send_ns = fly_u64(p + 72);
+  fly_text(m->epoch_utc, p + 80, 40);
   return FLY_OK;
 }
 

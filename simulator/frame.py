@@ -40,6 +40,7 @@ class Frame:
     stage_ms : wall time of each stage: the frame's ledger.
     faults : of the camera that changed the image on purpose.
     time_code_px : columns and rows of a code drawn into the image, the ends not included; None without one.
+    camera_frame : the camera's own frame counter, where it is not the frame's number.
     """
 
     scene: SceneState
@@ -52,6 +53,7 @@ class Frame:
     stage_ms: dict[str, float] = field(default_factory=dict)
     faults: tuple[str, ...] = ()
     time_code_px: tuple[int, int, int, int] | None = None
+    camera_frame: int | None = None
 
     @property
     def number(self) -> int:

@@ -8,7 +8,7 @@ import secrets
 import socket
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import msgspec
 import typer
@@ -26,8 +26,9 @@ from hil.host.faults.camera_faults import with_camera_faults, with_exposure_faul
 from hil.host.faults.definitions import NO_FAULTS, read_faults
 from hil.host.ledger.frames_csv import LedgerRow
 from hil.host.ledger.summary import LedgerSummary
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.plan_frames import check_one_channel, frames_of_plan
+from hil.host.link_process.host_link import choose_pixel_format
+from hil.host.link_process.ipc import Compression, LinkConfig, PixelFormatName
+from hil.host.plan_frames import frames_of_plan
 from hil.host.recording.ros_log import RosLog
 from hil.host.recording.space_packets import SpacePacketSink
 from hil.host.report import write_report
@@ -77,6 +78,18 @@ def host(
     log: Annotated[
         Path | None, typer.Option(help="Folder for frames.csv and summary.json: new or empty.")
     ] = None,
+    pixel_format: Annotated[
+        str,
+        typer.Option(
+            help=f"GenICam name of what is sent: {', '.join(get_args(PixelFormatName))} (auto: all bits)."
+        ),
+    ] = "auto",
+    encoding: Annotated[
+        str,
+        typer.Option(
+            help=f"One of {', '.join(get_args(Compression))} (auto: zstd on a serial line, raw else)."
+        ),
+    ] = "auto",
     timeout_s: Annotated[
         float | None,
         typer.Option(
@@ -155,6 +168,8 @@ def host(
         mode="realtime" if mode == "realtime" else "lockstep",
         truth="off" if truth == "off" else "inline" if truth == "inline" else "separate",
         timeout_s=timeout_s or POSE_S,
+        compression=_one_of(encoding, Compression, "--encoding"),
+        pixel_format=_one_of(pixel_format, PixelFormatName, "--pixel-format"),
         max_misses=max_misses,
         faults=given,
         key=None if key is None else read_key(str(key)),
@@ -166,7 +181,7 @@ def host(
         every_s=every_s,
         seed=seed,
     )
-    check_one_channel(plan)
+    choose_pixel_format(plan.scene(0).sensor.bits, () if plan.bands == "mono" else (3,), link.pixel_format)
     if log is not None:
         empty_folder(log, option="--log")
     config = RunConfig(
@@ -190,6 +205,22 @@ def host(
             stderr=True,
         )
         raise typer.Exit(1)
+
+
+def _one_of(value: str, kind: Any, option: str) -> Any:  # noqa: ANN401 - a Literal and one of its values
+    """The value where the type has it; names are taken in any case.
+
+    Raises
+    ------
+    UserError
+        If it has not.
+    """
+    for known in get_args(kind):
+        if known.lower() == value.lower():
+            return known
+    raise UserError(
+        f"unknown {option[2:].replace('-', ' ')} '{value}' in {option}; choose {', '.join(get_args(kind))}"
+    )
 
 
 def _stream(frames: Iterable[Frame], config: RunConfig, n_frames: int, *, as_json: bool) -> LedgerSummary:

@@ -16,7 +16,8 @@ from typing import Any, Callable, Dict, Iterable, List, Optional, Protocol, Tupl
 from hil.board.errors import KernelError
 from hil.link.clock import answer_time_sync, now_ns
 from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake
-from hil.link.packets.images import FrameAssembler, Image, check_terms, supported_encodings
+from hil.link.packets.enums import GREY_FORMATS, format_mask
+from hil.link.packets.images import FrameAssembler, check_terms, supported_encodings
 from hil.link.packets.messages import (
     NO_FRAME,
     Bye,
@@ -28,10 +29,12 @@ from hil.link.packets.messages import (
     Hello,
     HelloAck,
     Message,
+    PixelFormat,
     PoseMessage,
     TimeSyncRequest,
 )
 from hil.link.packets.packet import PacketType
+from hil.link.packets.pixels import Image
 from hil.link.security import prove_to_host
 from hil.link.session import Link, greet_host
 from hil.link.transports.url import connect
@@ -175,6 +178,7 @@ def run_board(
     connect_timeout_s: float = 60.0,
     window: int = 2,
     key: Optional[bytes] = None,
+    takes_colour: bool = False,
 ) -> BoardSummary:
     """Serve one session with a host, to its end.
 
@@ -186,6 +190,7 @@ def run_board(
     connect_timeout_s : how long to try to reach the host, and then to wait for its first word.
     window : frames held at once, the one in work included.
     key : shared with the host, which must prove that it has it; None where it asks for none.
+    takes_colour : whether ``make_estimator``'s takes (H, W, 3) images as well.
 
     Raises
     ------
@@ -207,6 +212,7 @@ def run_board(
         model_sha256=model_sha256,
         method=method,
         board=f"{platform.node()} {platform.machine()} Python {platform.python_version()}{runs_on}",
+        pixel_formats=format_mask(PixelFormat if takes_colour else GREY_FORMATS),
     )
     line = connect(url, connect_timeout_s)
     try:
@@ -228,7 +234,7 @@ def run_board(
 
 def _make(make_estimator: EstimatorFactory, terms: HelloAck, hello: Hello, link: Link) -> BoardEstimator:
     try:
-        check_terms(terms, hello.encodings)
+        check_terms(terms, hello.encodings, hello.pixel_formats)
         return make_estimator(terms.camera)
     except Exception as error:
         sentence = f"the board cannot use the host's camera ({error}): check the scenario's camera"

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
 from simulator.frame import Frame
 from simulator.loop import FrameRequest, open_frames, run_frames
 
@@ -24,21 +23,6 @@ AHEAD = 2
 WARM_UP_FRAMES, WARM_UP_S = 24, 15.0
 
 
-def check_one_channel(plan: Plan) -> None:
-    """Refuse a plan whose pictures the link cannot carry, before anybody listens.
-
-    Raises
-    ------
-    UserError
-        If the pictures are in colour: the link has one channel of 8 to 16 bits.
-    """
-    if plan.bands != "mono":
-        raise UserError(
-            f"scenario {plan.scenario_name} gives {plan.bands} pictures, but the link to a board carries one channel:"
-            ' write bands = "mono" under [output] of a copy of the scenario'
-        )
-
-
 def frames_of_plan(
     plan: Plan,
     *,
@@ -49,8 +33,8 @@ def frames_of_plan(
 ) -> Iterator[Frame]:
     """Draw the plan's frames in ``workers`` other processes and yield them in order, as `run_host` sends them.
 
-    Pixels are the detector's own numbers, in one byte up to 8 bits and in two above. Truth travels inside the host
-    only; ``run_host`` decides what leaves it.
+    Pixels are the detector's own numbers, grey or in colour, in one byte up to 8 bits and in two above. Truth
+    travels inside the host only; ``run_host`` decides what leaves it.
 
     Parameters
     ----------
@@ -58,13 +42,7 @@ def frames_of_plan(
         target's sizes, when a view first asks for them: half a second and megabytes at a time that a run in real time
         would meet in its midst.
     sinks : given each frame before the board is.
-
-    Raises
-    ------
-    UserError
-        If the plan's pictures are in colour.
     """
-    check_one_channel(plan)
     with open_frames(
         Frame.image_and_truth,
         processes=workers,

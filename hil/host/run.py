@@ -23,8 +23,8 @@ from hil.host.ledger.summary import (
     RunTerms,
     summarise,
 )
-from hil.host.link_process.host_link import CLOSE_TIMEOUT_S, QUICK_TIMEOUT_S, HostLink
-from hil.host.link_process.ipc import FrameResult, LinkConfig
+from hil.host.link_process.host_link import CLOSE_TIMEOUT_S, QUICK_TIMEOUT_S, HostLink, choose_pixel_format
+from hil.host.link_process.ipc import FrameResult, LinkConfig, Readout
 from hil.host.recording.recorder import Recorder
 from hil.host.signals import signals_held
 from hil.host.truth_policy import check_access, with_truth_endpoint
@@ -130,6 +130,9 @@ def run_host(
                 width_px=first.image.shape[1],
                 height_px=first.image.shape[0],
                 bits=first.scene.sensor.bits,
+                pixel_format=choose_pixel_format(
+                    first.scene.sensor.bits, first.image.shape[2:], config.link.pixel_format
+                ),
                 mode=Mode[terms.mode.upper()],
                 truth=TruthPolicy[terms.truth.upper()],
                 window=config.window,
@@ -186,6 +189,15 @@ def _on_one_footing(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
             raise ValueError(f"frame {frame.number} has another camera or image format than the first")
         yield frame
         before = frame
+
+
+def _readout(frame: Frame) -> Readout:
+    """What part of the detector the image is, as far as the scene says."""
+    detector, (height, width) = frame.scene.sensor.detector, frame.image.shape[:2]
+    if detector is None:
+        return Readout()
+    b = detector.binning
+    return Readout((detector.roi_x0_px, detector.roi_y0_px, b * width, b * height), b)
 
 
 def _told_truth(frame: Frame) -> dict[str, object] | None:
@@ -382,6 +394,8 @@ class BoardSink:
             due_ns=due_ns,
             truth=None if self.config.truth == "off" else _told_truth(frame),
             latency_s=self._latency_s,
+            camera_frame=frame.camera_frame,
+            readout=_readout(frame),
         )
         self._tell(lambda recorder: recorder.frame(frame))
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from hil.corner_code import CodePlace, CornerCode, draw_code
-from hil.host.faults.definitions import NO_FAULTS, Faults, RepeatedNumber
+from hil.host.faults.camera_faults import with_camera_numbers
+from hil.host.faults.definitions import NO_FAULTS, Faults
 from simulator.errors import UserError
 from simulator.world.time.instant import nanoseconds_utc
 
@@ -34,8 +33,7 @@ def with_time_code(
         If the code does not fit the picture.
     """
     place = CodePlace() if place is None else place
-    counter = -1
-    for frame in frames:
+    for frame in with_camera_numbers(frames, faults):
         height, width = frame.image.shape[:2]
         if not place.fits(height, width):
             left, top, right, bottom = place.box_px
@@ -43,15 +41,7 @@ def with_time_code(
                 f"a time code takes {right - left} x {bottom - top} px and the picture has {width} x {height}: "
                 "leave --time-code out, or read more of the sensor"
             )
-        hit = list(frame.faults)
-        repeats = False
-        for k, fault in enumerate(faults.camera):
-            if isinstance(fault, RepeatedNumber) and fault.acts(frame.scene.t_s) and counter >= 0:
-                rng = np.random.default_rng((faults.seed, k, frame.number))
-                if rng.random() < fault.chance:
-                    repeats = True
-                    hit.append(fault.name)
-        counter = counter if repeats else frame.number
+        counter = frame.number if frame.camera_frame is None else frame.camera_frame
         code = CornerCode(counter, nanoseconds_utc(frame.scene.epoch_utc))
         image = draw_code(frame.image, code, place, 2**frame.scene.sensor.bits - 1)
-        yield replace(frame, image=image, time_code_px=place.box_px, faults=tuple(hit))
+        yield replace(frame, image=image, time_code_px=place.box_px)

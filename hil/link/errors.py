@@ -13,6 +13,10 @@ class LinkClosed(LinkError):  # noqa: N818 - it is an event as much as an error
     """The other side closed the line or it broke."""
 
 
+class FormatRefused(LinkError):  # noqa: N818 - it is a decision as much as an error
+    """The board takes no pixel format that the host can send."""
+
+
 class PacketError(LinkError):
     """Bytes arrived that are not a valid packet; the link stays usable and the bytes are dropped."""
 

@@ -7,9 +7,17 @@ import math
 import threading
 import time
 from dataclasses import dataclass, replace
-from typing import AbstractSet, FrozenSet, Optional
+from typing import AbstractSet, FrozenSet, Optional, Sequence
 
-from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake, VersionMismatch
+from hil.link.errors import (
+    FormatRefused,
+    LinkClosed,
+    LinkError,
+    PacketError,
+    ProtocolMistake,
+    VersionMismatch,
+)
+from hil.link.packets.enums import formats_in
 from hil.link.packets.messages import (
     Bye,
     Encoding,
@@ -18,6 +26,7 @@ from hil.link.packets.messages import (
     Hello,
     HelloAck,
     Message,
+    PixelFormat,
     TruthPolicy,
     decode_message,
 )
@@ -169,19 +178,28 @@ class Link:
         self.last_sequence = packet.sequence
 
 
-def answer_hello(hello: Hello, terms: HelloAck, *, compress: bool) -> HelloAck:
+def answer_hello(
+    hello: Hello,
+    terms: HelloAck,
+    *,
+    encodings: Sequence[Encoding] = (),
+    pixel_formats: Sequence[PixelFormat] = (),
+) -> HelloAck:
     """The host's answer to a board: its terms, cut to what the board can do.
 
     Parameters
     ----------
     hello : what the board offers.
     terms : what the host wants; ``window`` is its upper limit.
-    compress : whether to use zstd where both sides have it.
+    encodings : the host's wishes, the first choice first; raw where the board takes none of them.
+    pixel_formats : those that hold the host's images, the first choice first; of ``terms`` unless given.
 
     Raises
     ------
     LinkError
         If the board carries another target's model.
+    FormatRefused
+        If the board takes none of the pixel formats.
     """
     if hello.model_name and terms.target_name and hello.model_name != terms.target_name:
         raise LinkError(
@@ -193,10 +211,17 @@ def answer_hello(hello: Hello, terms: HelloAck, *, compress: bool) -> HelloAck:
             f"the board's model of {hello.model_name!r} ({hello.model_sha256[:12]}) is not the one the host"
             f" flies ({terms.target_sha256[:12]}): write the board's model file anew and copy it to the board"
         )
-    zstd = compress and bool(hello.encodings & (1 << Encoding.ZSTD))
+    wanted, taken = pixel_formats or (terms.pixel_format,), formats_in(hello.pixel_formats)
+    chosen = next((f for f in wanted if f in taken), None)
+    if chosen is None:
+        raise FormatRefused(
+            f"the board takes pixels as {', '.join(f.name for f in taken) or 'nothing'} and the host sends"
+            f" {' or '.join(f.name for f in wanted)}: choose another --pixel-format, or another sensor in the scenario"
+        )
     return replace(
         terms,
-        encoding=Encoding.ZSTD if zstd else Encoding.RAW,
+        encoding=next((e for e in encodings if hello.encodings & (1 << e)), Encoding.RAW),
+        pixel_format=chosen,
         window=max(1, min(hello.window, terms.window)),
     )
 

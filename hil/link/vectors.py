@@ -25,6 +25,7 @@ from hil.link.packets.messages import (
     HelloAck,
     Message,
     Mode,
+    PixelFormat,
     PoseMessage,
     TimeSyncReply,
     TimeSyncRequest,
@@ -46,7 +47,7 @@ _CAMERA = {
 }
 
 EXAMPLES: List[Tuple[str, Message]] = [
-    ("hello", Hello(3, 2, "tango", "5a" * 32, "svd", "bench board, aarch64")),
+    ("hello", Hello(7, 2, "tango", "5a" * 32, "svd", "bench board, aarch64", 0b01111)),
     (
         "hello_ack",
         HelloAck(
@@ -71,14 +72,21 @@ EXAMPLES: List[Tuple[str, Message]] = [
             41,
             1920,
             1200,
-            8,
+            12,
             Encoding.RAW,
-            2304000,
-            9,
+            3456000,
+            14,
             0.012,
             4.1,
             987654321012345,
             "2026-11-21T03:31:40.123456Z",
+            PixelFormat.Mono12p,
+            1,
+            1,
+            (8, 16, 1920, 1200),
+            1041,
+            1795231900117456000,
+            1795231900129456000,
         ),
     ),
     ("frame_chunk", FrameChunk(41, 3, 786432, bytes(range(256)))),

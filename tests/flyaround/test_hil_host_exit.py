@@ -153,13 +153,14 @@ def test_a_terminated_host_closes_its_books_and_leaves_nothing_behind(tmp_path):
     assert "the run was stopped at the host" in ended[0].ended
 
 
-def test_colour_is_refused_before_anybody_listens(capsys, tmp_path):
+def test_colour_as_grey_is_refused_before_anybody_listens(capsys, tmp_path):
     text = (files("assets.scenarios") / "tango-space-10m.toml").read_text()
     colour = tmp_path / "colour.toml"
     colour.write_text(text.replace('bands = "mono"', 'bands = "rgb"'))
-    assert run(["hil", "host", str(colour), "--log", str(tmp_path / "log")]) == 2
+    command = ["hil", "host", str(colour), "--pixel-format", "mono8", "--log", str(tmp_path / "log")]
+    assert run(command) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert 'rgb pictures, but the link to a board carries one channel: write bands = "mono" under' in said
+    assert "colour pictures of 8 bits do not fit the pixel format Mono8: choose RGB8" in said
     assert "listening" not in said
     assert not (tmp_path / "log").exists()
 

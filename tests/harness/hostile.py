@@ -168,7 +168,7 @@ class Hostile:
         for left in range(total, size + 4, -size):
             length = left - PREFIX.size
             out += PREFIX.pack(length)
-            out += HEADER.pack(MAGIC, 1, PacketType.TRUTH, 0, self.session_id, 0, length - OVERHEAD_BYTES)
+            out += HEADER.pack(MAGIC, 2, PacketType.TRUTH, 0, self.session_id, 0, length - OVERHEAD_BYTES)
         return bytes(out)
 
     def garbage(self) -> bytes:

@@ -14,6 +14,7 @@ from hil.host.faults.definitions import (
     FrozenPicture,
     GainStep,
     HalfFrame,
+    RepeatedNumber,
     RowLoss,
     StuckExposure,
     StuckPixels,
@@ -38,7 +39,7 @@ def with_camera_faults(frames: Iterable[Frame], faults: Faults) -> Iterator[Fram
     """
     frozen: dict[int, Pixels] = {}
     before: Pixels | None = None
-    for frame in frames:
+    for frame in with_camera_numbers(frames, faults):
         image, hit = frame.image, list(frame.faults)
         t_s, white = frame.scene.t_s, 2**frame.scene.sensor.bits - 1
         for k, fault in enumerate(faults.camera):
@@ -54,6 +55,26 @@ def with_camera_faults(frames: Iterable[Frame], faults: Faults) -> Iterator[Fram
         before = image
         hit += [f.name for f in faults.camera if isinstance(f, StuckExposure) and f.acts(t_s)]
         yield replace(frame, image=image, faults=tuple(hit)) if hit else frame
+
+
+def with_camera_numbers(frames: Iterable[Frame], faults: Faults) -> Iterator[Frame]:
+    """Frames with the camera's own counter, which stays at the last number where a fault says so.
+
+    Those that have one already keep it.
+    """
+    counter: int | None = None
+    for frame in frames:
+        if frame.camera_frame is not None:
+            yield frame
+            continue
+        hit = []
+        for k, fault in enumerate(faults.camera):
+            if isinstance(fault, RepeatedNumber) and fault.acts(frame.scene.t_s) and counter is not None:
+                rng = np.random.default_rng((faults.seed, k, frame.number))
+                if rng.random() < fault.chance:
+                    hit.append(fault.name)
+        counter = counter if hit and counter is not None else frame.number
+        yield replace(frame, camera_frame=counter, faults=(*frame.faults, *hit))
 
 
 def with_exposure_faults(plan: Plan, faults: Faults) -> Plan:

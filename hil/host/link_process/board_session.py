@@ -10,11 +10,20 @@ from typing import TYPE_CHECKING
 
 from hil.host.link_process.ipc import BoardDown, BoardGreeted, BoardUp, LinkConfig, LinkCounts, Terms
 from hil.link.clock import ClockFilter, answer_time_sync, now_ns
-from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake, VersionMismatch
+from hil.link.errors import (
+    FormatRefused,
+    LinkClosed,
+    LinkError,
+    PacketError,
+    ProtocolMistake,
+    VersionMismatch,
+)
+from hil.link.packets.images import formats_of
 from hil.link.packets.messages import (
     NO_FRAME,
     Bye,
     Credit,
+    Encoding,
     ErrorCode,
     ErrorMessage,
     Hello,
@@ -32,6 +41,13 @@ if TYPE_CHECKING:
     from hil.host.link_process.in_flight import FramesInFlight
 
 logger = logging.getLogger(__name__)
+
+# what the host wishes, in order; a board that takes none of them gets raw frames
+ENCODINGS: dict[str, tuple[Encoding, ...]] = {
+    "raw": (),
+    "png": (Encoding.PNG,),
+    "zstd": (Encoding.ZSTD, Encoding.PNG),
+}
 
 SYNC_BURST = 8
 SYNC_EVERY_NS = 250_000_000
@@ -143,14 +159,24 @@ class BoardSession:
         assert self.terms is not None  # noqa: S101 - nobody is let in before the terms
         terms = replace(self.terms.ack, chunk_bytes=link.transport.chunk_bytes)
         if self._config.mode == "realtime":
-            terms = replace(
-                terms, window=1
-            )  # the newest frame waits at the host, where a newer one can replace it
-        wish = self._config.compression
-        compress = wish == "zstd" or (wish == "auto" and self._serial)
+            # the newest frame waits at the host, where a newer one can replace it
+            terms = replace(terms, window=1)
+        wish, format_wish = self._config.compression, self._config.pixel_format
+        if wish == "auto":
+            wish = "zstd" if self._serial else "raw"
+        formats = formats_of(terms.bits, terms.pixel_format.channels)
         repeated = self.ack is not None and link.last_sequence != 0
         try:
-            ack = answer_hello(hello, terms, compress=compress)
+            ack = answer_hello(
+                hello,
+                terms,
+                encodings=ENCODINGS[wish],
+                pixel_formats=[f for f in formats if format_wish in ("auto", f.name)],
+            )
+        except FormatRefused as error:
+            refuse(link, ErrorCode.FORMAT, str(error))
+            self.leave(str(error))
+            return
         except LinkError as error:
             refuse(link, ErrorCode.MODEL, str(error))
             self.leave(str(error))

@@ -28,9 +28,12 @@ from hil.host.link_process.ipc import (
     LinkConfig,
     LinkCounts,
     Listening,
+    PixelFormatName,
+    Readout,
     SlotFree,
     Terms,
 )
+from hil.link.packets.images import formats_of
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -38,7 +41,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.link.packets.messages import HelloAck
+    from hil.link.packets.messages import HelloAck, PixelFormat
 
 logger = logging.getLogger(__name__)
 
@@ -49,7 +52,33 @@ QUICK_TIMEOUT_S = 2.0
 # a board that said HELLO has this long to make its estimator; the link process waits no longer either
 READY_TIMEOUT_S = 65.0
 
+NO_READOUT = Readout()
+
 ENDED = "the link process ended unexpectedly: what was logged so far is intact; run again with -v"
+
+
+def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatName) -> PixelFormat:
+    """What images are sent as.
+
+    Parameters
+    ----------
+    channels : what the images' shape has beyond rows and columns: nothing, or (3,).
+
+    Raises
+    ------
+    UserError
+        If no format of the link, or not the one that was asked for, holds them whole.
+    """
+    holding = formats_of(bits, *(channels or (1,)))
+    for candidate in holding:
+        if wish in ("auto", candidate.name):
+            return candidate
+    kind = "colour pictures" if channels else "pictures"
+    if not holding:
+        raise UserError(f"{kind} of {bits} bits cannot be sent to a board; write bits = 8 under [sensor]")
+    raise UserError(
+        f"{kind} of {bits} bits do not fit the pixel format {wish}: choose {' or '.join(f.name for f in holding)}"
+    )
 
 
 class HostLink:
@@ -139,18 +168,19 @@ class HostLink:
         due_ns: int | None,
         truth: dict[str, Any] | None,
         latency_s: float = 0.0,
+        camera_frame: int | None = None,
+        readout: Readout = NO_READOUT,
     ) -> None:
         """Hand over a frame; there must be room."""
         if self._slots is None or not self._free:
             raise RuntimeError("a frame was submitted without terms or without room")
         slot = self._free.pop()
-        rows, columns = image.shape
-        self._slots.view(slot, (rows, columns), image.dtype.str)[...] = image
+        self._slots.view(slot, image.shape, image.dtype.str)[...] = image
         self._tell(
             FrameJob(
                 slot,
                 frame_id,
-                (rows, columns),
+                image.shape,
                 image.dtype.str,
                 bits,
                 epoch_utc,
@@ -160,6 +190,8 @@ class HostLink:
                 truth,
                 latency_s,
                 ready_ns=time.monotonic_ns(),
+                camera_frame=frame_id if camera_frame is None else camera_frame,
+                readout=readout,
             )
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import mmap
 import os
 import tempfile
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
 
     from hil.link.packets.messages import HelloAck, PoseMessage
 
-Compression = Literal["auto", "raw", "zstd"]
+Compression = Literal["auto", "raw", "zstd", "png"]
+PixelFormatName = Literal["auto", "Mono8", "Mono10", "Mono12p", "Mono16", "RGB8"]
 TruthWhere = Literal["off", "separate", "inline"]
 RunMode = Literal["lockstep", "realtime"]
 
@@ -32,6 +34,7 @@ class LinkConfig:
     mode, truth : whether frames wait for poses; where the truth goes.
     timeout_s : how long a frame waits for its pose, and the run for a board that went away.
     truth_url : where truth loggers connect; None for no such endpoint.
+    compression, pixel_format : the host's wishes; auto takes what is quick on the line, and holds the image whole.
     max_misses : frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
     faults : those of the line are put between the board and the link.
     key : that boards and truth loggers must prove to have; None asks nobody.
@@ -43,6 +46,7 @@ class LinkConfig:
     timeout_s: float
     truth_url: str | None = None
     compression: Compression = "auto"
+    pixel_format: PixelFormatName = "auto"
     max_misses: int = 3
     faults: Faults = NO_FAULTS
     key: bytes | None = field(default=None, repr=False)
@@ -58,6 +62,14 @@ class Terms:
 
 
 @dataclass(frozen=True)
+class Readout:
+    """What part of the detector an image is: x, y, width, height in its physical pixels, zeros where unknown."""
+
+    roi_px: tuple[int, int, int, int] = (0, 0, 0, 0)
+    binning: int = 1
+
+
+@dataclass(frozen=True)
 class FrameJob:
     """A frame to send; its pixels lie in ``slot``.
 
@@ -68,11 +80,12 @@ class FrameJob:
         that is triggered in time.
     ready_ns : when the picture was there; after ``due_ns`` the camera is late.
     truth : what goes to the truth endpoint or, inline, to the board; None for nothing.
+    camera_frame : the camera's own frame counter. readout : what was read of the detector.
     """
 
     slot: int
     frame_id: int
-    shape: tuple[int, int]
+    shape: tuple[int, ...]
     dtype: str
     bits: int
     epoch_utc: str
@@ -83,6 +96,8 @@ class FrameJob:
     latency_s: float = 0.0
     ready_ns: int | None = None
     handed_over_ns: int | None = None
+    camera_frame: int = 0
+    readout: Readout = Readout()
 
     @property
     def exposure_ns(self) -> tuple[int, int] | None:
@@ -228,8 +243,8 @@ class FrameSlots:
         with tempfile.TemporaryFile() as file:  # macOS
             return os.dup(file.fileno())
 
-    def view(self, slot: int, shape: tuple[int, int], dtype: str) -> NDArray[np.generic]:
+    def view(self, slot: int, shape: tuple[int, ...], dtype: str) -> NDArray[np.generic]:
         """The slot as an image that shares its memory."""
-        count = shape[0] * shape[1]
+        count = math.prod(shape)
         offset = slot * self._slot_bytes
         return np.frombuffer(self._map, np.dtype(dtype), count, offset).reshape(shape)

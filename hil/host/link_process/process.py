@@ -6,6 +6,7 @@ import contextlib
 import os
 import signal
 import sys
+import time
 from collections import deque
 from dataclasses import replace
 from multiprocessing.connection import Connection, wait
@@ -251,7 +252,8 @@ class LinkServer:
         try:
             if job.truth is not None and self._config.truth == "inline":
                 link.send(TruthMessage(job.frame_id, job.truth))
-            data = encode_image(self._slots.view(job.slot, job.shape, job.dtype), ack.encoding)
+            pixels = self._slots.view(job.slot, job.shape, job.dtype)
+            data = encode_image(pixels, ack.encoding, ack.pixel_format)
             link.send(
                 FrameHeader(
                     job.frame_id,
@@ -265,6 +267,12 @@ class LinkServer:
                     job.t_s,
                     start,
                     job.epoch_utc,
+                    ack.pixel_format,
+                    job.readout.binning,
+                    job.readout.binning,
+                    job.readout.roi_px,
+                    job.camera_frame,
+                    *_in_utc(job.exposure_ns),
                 )
             )
             for chunk in chunks(job.frame_id, data, ack.chunk_bytes):
@@ -325,6 +333,14 @@ class LinkServer:
             self._truth.close(None if died else self._reason)
         with contextlib.suppress(OSError):  # the run may be gone
             self._pipe.send(Closed(self._board.counts))
+
+
+def _in_utc(exposure_ns: tuple[int, int] | None) -> tuple[int, int]:
+    """Start and end of an exposure as nanoseconds of UTC since 1970; zeros where it is not known."""
+    if exposure_ns is None:
+        return 0, 0
+    offset_ns = time.time_ns() - now_ns()
+    return exposure_ns[0] + offset_ns, exposure_ns[1] + offset_ns
 
 
 def main() -> None:

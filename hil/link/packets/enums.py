@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Iterable, Tuple
 
 NO_FRAME = 0xFFFFFFFF
 
@@ -12,6 +13,47 @@ class Encoding(IntEnum):
 
     RAW = 0
     ZSTD = 1
+    PNG = 2
+
+
+class PixelFormat(IntEnum):
+    """How pixels lie in a raw image, named and numbered by GenICam's Pixel Format Naming Convention."""
+
+    Mono8 = 0x01080001
+    Mono10 = 0x01100003
+    Mono12p = 0x010C0047
+    Mono16 = 0x01100007
+    RGB8 = 0x02180014
+
+    @property
+    def depth_bits(self) -> int:
+        """Bits of one number that count, of one colour."""
+        return {"Mono8": 8, "Mono10": 10, "Mono12p": 12, "Mono16": 16, "RGB8": 8}[self.name]
+
+    @property
+    def in_words(self) -> bool:
+        """Whether the numbers of the unpacked image need two bytes each."""
+        return self.depth_bits > 8
+
+    @property
+    def channels(self) -> int:
+        """Numbers per pixel."""
+        return 3 if self is PixelFormat.RGB8 else 1
+
+
+PIXEL_FORMATS: Tuple[PixelFormat, ...] = tuple(PixelFormat)
+"""In the order of their bits in ``Hello.pixel_formats``."""
+GREY_FORMATS: Tuple[PixelFormat, ...] = tuple(f for f in PIXEL_FORMATS if f.channels == 1)
+
+
+def format_mask(formats: Iterable[PixelFormat]) -> int:
+    """The bits of ``Hello.pixel_formats``."""
+    return sum(1 << PIXEL_FORMATS.index(f) for f in set(formats))
+
+
+def formats_in(mask: int) -> Tuple[PixelFormat, ...]:
+    """The formats whose bits are set; bits of later protocols mean nothing here."""
+    return tuple(f for k, f in enumerate(PIXEL_FORMATS) if mask >> k & 1)
 
 
 class Mode(IntEnum):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Dict, Optional, Sequence, Tuple
 
 from hil.link.errors import PacketError
-from hil.link.packets.enums import Encoding
+from hil.link.packets.enums import Encoding, PixelFormat
 from hil.link.packets.fields import (
     MAX_TRUTH_JSON_BYTES,
     known_value,
@@ -38,13 +38,20 @@ class FrameHeader:
 
     Parameters
     ----------
+    bits : of a detector's number: right-aligned where the pixel format has room for more.
     epoch_utc : mid-exposure, ISO 8601, at most 40 characters.
     t_s : seconds from the scenario's start, mid-exposure.
     host_send_ns : the host's monotonic clock when it began to send.
+    binning_x, binning_y : physical pixels that are joined to one of the image.
+    roi_px : x, y, width, height of the part of the detector that was read, in physical pixels; width and height 0
+        where the camera says nothing of it.
+    camera_frame : the camera's own frame counter, which may repeat where its fault is.
+    exposure_start_ns, exposure_end_ns : UTC as nanoseconds since 1970-01-01T00:00:00, leap seconds not counted; 0
+        where unknown.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.FRAME_HEADER
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IHHBBHIIddQ40s")
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IHHIBBBBIIHHHHQddQQQ40s")
 
     frame_id: int
     width_px: int
@@ -57,6 +64,13 @@ class FrameHeader:
     t_s: float
     host_send_ns: int
     epoch_utc: str
+    pixel_format: PixelFormat = PixelFormat.Mono8
+    binning_x: int = 1
+    binning_y: int = 1
+    roi_px: Tuple[int, int, int, int] = (0, 0, 0, 0)
+    camera_frame: int = 0
+    exposure_start_ns: int = 0
+    exposure_end_ns: int = 0
 
     def encode(self) -> bytes:
         """Payload bytes."""
@@ -64,13 +78,19 @@ class FrameHeader:
             self.frame_id,
             self.width_px,
             self.height_px,
+            self.pixel_format,
             self.bits,
             self.encoding,
-            0,
+            self.binning_x,
+            self.binning_y,
             self.total_bytes,
             self.chunk_count,
+            *self.roi_px,
+            self.camera_frame,
             self.exposure_s,
             self.t_s,
+            self.exposure_start_ns,
+            self.exposure_end_ns,
             self.host_send_ns,
             pack_text(self.epoch_utc, 40),
         )
@@ -78,14 +98,32 @@ class FrameHeader:
     @classmethod
     def decode(cls, data: bytes) -> FrameHeader:
         """Payload from bytes."""
-        frame_id, width, height, bits, encoding, _, total, count, exposure, t_s, sent, epoch = unpack_fixed(
-            cls.LAYOUT, data, "FRAME_HEADER"
-        )
-        encoding = known_value(Encoding, encoding, "image encoding")
+        values = unpack_fixed(cls.LAYOUT, data, "FRAME_HEADER")
+        frame_id, width, height, pixel_format, bits, encoding, binning_x, binning_y, total, count = values[
+            :10
+        ]
+        camera_frame, exposure, t_s, start_ns, end_ns, sent_ns, epoch = values[14:]
         if not math.isfinite(exposure) or not math.isfinite(t_s):
             raise PacketError(f"frame {frame_id}: a FRAME_HEADER holds times that are not finite")
         return cls(
-            frame_id, width, height, bits, encoding, total, count, exposure, t_s, sent, unpack_text(epoch)
+            frame_id,
+            width,
+            height,
+            bits,
+            known_value(Encoding, encoding, "image encoding"),
+            total,
+            count,
+            exposure,
+            t_s,
+            sent_ns,
+            unpack_text(epoch),
+            known_value(PixelFormat, pixel_format, "pixel format"),
+            binning_x,
+            binning_y,
+            values[10:14],
+            camera_frame,
+            start_ns,
+            end_ns,
         )
 
 

@@ -7,40 +7,65 @@ from typing import Any, Iterator, List, Optional, Tuple, Union
 import numpy as np
 
 from hil.link.errors import LinkError, PacketError, ProtocolMistake
-from hil.link.packets.messages import Encoding, FrameChunk, FrameHeader, HelloAck
+from hil.link.packets import png
+from hil.link.packets.enums import GREY_FORMATS, format_mask, formats_in
+from hil.link.packets.messages import Encoding, FrameChunk, FrameHeader, HelloAck, PixelFormat
+from hil.link.packets.pixels import Image, fits, pack_pixels, pixels_bytes, unpack_pixels
 
 try:
     import zstandard
 except ImportError:
     zstandard = None  # type: ignore[assignment]
 
-Image = np.ndarray  # (H, W) uint8, or uint16 little-endian
-
 # 16 bits, 8192 x 8192: no larger image is taken, whatever a host proposes
 MAX_FRAME_BYTES = 1 << 27
 
 
-def image_bytes(width_px: int, height_px: int, bits: int) -> int:
-    """Size of an image before it is encoded: one byte a pixel up to 8 bits, two above."""
-    return width_px * height_px * (1 if bits <= 8 else 2)
+def formats_of(bits: int, channels: int) -> Tuple[PixelFormat, ...]:
+    """The pixel formats that hold such an image whole, the first choice first."""
+    if channels == 3:
+        return (PixelFormat.RGB8,) if bits <= 8 else ()
+    holding = [f for f in GREY_FORMATS if f.depth_bits >= bits]
+    # packed ones last: they cost both sides time, and leave a compressor less
+    return tuple(sorted(holding, key=lambda f: (f is PixelFormat.Mono12p, f.depth_bits)))
 
 
-def check_terms(terms: HelloAck, encodings: int) -> None:
+def array_bytes(width_px: int, height_px: int, pixel_format: PixelFormat) -> int:
+    """Memory that an unpacked image takes."""
+    return width_px * height_px * pixel_format.channels * (2 if pixel_format.in_words else 1)
+
+
+def most_encoded_bytes(width_px: int, height_px: int, pixel_format: PixelFormat, encoding: Encoding) -> int:
+    """What no honest encoding of such an image is longer than."""
+    raw = pixels_bytes(width_px, height_px, pixel_format)
+    if encoding == Encoding.RAW:
+        return raw
+    if encoding == Encoding.PNG:
+        return png.most_bytes(
+            width_px, height_px, pixel_format.channels * (2 if pixel_format.in_words else 1)
+        )
+    # zstd cannot make noise larger than this
+    return raw + raw // 128 + 1024
+
+
+def check_terms(terms: HelloAck, encodings: int, pixel_formats: int = format_mask(PixelFormat)) -> None:
     """Look at what a host proposes before anything is built for it.
 
     Parameters
     ----------
-    encodings : what this side offered, ``1 << Encoding``.
+    encodings, pixel_formats : what this side offered, as in its HELLO.
 
     Raises
     ------
     LinkError
         If its images have no size or too large a one, are not what its camera gives, or cannot be decoded here.
     """
-    size = f"{terms.width_px} x {terms.height_px} px of {terms.bits} bits"
-    total = image_bytes(terms.width_px, terms.height_px, terms.bits)
-    if total == 0 or not 1 <= terms.bits <= 16:
-        raise LinkError(f"images of {size} cannot be sent: use one channel of 1 to 16 bits")
+    size = _described(terms)
+    total = array_bytes(terms.width_px, terms.height_px, terms.pixel_format)
+    if total == 0 or not 1 <= terms.bits <= terms.pixel_format.depth_bits:
+        raise LinkError(
+            f"images of {size} cannot be sent: use 1 to {terms.pixel_format.depth_bits} bits in this format"
+        )
     if total > MAX_FRAME_BYTES:
         raise LinkError(
             f"images of {size} are too large for this board: at most {MAX_FRAME_BYTES >> 20} MiB each"
@@ -52,6 +77,12 @@ def check_terms(terms: HelloAck, encodings: int) -> None:
             )
     if not encodings & (1 << terms.encoding):
         raise LinkError(f"images come as {terms.encoding.name.lower()}, which this board did not offer")
+    if terms.pixel_format not in formats_in(pixel_formats):
+        raise LinkError(f"images come as {terms.pixel_format.name}, which this board did not offer")
+
+
+def _described(what: Union[FrameHeader, HelloAck]) -> str:
+    return f"{what.width_px} x {what.height_px} px of {what.bits} bits as {what.pixel_format.name}"
 
 
 def check_header(header: FrameHeader, terms: HelloAck) -> None:
@@ -60,19 +91,15 @@ def check_header(header: FrameHeader, terms: HelloAck) -> None:
     Raises
     ------
     ProtocolMistake
-        If its size, depth, encoding or number of chunks is another, or more bytes are announced than its
-        pixels can take up.
+        If its size, depth, pixel format, encoding or number of chunks is another, or more bytes are announced than
+        its pixels can take up.
     """
-    pixels = image_bytes(terms.width_px, terms.height_px, terms.bits)
-    shape = (header.width_px, header.height_px)
-    if shape != (terms.width_px, terms.height_px) or image_bytes(*shape, header.bits) != pixels:
-        wanted = f"{terms.width_px} x {terms.height_px} px of {terms.bits} bits"
-        said = f"{shape[0]} x {shape[1]} px of {header.bits} bits"
+    said, wanted = _described(header), _described(terms)
+    if said != wanted:
         raise ProtocolMistake(f"frame {header.frame_id} has {said}, agreed were {wanted}", header.frame_id)
     if header.encoding not in (terms.encoding, Encoding.RAW):
         raise ProtocolMistake(f"frame {header.frame_id} has an encoding that was not agreed", header.frame_id)
-    # zstd cannot make noise larger than this
-    most = pixels if header.encoding == Encoding.RAW else pixels + pixels // 128 + 1024
+    most = most_encoded_bytes(header.width_px, header.height_px, header.pixel_format, header.encoding)
     if not 0 < header.total_bytes <= most:
         raise ProtocolMistake(
             f"frame {header.frame_id} announces {header.total_bytes} bytes where its pixels take at most {most}",
@@ -81,13 +108,23 @@ def check_header(header: FrameHeader, terms: HelloAck) -> None:
 
 
 def supported_encodings() -> int:
-    """Bit mask of what this machine can decode, ``1 << Encoding``."""
-    return (1 << Encoding.RAW) | ((1 << Encoding.ZSTD) if zstandard is not None else 0)
+    """Bit mask of what this machine can decode, ``1 << Encoding``; PNG needs nothing that Python lacks."""
+    return (1 << Encoding.RAW) | (1 << Encoding.PNG) | ((1 << Encoding.ZSTD) if zstandard is not None else 0)
 
 
-def encode_image(image: Image, encoding: Encoding) -> bytes:
-    """Pixels as bytes for the line, row by row, 16-bit ones little-endian."""
-    raw = np.ascontiguousarray(image, dtype=image.dtype.newbyteorder("<")).tobytes()
+def encode_image(image: Image, encoding: Encoding, pixel_format: PixelFormat) -> bytes:
+    """Pixels as bytes for the line.
+
+    Raises
+    ------
+    PacketError
+        If the image does not fit the format, or zstd is asked for where it is not installed.
+    """
+    if encoding == Encoding.PNG:
+        if not fits(image, pixel_format):
+            raise PacketError(f"an image of type {image.dtype} does not fit {pixel_format.name}")
+        return png.encode(image.astype(np.uint16 if pixel_format.in_words else np.uint8, copy=False))
+    raw = pack_pixels(image, pixel_format)
     if encoding == Encoding.RAW:
         return raw
     if zstandard is None:
@@ -96,17 +133,25 @@ def encode_image(image: Image, encoding: Encoding) -> bytes:
 
 
 def decode_image(data: Union[bytes, bytearray], header: FrameHeader) -> Image:
-    """(H, W) image, read-only, from the bytes of its chunks.
+    """(H, W) or (H, W, 3) image, read-only, from the bytes of its chunks.
 
     Raises
     ------
     PacketError
         If the bytes do not make an image of the size that the header says.
     """
-    dtype = np.dtype("u1") if header.bits <= 8 else np.dtype("<u2")
-    expected = image_bytes(header.width_px, header.height_px, header.bits)
-    if expected > MAX_FRAME_BYTES:
-        raise PacketError(f"frame {header.frame_id}: an image of {expected} bytes is refused")
+    width, height, pixel_format = header.width_px, header.height_px, header.pixel_format
+    if array_bytes(width, height, pixel_format) > MAX_FRAME_BYTES:
+        raise PacketError(f"frame {header.frame_id}: an image of {_described(header)} is refused")
+    if header.encoding == Encoding.PNG:
+        dtype = np.dtype(np.uint16 if pixel_format.in_words else np.uint8)
+        try:
+            image = png.decode(data, width, height, dtype, pixel_format.channels)
+        except PacketError as error:
+            raise PacketError(f"frame {header.frame_id}: {error}") from error
+        image.flags.writeable = False
+        return image
+    expected = pixels_bytes(width, height, pixel_format)
     raw: Any = data
     if header.encoding == Encoding.ZSTD:
         if zstandard is None:
@@ -120,7 +165,7 @@ def decode_image(data: Union[bytes, bytearray], header: FrameHeader) -> Image:
             raise PacketError(f"frame {header.frame_id}: the compressed image is damaged") from error
     if len(raw) != expected:
         raise PacketError(f"frame {header.frame_id}: {len(raw)} bytes of image, expected {expected}")
-    image = np.frombuffer(raw, dtype=dtype).reshape(header.height_px, header.width_px)
+    image = unpack_pixels(raw, width, height, pixel_format)
     image.flags.writeable = False
     return image
 

@@ -6,7 +6,7 @@ import struct
 from typing import Any, Dict, Optional, Union, get_args
 
 from hil.link.errors import PacketError, ProtocolMistake
-from hil.link.packets.enums import NO_FRAME, Encoding, ErrorCode, Mode, TruthPolicy
+from hil.link.packets.enums import NO_FRAME, Encoding, ErrorCode, Mode, PixelFormat, TruthPolicy
 from hil.link.packets.frame_messages import Credit, FrameChunk, FrameHeader, PoseMessage, TruthMessage
 from hil.link.packets.packet import Packet, PacketType
 from hil.link.packets.session_messages import (
@@ -31,6 +31,7 @@ __all__ = [
     "HelloAck",
     "Message",
     "Mode",
+    "PixelFormat",
     "PoseMessage",
     "TimeSyncReply",
     "TimeSyncRequest",

@@ -10,7 +10,7 @@ from enum import IntEnum
 from hil.link.errors import PacketError, ProtocolMistake, VersionMismatch
 
 MAGIC = b"FLYA"
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 
 # magic, version, type, flags (zero), session id, sequence, payload length
 HEADER = struct.Struct("<4sHBBQII")

@@ -7,7 +7,16 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Dict, Optional
 
 from hil.link.errors import PacketError
-from hil.link.packets.enums import NO_FRAME, Encoding, ErrorCode, Mode, TruthPolicy
+from hil.link.packets.enums import (
+    GREY_FORMATS,
+    NO_FRAME,
+    Encoding,
+    ErrorCode,
+    Mode,
+    PixelFormat,
+    TruthPolicy,
+    format_mask,
+)
 from hil.link.packets.fields import (
     MAX_CAMERA_JSON_BYTES,
     known_value,
@@ -29,6 +38,7 @@ class Hello:
     Parameters
     ----------
     encodings : bit mask, ``1 << Encoding``.
+    pixel_formats : bit mask, in the order of ``PIXEL_FORMATS``.
     window : how many frames the board can hold, the one in work included.
     model_name, model_sha256 : the target model it carries; an empty hash is not checked.
     method, board : the estimator, and a free text that names the board.
@@ -43,6 +53,7 @@ class Hello:
     model_sha256: str = ""
     method: str = ""
     board: str = ""
+    pixel_formats: int = format_mask(GREY_FORMATS)
 
     def encode(self) -> bytes:
         """Payload bytes."""
@@ -50,7 +61,7 @@ class Hello:
             PROTOCOL_VERSION,
             self.encodings,
             self.window,
-            0,
+            self.pixel_formats,
             pack_text(self.model_name, 64),
             pack_hash(self.model_sha256),
             pack_text(self.method, 32),
@@ -60,9 +71,15 @@ class Hello:
     @classmethod
     def decode(cls, data: bytes) -> Hello:
         """Payload from bytes."""
-        _, encodings, window, _, name, digest, method, board = unpack_fixed(cls.LAYOUT, data, "HELLO")
+        _, encodings, window, formats, name, digest, method, board = unpack_fixed(cls.LAYOUT, data, "HELLO")
         return cls(
-            encodings, window, unpack_text(name), unpack_hash(digest), unpack_text(method), unpack_text(board)
+            encodings,
+            window,
+            unpack_text(name),
+            unpack_hash(digest),
+            unpack_text(method),
+            unpack_text(board),
+            formats,
         )
 
 
@@ -73,14 +90,15 @@ class HelloAck:
     Parameters
     ----------
     camera : the project's camera JSON object (CAMERA.json).
-    width_px, height_px, bits : image format, one channel.
+    width_px, height_px, bits, pixel_format : of the images; ``bits`` of the detector's numbers, as the format holds
+        them or fewer.
     encoding : the compression chosen from what the board offered.
     window : frames that may be on their way or in work at once (credits).
     target_name, target_sha256 : what the host flies; an empty hash is not checked.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.HELLO_ACK
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHBBBBHHI64s32sI")
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHIBBBBHHI64s32sI")
 
     camera: Dict[str, Any]
     width_px: int
@@ -93,6 +111,7 @@ class HelloAck:
     chunk_bytes: int = 1 << 18
     target_name: str = ""
     target_sha256: str = ""
+    pixel_format: PixelFormat = PixelFormat.Mono8
 
     def encode(self) -> bytes:
         """Payload bytes."""
@@ -100,6 +119,7 @@ class HelloAck:
         fixed = self.LAYOUT.pack(
             self.width_px,
             self.height_px,
+            self.pixel_format,
             self.bits,
             self.encoding,
             self.mode,
@@ -116,9 +136,9 @@ class HelloAck:
     @classmethod
     def decode(cls, data: bytes) -> HelloAck:
         """Payload from bytes."""
-        width, height, bits, encoding, mode, truth, window, _, chunk, name, digest, size = unpack_fixed(
-            cls.LAYOUT, data, "HELLO_ACK", tail=True
-        )
+        values = unpack_fixed(cls.LAYOUT, data, "HELLO_ACK", tail=True)
+        width, height, pixel_format, bits, encoding, mode, truth, window = values[:8]
+        chunk, name, digest, size = values[9:]
         camera = data[cls.LAYOUT.size :]
         if len(camera) != size:
             raise PacketError(f"a HELLO_ACK carries {len(camera)} bytes of camera, expected {size}")
@@ -134,6 +154,7 @@ class HelloAck:
             chunk,
             unpack_text(name),
             unpack_hash(digest),
+            known_value(PixelFormat, pixel_format, "pixel format"),
         )
 
 

@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hil.host.link_process.host_link import choose_pixel_format
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.plan_frames import frames_of_plan
 from hil.host.run import RunConfig, run_host
+from hil.link.packets.enums import PixelFormat
 from simulator.errors import UserError
 from simulator.frame import Frame
 from simulator.labels.layers import pixel_hash
@@ -89,10 +91,16 @@ def test_two_workers_stream_what_one_does_in_order():
         assert np.array_equal(ours.image, theirs.image)
 
 
-def test_colour_is_no_stream_for_a_board(tmp_path):
-    plan = plan_flight(with_sensor(tmp_path, 'preset = "speed"', bands="rgb"), n=1)
-    with pytest.raises(UserError, match=r"gives rgb pictures, .* one channel: write bands"):
-        next(iter(frames_of_plan(plan)))
+def test_colour_is_streamed_as_rgb8_and_only_so():
+    assert choose_pixel_format(8, (3,), "auto") is PixelFormat.RGB8
+    assert choose_pixel_format(12, (), "auto") is PixelFormat.Mono16
+    assert choose_pixel_format(12, (), "Mono12p") is PixelFormat.Mono12p
+    with pytest.raises(
+        UserError, match="colour pictures of 8 bits do not fit the pixel format Mono8: choose RGB8"
+    ):
+        choose_pixel_format(8, (3,), "Mono8")
+    with pytest.raises(UserError, match="colour pictures of 12 bits cannot be sent to a board"):
+        choose_pixel_format(12, (3,), "auto")
 
 
 @pytest.fixture(scope="module")

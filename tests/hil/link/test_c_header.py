@@ -96,6 +96,8 @@ def test_every_vector_every_field(decode, line):
                 values = [float(v) for n, v in answer if n == prefix]
                 assert int(got["has_pose"]) == (want is not None)
                 assert values == (want if want is not None else [0.0] * len(values))
+        if "roi_px" in fields:
+            assert [int(v) for n, v in answer if n == "roi"] == list(fields.pop("roi_px"))
         if "stages_ms" in fields:
             names = [bytes.fromhex(v).decode() for n, v in answer if n == "stage"]
             ms = [float(v) for n, v in answer if n == "ms"]

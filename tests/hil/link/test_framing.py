@@ -155,7 +155,7 @@ def nested_headers(total: int) -> bytes:
     for left in range(total, size + 4, -size):
         length = left - PREFIX.size
         payload = length - OVERHEAD_BYTES
-        out += PREFIX.pack(length) + HEADER.pack(MAGIC, 1, PacketType.FRAME_CHUNK, 0, 5, 0, payload)
+        out += PREFIX.pack(length) + HEADER.pack(MAGIC, 2, PacketType.FRAME_CHUNK, 0, 5, 0, payload)
     return bytes(out + bytes(total - len(out)))
 
 
@@ -188,7 +188,7 @@ def test_nested_headers_are_read_twice_at_most(step, monkeypatch):
 @pytest.mark.parametrize("claim", ["every byte a magic", "empty packets"])
 def test_a_stream_of_headers_takes_time_in_proportion(claim):
     def seconds(total: int) -> float:
-        empty = PREFIX.pack(OVERHEAD_BYTES) + HEADER.pack(MAGIC, 1, 6, 0, 5, 0, 0)
+        empty = PREFIX.pack(OVERHEAD_BYTES) + HEADER.pack(MAGIC, 2, 6, 0, 5, 0, 0)
         unit = MAGIC if claim == "every byte a magic" else empty
         framing, start = LengthFraming(), time.process_time()
         framing.feed(unit * (total // len(unit)))
@@ -206,7 +206,7 @@ def test_an_honest_packet_inside_a_failed_one_is_still_found():
     inner = [Packet(PacketType.BYE, Bye(str(k)).encode(), 5, k) for k in range(3)]
     stream = b"".join(framing.encode(p) for p in inner)
     payload = len(stream)
-    liar = PREFIX.pack(payload + OVERHEAD_BYTES) + HEADER.pack(MAGIC, 1, 6, 0, 5, 0, payload)
+    liar = PREFIX.pack(payload + OVERHEAD_BYTES) + HEADER.pack(MAGIC, 2, 6, 0, 5, 0, payload)
     framing.feed(liar + stream + b"\0\0\0\0")
     got, damage = drain(framing)
     assert got == inner
@@ -217,7 +217,7 @@ def test_packets_of_an_unknown_type_are_dropped_whole():
     """Their CRC is right: what looks like a packet inside them is their payload."""
     framing = LengthFraming()
     good = Packet(PacketType.BYE, Bye("hidden").encode(), 5)
-    for version, kind in ((1, 99), (2, 10)):
+    for version, kind in ((2, 99), (1, 10)):
         inner = framing.encode(good)
         header = HEADER.pack(MAGIC, version, kind, 0, 5, 0, len(inner))
         data = header + inner + struct.pack("<I", zlib.crc32(header + inner))
@@ -246,7 +246,7 @@ def test_a_packet_split_anywhere_after_garbage_arrives(garbage):
 
 def test_a_buffer_holds_a_packet_and_no_more():
     framing = LengthFraming()
-    framing.feed(PREFIX.pack((1 << 22) + 29) + HEADER.pack(MAGIC, 1, 6, 0, 5, 0, (1 << 22) + 1) + bytes(99))
+    framing.feed(PREFIX.pack((1 << 22) + 29) + HEADER.pack(MAGIC, 2, 6, 0, 5, 0, (1 << 22) + 1) + bytes(99))
     drain(framing)
     assert len(framing._buffer) < 10  # longer than any packet may be: dropped at once
 

@@ -34,6 +34,7 @@ from hil.link.packets.messages import (
     FrameHeader,
     Hello,
     HelloAck,
+    PixelFormat,
     PoseMessage,
     TruthMessage,
     TruthPolicy,
@@ -196,7 +197,7 @@ def header(**changes) -> FrameHeader:
     [
         (
             {"width_px": 65535, "height_px": 65535, "bits": 16},
-            "65535 x 65535 px of 16 bits, agreed were 64 x 48",
+            "65535 x 65535 px of 16 bits as Mono8, agreed were 64 x 48",
         ),
         ({"bits": 16, "total_bytes": 2 * 64 * 48}, "agreed were 64 x 48 px of 8 bits"),
         ({"width_px": 48, "height_px": 64}, "agreed were"),
@@ -285,10 +286,10 @@ def test_chunks_that_lie_over_each_other_and_leave_a_hole_as_large_make_no_frame
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"width_px": 65535, "height_px": 65535, "bits": 16}, "too large for this board: at most 128 MiB"),
+        ({"width_px": 65535, "height_px": 65535}, "too large for this board: at most 128 MiB"),
         ({"width_px": 0}, "cannot be sent"),
         ({"bits": 0}, "cannot be sent"),
-        ({"bits": 17}, "cannot be sent"),
+        ({"bits": 9}, "cannot be sent: use 1 to 8 bits in this format"),
         (
             {"camera": {"width_px": 10**9, "height_px": 10**9}},
             "do not fit the camera, whose width_px is 1000000000",
@@ -306,7 +307,7 @@ def test_terms_that_no_board_can_keep_are_refused(changes, sentence):
 
 
 def test_the_largest_image_is_8192_squared_of_two_bytes():
-    check_terms(HelloAck({}, 8192, 8192, 16), 1)
+    check_terms(HelloAck({}, 8192, 8192, 16, pixel_format=PixelFormat.Mono16), 1)
     assert MAX_FRAME_BYTES == 2 * 8192**2
 
 

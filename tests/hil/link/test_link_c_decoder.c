@@ -21,14 +21,14 @@ static int show(const struct fly_packet *k) {
   if (k->type == FLY_HELLO) {
     struct fly_hello m;
     status = fly_read_hello(&m, p, n);
-    U("encodings", m.encodings), U("window", m.window);
+    U("encodings", m.encodings), U("window", m.window), U("pixel_formats", m.pixel_formats);
     string("model_name", m.model_name), string("method", m.method), string("board", m.board);
     hex("model_sha256", m.model_sha256, 32);
   } else if (k->type == FLY_HELLO_ACK) {
     struct fly_hello_ack m;
     status = fly_read_hello_ack(&m, p, n);
     U("width_px", m.width_px), U("height_px", m.height_px), U("bits", m.bits), U("encoding", m.encoding);
-    U("mode", m.mode), U("truth", m.truth), U("window", m.window), U("chunk_bytes", m.chunk_bytes);
+    U("pixel_format", m.pixel_format), U("mode", m.mode), U("truth", m.truth), U("window", m.window), U("chunk_bytes", m.chunk_bytes);
     string("target_name", m.target_name), hex("target_sha256", m.target_sha256, 32);
     text("camera", m.camera_json, m.camera_bytes);
   } else if (k->type == FLY_TIME_SYNC_REQUEST || k->type == FLY_TIME_SYNC_REPLY) {
@@ -43,6 +43,10 @@ static int show(const struct fly_packet *k) {
     U("frame_id", m.frame_id), U("width_px", m.width_px), U("height_px", m.height_px), U("bits", m.bits);
     U("encoding", m.encoding), U("total_bytes", m.total_bytes), U("chunk_count", m.chunk_count);
     F("exposure_s", m.exposure_s), F("t_s", m.t_s), U("host_send_ns", m.host_send_ns);
+    U("pixel_format", m.pixel_format), U("binning_x", m.binning_x), U("binning_y", m.binning_y);
+    U("roi", m.roi_x_px), U("roi", m.roi_y_px), U("roi", m.roi_width_px), U("roi", m.roi_height_px);
+    U("camera_frame", m.camera_frame), U("exposure_start_ns", m.exposure_start_ns);
+    U("exposure_end_ns", m.exposure_end_ns);
     string("epoch_utc", m.epoch_utc);
   } else if (k->type == FLY_FRAME_CHUNK) {
     struct fly_frame_chunk m;

@@ -23,6 +23,7 @@ from hil.link.packets.messages import (
     Hello,
     HelloAck,
     Mode,
+    PixelFormat,
     PoseMessage,
     TimeSyncReply,
     TimeSyncRequest,
@@ -70,7 +71,7 @@ poses = st.builds(
     end_ns=u64,
 )
 messages = st.one_of(
-    st.builds(Hello, u16, u16, text(64), hashes, text(32), text(64)),
+    st.builds(Hello, u16, u16, text(64), hashes, text(32), text(64), u16),
     st.builds(
         HelloAck,
         json_object,
@@ -84,6 +85,7 @@ messages = st.one_of(
         u32,
         text(64),
         hashes,
+        st.sampled_from(PixelFormat),
     ),
     st.builds(TimeSyncRequest, u64),
     st.builds(TimeSyncReply, u64, u64, u64),
@@ -100,6 +102,13 @@ messages = st.one_of(
         finite,
         u64,
         text(40),
+        st.sampled_from(PixelFormat),
+        st.integers(1, 255),
+        st.integers(1, 255),
+        st.tuples(u16, u16, u16, u16),
+        u64,
+        u64,
+        u64,
     ),
     st.builds(FrameChunk, u32, u32, u32, st.binary(max_size=300)),
     poses,
@@ -162,8 +171,8 @@ def test_any_payload_is_read_or_refused_never_more(kind, payload):
 
 
 def test_version_is_told_from_damage():
-    data = encode_packet(Packet(PacketType.BYE, Bye("x").encode(), version=2))
-    with pytest.raises(VersionMismatch, match="protocol 2 and this one 1: install the same version"):
+    data = encode_packet(Packet(PacketType.BYE, Bye("x").encode(), version=1))
+    with pytest.raises(VersionMismatch, match="protocol 1 and this one 2: install the same version"):
         decode_packet(data)
 
 

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.link.clock import ClockFilter
-from hil.link.errors import LinkError, PacketError
+from hil.link.errors import FormatRefused, LinkError, PacketError
+from hil.link.packets.enums import format_mask
 from hil.link.packets.images import (
     FrameAssembler,
     chunk_count,
@@ -20,7 +21,7 @@ from hil.link.packets.images import (
     encode_image,
     supported_encodings,
 )
-from hil.link.packets.messages import Bye, Encoding, ErrorCode, FrameHeader, Hello, HelloAck
+from hil.link.packets.messages import Bye, Encoding, ErrorCode, FrameHeader, Hello, HelloAck, PixelFormat
 from hil.link.packets.packet import Packet, PacketType
 from hil.link.session import Link, answer_hello, greet_host, refuse
 from hil.link.transports.in_process import virtual_pair
@@ -46,7 +47,7 @@ def test_handshake_settles_session_window_and_camera():
 
     def act(link, hello):
         link.session_id = 77
-        link.send(answer_hello(hello, TERMS, compress=False))
+        link.send(answer_hello(hello, TERMS))
 
     thread = host_side(host, act)
     link = Link(board)
@@ -56,11 +57,24 @@ def test_handshake_settles_session_window_and_camera():
 
 
 @pytest.mark.parametrize(
-    ("offered", "compress", "chosen"),
-    [(0b11, True, Encoding.ZSTD), (0b01, True, Encoding.RAW), (0b11, False, Encoding.RAW)],
+    ("offered", "wanted", "chosen"),
+    [
+        (0b11, (Encoding.ZSTD,), Encoding.ZSTD),
+        (0b01, (Encoding.ZSTD,), Encoding.RAW),
+        (0b101, (Encoding.ZSTD, Encoding.PNG), Encoding.PNG),
+        (0b111, (), Encoding.RAW),
+    ],
 )
-def test_compression_is_what_both_can_and_the_host_wants(offered, compress, chosen):
-    assert answer_hello(Hello(offered, 1), TERMS, compress=compress).encoding == chosen
+def test_compression_is_what_both_can_and_the_host_wants(offered, wanted, chosen):
+    assert answer_hello(Hello(offered, 1), TERMS, encodings=wanted).encoding == chosen
+
+
+def test_the_pixel_format_is_the_first_that_both_take():
+    grey = Hello(pixel_formats=format_mask([PixelFormat.Mono8, PixelFormat.Mono16]))
+    wanted = (PixelFormat.Mono12p, PixelFormat.Mono16)
+    assert answer_hello(grey, TERMS, pixel_formats=wanted).pixel_format is PixelFormat.Mono16
+    with pytest.raises(FormatRefused, match="takes pixels as Mono8, Mono16 and the host sends RGB8: choose"):
+        answer_hello(grey, TERMS, pixel_formats=[PixelFormat.RGB8])
 
 
 @pytest.mark.parametrize(
@@ -78,11 +92,11 @@ def test_compression_is_what_both_can_and_the_host_wants(offered, compress, chos
 )
 def test_another_model_is_refused(hello, sentence):
     with pytest.raises(LinkError, match=sentence):
-        answer_hello(hello, TERMS, compress=False)
+        answer_hello(hello, TERMS)
 
 
 def test_an_unnamed_model_is_not_checked():
-    assert answer_hello(Hello(), replace(TERMS, target_name=""), compress=False).window == 1
+    assert answer_hello(Hello(), replace(TERMS, target_name="")).window == 1
 
 
 def test_the_board_hears_why_it_is_refused():
@@ -97,7 +111,7 @@ def test_version_mismatch_is_one_sentence_at_the_board():
     board, host = virtual_pair()
     host.send_packet(Packet(PacketType.BYE, Bye("later protocol").encode(), version=9))
     with pytest.raises(
-        LinkError, match="speaks link protocol 9 and this one 1: install the same version"
+        LinkError, match="speaks link protocol 9 and this one 2: install the same version"
     ) as caught:
         greet_host(Link(board), Hello(), 5.0)
     assert "\n" not in str(caught.value)
@@ -205,12 +219,24 @@ def test_drift_is_not_told_from_a_second_and_its_bound_grows():
 
 
 def frame(frame_id: int, image, encoding: Encoding, chunk_bytes: int):
-    data = encode_image(image, encoding)
+    pixel_format = PixelFormat.Mono8 if image.dtype == np.uint8 else PixelFormat.Mono16
+    data = encode_image(image, encoding, pixel_format)
     rows, columns = image.shape
     bits = 8 * image.dtype.itemsize
     count = chunk_count(len(data), chunk_bytes)
     header = FrameHeader(
-        frame_id, columns, rows, bits, encoding, len(data), count, 0.01, 0.0, 1, "2026-01-01T00:00:00Z"
+        frame_id,
+        columns,
+        rows,
+        bits,
+        encoding,
+        len(data),
+        count,
+        0.01,
+        0.0,
+        1,
+        "2026-01-01T00:00:00Z",
+        pixel_format,
     )
     parts = list(chunks(frame_id, data, chunk_bytes))
     assert len(parts) == count

@@ -1,0 +1,86 @@
+"""Pixels to bytes and back, in each of the link's pixel formats; rows follow each other without padding."""
+
+from __future__ import annotations
+
+from typing import Tuple, Union
+
+import numpy as np
+
+from hil.link.errors import PacketError
+from hil.link.packets.enums import PixelFormat
+
+Image = np.ndarray  # (H, W) or (H, W, 3) uint8, or (H, W) uint16
+
+
+def pixels_bytes(width_px: int, height_px: int, pixel_format: PixelFormat) -> int:
+    """Size of a raw image."""
+    if pixel_format is PixelFormat.Mono12p:
+        return (3 * width_px * height_px + 1) // 2
+    return width_px * height_px * pixel_format.channels * (2 if pixel_format.in_words else 1)
+
+
+def array_shape(width_px: int, height_px: int, pixel_format: PixelFormat) -> Tuple[int, ...]:
+    """Shape of the unpacked image."""
+    return (height_px, width_px) if pixel_format.channels == 1 else (height_px, width_px, 3)
+
+
+def fits(image: Image, pixel_format: PixelFormat) -> bool:
+    """Whether an image has the channels of a format, and numbers that it holds."""
+    channels = 1 if image.ndim == 2 else image.shape[2] if image.ndim == 3 else 0
+    if channels != pixel_format.channels or image.dtype.kind != "u" or image.dtype.itemsize > 2:
+        return False
+    held = 8 * image.dtype.itemsize <= pixel_format.depth_bits
+    return held or not image.size or int(image.max()) < 1 << pixel_format.depth_bits
+
+
+def pack_pixels(image: Image, pixel_format: PixelFormat) -> bytes:
+    """The raw image.
+
+    Raises
+    ------
+    PacketError
+        If the image has other channels, or numbers that are too large for the format.
+    """
+    if not fits(image, pixel_format):
+        raise PacketError(
+            f"an image of shape {image.shape} and type {image.dtype} does not fit the pixel format {pixel_format.name}"
+        )
+    if pixel_format is PixelFormat.Mono12p:
+        return _pack_twelve(image)
+    wanted = np.dtype("<u2") if pixel_format.in_words else np.dtype("u1")
+    return np.ascontiguousarray(image, dtype=wanted).tobytes()
+
+
+def unpack_pixels(
+    data: Union[bytes, bytearray, memoryview], width_px: int, height_px: int, pixel_format: PixelFormat
+) -> Image:
+    """(H, W) or (H, W, 3) image from a raw one of the right size; it may share its memory."""
+    if pixel_format is PixelFormat.Mono12p:
+        return _unpack_twelve(data, width_px * height_px).reshape(height_px, width_px)
+    dtype = np.dtype("<u2") if pixel_format.in_words else np.dtype("u1")
+    return np.frombuffer(data, dtype=dtype).reshape(array_shape(width_px, height_px, pixel_format))
+
+
+def _pack_twelve(image: Image) -> bytes:
+    """Two numbers in three bytes, the lower bits first."""
+    flat = image.astype(np.uint16).ravel()
+    count = flat.size
+    if count % 2:
+        flat = np.append(flat, np.uint16(0))
+    even, odd = flat[0::2], flat[1::2]
+    out = np.empty((even.size, 3), np.uint8)
+    out[:, 0] = even & 0xFF
+    out[:, 1] = (even >> 8) | ((odd & 0xF) << 4)
+    out[:, 2] = odd >> 4
+    return out.tobytes()[: (3 * count + 1) // 2]
+
+
+def _unpack_twelve(data: Union[bytes, bytearray, memoryview], count: int) -> Image:
+    triples = np.frombuffer(data, np.uint8)
+    if count % 2:
+        triples = np.append(triples, np.uint8(0))
+    triples = triples.reshape(-1, 3).astype(np.uint16)
+    out = np.empty((triples.shape[0], 2), np.uint16)
+    out[:, 0] = triples[:, 0] | ((triples[:, 1] & 0xF) << 8)
+    out[:, 1] = (triples[:, 1] >> 4) | (triples[:, 2] << 4)
+    return out.ravel()[:count]

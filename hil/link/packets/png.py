@@ -1,0 +1,130 @@
+"""PNG by zlib and numpy alone: grey of 8 or 16 bits and RGB of 8, for boards that have no more.
+
+Written with the filters None and Sub; read with None, Sub and Up, which is what `encode` and simple writers use.
+Reference: ISO/IEC 15948:2004, Portable Network Graphics, sections 5, 9 and 11.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from typing import Iterator, List, Tuple, Union
+
+import numpy as np
+
+from hil.link.errors import PacketError
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_CHUNK = struct.Struct(">I4s")
+_CRC = struct.Struct(">I")
+_IHDR = struct.Struct(">IIBBBBB")
+_GREY, _RGB = 0, 2
+_NONE, _SUB, _UP = 0, 1, 2
+
+Bytes = Union[bytes, bytearray, memoryview]
+
+
+def encode(image: np.ndarray, level: int = 1) -> bytes:
+    """An (H, W) image of uint8 or uint16, or an (H, W, 3) one of uint8.
+
+    Each row has the filter (None or Sub) whose bytes add up to less, as the standard advises.
+    """
+    height, width = image.shape[:2]
+    wide = image.dtype.itemsize == 2
+    rows = np.ascontiguousarray(image, dtype=">u2" if wide else "u1").view(np.uint8).reshape(height, -1)
+    step = (3 if image.ndim == 3 else 1) * image.dtype.itemsize
+    differences = rows.copy()
+    differences[:, step:] -= rows[:, :-step]
+    filtered = np.empty((height, 1 + rows.shape[1]), np.uint8)
+    subtract = _weight(differences) < _weight(rows)
+    filtered[:, 0] = np.where(subtract, _SUB, _NONE)
+    filtered[:, 1:] = np.where(subtract[:, None], differences, rows)
+    head = _IHDR.pack(width, height, 8 * image.dtype.itemsize, _RGB if image.ndim == 3 else _GREY, 0, 0, 0)
+    parts = (
+        (b"IHDR", head),
+        (b"IDAT", zlib.compress(filtered.tobytes(), level)),
+        (b"IEND", b""),
+    )
+    return SIGNATURE + b"".join(_chunk(kind, data) for kind, data in parts)
+
+
+def most_bytes(width_px: int, height_px: int, bytes_per_pixel: int) -> int:
+    """No PNG that `encode` writes is larger: deflate stores what it cannot shrink."""
+    raw = height_px * (1 + width_px * bytes_per_pixel)
+    return raw + raw // 128 + 1024
+
+
+def decode(data: Bytes, width_px: int, height_px: int, dtype: np.dtype, channels: int) -> np.ndarray:
+    """The image, which must have this size and kind; nothing larger is ever unpacked.
+
+    Raises
+    ------
+    PacketError
+        If the file is damaged, of another size or kind, interlaced, or has rows of another filter.
+    """
+    step = channels * dtype.itemsize
+    wanted = (width_px, height_px, 8 * dtype.itemsize, _RGB if channels == 3 else _GREY, 0, 0, 0)
+    packed: List[Bytes] = []
+    head = None
+    for kind, body in _chunks(memoryview(data)):
+        if kind == b"IHDR" and len(body) == _IHDR.size:
+            head = _IHDR.unpack(body)
+        elif kind == b"IDAT":
+            packed.append(body)
+        elif kind == b"IEND":
+            break
+    if head != wanted:
+        raise PacketError(f"a PNG says {head} where {wanted} was agreed")
+    size = height_px * (1 + width_px * step)
+    inflate = zlib.decompressobj()
+    try:
+        flat = inflate.decompress(b"".join(packed), size)
+        if len(flat) != size or inflate.decompress(inflate.unconsumed_tail, 1):
+            raise PacketError(f"a PNG unpacks to another size than {size} bytes")
+    except zlib.error as error:
+        raise PacketError(f"a PNG is damaged: {error}") from error
+    rows = np.frombuffer(flat, np.uint8).reshape(height_px, -1)
+    out = _unfiltered(rows[:, 0], rows[:, 1:], step)
+    wide = ">u2" if dtype.itemsize == 2 else "u1"
+    shape = (height_px, width_px) if channels == 1 else (height_px, width_px, channels)
+    return out.view(wide).reshape(shape).astype(dtype)
+
+
+def _unfiltered(filters: np.ndarray, rows: np.ndarray, step: int) -> np.ndarray:
+    if np.any(filters > _UP):
+        raise PacketError(f"a PNG has a row with filter {int(filters.max())}: write it with None, Sub or Up")
+    lanes = rows.reshape(rows.shape[0], -1, step)
+    out = np.array(lanes)
+    subtracted = filters == _SUB
+    out[subtracted] = np.cumsum(lanes[subtracted], axis=1, dtype=np.uint8)
+    for row in np.flatnonzero(filters == _UP):
+        if row:
+            out[row] += out[row - 1]
+    return out.reshape(rows.shape)
+
+
+def _weight(rows: np.ndarray) -> np.ndarray:
+    """Sum of the bytes of each row as signed numbers without their signs."""
+    return np.minimum(rows, np.negative(rows)).sum(axis=1, dtype=np.uint32)
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return _CHUNK.pack(len(data), kind) + data + _CRC.pack(zlib.crc32(data, zlib.crc32(kind)))
+
+
+def _chunks(data: memoryview) -> Iterator[Tuple[bytes, memoryview]]:
+    if bytes(data[: len(SIGNATURE)]) != SIGNATURE:
+        raise PacketError("an image has no PNG signature")
+    at = len(SIGNATURE)
+    while at + _CHUNK.size + _CRC.size <= len(data):
+        size, kind = _CHUNK.unpack_from(data, at)
+        begin = at + _CHUNK.size
+        end = begin + size
+        if end + _CRC.size > len(data):
+            break
+        # the packet's own CRC has been checked: this one tells a writer that made a mistake
+        if zlib.crc32(data[at + 4 : end]) != _CRC.unpack_from(data, end)[0]:
+            raise PacketError("a PNG has a wrong CRC")
+        yield kind, data[begin:end]
+        at = end + _CRC.size
+    raise PacketError("a PNG ends before its end")
