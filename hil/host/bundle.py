@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
 
 # Run by `python3 board.pyz`; the zip is its own import path.
-MAIN = b'import sys\n\nfrom hil.board.__main__ import main\n\nsys.exit(main(program="board.pyz"))\n'
+MAIN = b'from hil.board.__main__ import run_and_exit\n\nrun_and_exit("board.pyz")\n'
 
 SHEBANG = b"#!/usr/bin/env python3\n"
 

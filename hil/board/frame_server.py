@@ -1,0 +1,359 @@
+"""One session's frames: taken from the link, given to the estimator, answered once each, whatever it does."""
+
+from __future__ import annotations
+
+import logging
+import math
+import queue
+import threading
+from dataclasses import dataclass
+from typing import Any, Callable, Dict, Iterable, Optional, Protocol
+
+from hil.link.clock import answer_time_sync, now_ns
+from hil.link.errors import LinkClosed, PacketError, ProtocolMistake
+from hil.link.packets.images import FrameAssembler
+from hil.link.packets.messages import (
+    NO_FRAME,
+    Bye,
+    Credit,
+    ErrorCode,
+    ErrorMessage,
+    FrameChunk,
+    FrameHeader,
+    HelloAck,
+    Message,
+    PoseMessage,
+    TimeSyncRequest,
+)
+from hil.link.packets.pixels import Image
+from hil.link.session import Link
+
+logger = logging.getLogger(__name__)
+
+# damage and mistakes of a session that are logged one by one: a line that does nothing else fills no disk
+MAX_LOGGED = 100
+
+# an estimator that is at work when its session ends has this long to come back, and each thread [s]
+LAST_WAIT_S = 1.0
+
+# how often the line is looked at for a stop, and the estimator for its time, at least [s]
+LOOK_S = 0.5
+
+
+class Estimate(Protocol):
+    """What an estimator returns; ``hil.board.svd.PoseResult`` is one."""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the estimator stands by the pose."""
+
+    @property
+    def reason(self) -> str:
+        """Why it was accepted or declined."""
+
+    @property
+    def q_camera_from_target_wxyz(self) -> Optional[Iterable[float]]:
+        """(4,) unit quaternion, or None."""
+
+    @property
+    def t_camera_from_target_m(self) -> Optional[Iterable[float]]:
+        """(3,) [m], or None."""
+
+    @property
+    def confidence(self) -> float:
+        """0 to 1."""
+
+    @property
+    def stages_ms(self) -> Dict[str, float]:
+        """Duration of each stage, in order [ms]."""
+
+
+class BoardEstimator(Protocol):
+    """What the agent runs on each frame."""
+
+    def estimate(self, image: Any) -> Estimate:  # noqa: ANN401 - (H, W) uint8; an estimator may take more
+        """Pose of the target in an (H, W) image.
+
+        One that follows the target from frame to frame has an attribute ``keeps_state`` that is true, and is given
+        ``t_s``, the time of mid-exposure [s], as well.
+        """
+
+
+@dataclass(frozen=True)
+class BoardSummary:
+    """What the board did in a session.
+
+    Parameters
+    ----------
+    goodbye : whether the host ended the session in order.
+    ended : one sentence saying how it ended.
+    hung : whether the watchdog ended it: the estimator did not come back from a frame.
+    busy : whether the estimator is still at work on a frame of this session, whose answer nobody will get.
+    """
+
+    frames: int
+    accepted: int
+    goodbye: bool
+    ended: str
+    hung: bool = False
+    busy: bool = False
+
+
+@dataclass(frozen=True)
+class _Arrival:
+    header: FrameHeader
+    image: Image
+    receive_ns: int
+
+
+class FrameServer:
+    """Three threads: one takes packets and answers clock requests, one estimates, the caller's watches both.
+
+    Parameters
+    ----------
+    link : after the handshake, which settled ``terms``.
+    window : whole frames that this board said it can hold.
+    watchdog_s : an estimator that takes longer ends the session; infinite for as long as it likes.
+    silence_s : a host that says nothing for so long, not even a clock request, is gone.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        terms: HelloAck,
+        estimator: BoardEstimator,
+        window: int,
+        *,
+        watchdog_s: float = math.inf,
+        silence_s: float = math.inf,
+    ) -> None:
+        self._link, self._terms, self._estimator = link, terms, estimator
+        self._watchdog_s, self._silence_s = watchdog_s, silence_s
+        # whole frames that wait: no more than this board said it can hold, whatever the host makes of it
+        self._room = max(1, min(window, terms.window))
+        self._arrivals: queue.Queue[Optional[_Arrival]] = queue.Queue()
+        self._assembler = FrameAssembler(terms)
+        self._logged = 0
+        self._newest = NO_FRAME
+        self._frames = self._accepted = 0
+        self._goodbye = self._hung = False
+        self._ended = "the host went away"
+        self._watchdog_said = f"the watchdog stopped the estimator, which took longer than {watchdog_s:g} s"
+        self._stop, self._over = threading.Event(), threading.Event()
+        # the frame in work and since when; whoever takes it out under the lock answers it
+        self._answering = threading.Lock()
+        self._in_work: Optional[_Arrival] = None
+        self._begun_ns = 0
+        self._receiver = threading.Thread(target=self._receive, name="link receiver", daemon=True)
+        # no frame in work holds up the end of the program
+        self._worker = threading.Thread(target=self._estimate, name="estimator", daemon=True)
+
+    def run(self) -> BoardSummary:
+        """Serve frames until the session ends."""
+        self._receiver.start()
+        self._worker.start()
+        try:
+            while not self._over.wait(min(LOOK_S, self._watchdog_s / 4)):
+                self._watch()
+        finally:
+            self._stop.set()
+            self._arrivals.put(None)
+            self._receiver.join(2.0)
+            if not self._hung:
+                self._worker.join(LAST_WAIT_S)
+        return BoardSummary(
+            self._frames,
+            self._accepted,
+            self._goodbye and not self._hung,
+            f"{self._watchdog_said if self._hung else self._ended} after {self._frames} frames",
+            self._hung,
+            self._worker.is_alive(),
+        )
+
+    @property
+    def overdue_s(self) -> float:
+        """How long the estimator is over its time by now; negative while it is not."""
+        with self._answering:
+            if self._in_work is None:
+                return -math.inf
+            return (now_ns() - self._begun_ns) * 1e-9 - self._watchdog_s
+
+    def _watch(self) -> None:
+        """Decline the frame that the estimator does not come back from, and end the session."""
+        if self.overdue_s < 0:
+            return
+        with self._answering:
+            arrival, self._in_work = self._in_work, None
+        if arrival is None:
+            return  # it came back just now
+        frame_id = arrival.header.frame_id
+        sentence = self._watchdog_said
+        logger.warning("frame %d: %s", frame_id, sentence)
+        self._hung = True
+        declined = PoseMessage(
+            frame_id,
+            accepted=False,
+            reason=sentence,
+            receive_ns=arrival.receive_ns,
+            start_ns=self._begun_ns,
+            end_ns=now_ns(),
+        )
+        try:
+            self._send(declined)
+        except LinkClosed as error:
+            logger.warning("frame %d: the host cannot be told (%s)", frame_id, error)
+        self._over.set()
+
+    # --- estimating -------------------------------------------------------------------------
+
+    def _estimate(self) -> None:
+        try:
+            while True:
+                arrival = self._arrivals.get()
+                if arrival is None or self._stop.is_set():
+                    return
+                with self._answering:
+                    self._in_work, self._begun_ns = arrival, now_ns()
+                pose = self._answer(arrival, self._begun_ns)
+                with self._answering:
+                    if self._in_work is not arrival or self._stop.is_set():
+                        return  # the watchdog was faster, or the session is over: nobody waits for this any more
+                    self._in_work = None
+                self._send(pose)
+        except LinkClosed:
+            self._receiver.join(LAST_WAIT_S)  # it says why
+        finally:
+            self._over.set()
+
+    def _send(self, pose: PoseMessage) -> None:
+        self._frames += 1
+        self._accepted += pose.accepted
+        self._link.send(pose)
+        self._link.send(Credit(pose.frame_id, self._terms.window))
+
+    def _answer(self, arrival: _Arrival, start_ns: int) -> PoseMessage:
+        frame_id = arrival.header.frame_id
+        try:
+            result = self._look(arrival)
+            end_ns = now_ns()
+            pose = PoseMessage(
+                frame_id,
+                bool(result.accepted),
+                str(result.reason),
+                _numbers(result.q_camera_from_target_wxyz),
+                _numbers(result.t_camera_from_target_m),
+                float(result.confidence),
+                tuple((name, float(ms)) for name, ms in result.stages_ms.items()),
+                arrival.receive_ns,
+                start_ns,
+                end_ns,
+            )
+            pose.encode()  # an accepted pose that is missing or not finite is found here
+            return pose
+        except Exception as error:  # noqa: BLE001 - whatever it raises, the next frame is another chance
+            logger.warning("frame %d: the estimator failed: %r", frame_id, error)
+            return PoseMessage(
+                frame_id,
+                accepted=False,
+                reason=f"the estimator failed: {type(error).__name__}: {error}",
+                receive_ns=arrival.receive_ns,
+                start_ns=start_ns,
+                end_ns=now_ns(),
+            )
+
+    def _look(self, arrival: _Arrival) -> Estimate:
+        if getattr(self._estimator, "keeps_state", False):
+            estimate: Callable[..., Estimate] = self._estimator.estimate
+            return estimate(arrival.image, t_s=arrival.header.t_s)
+        return self._estimator.estimate(arrival.image)
+
+    # --- receiving --------------------------------------------------------------------------
+
+    def _receive(self) -> None:
+        heard, heard_ns = -1, now_ns()
+        try:
+            while not self._stop.is_set():
+                try:
+                    message = self._link.recv(LOOK_S)
+                    if message is not None and not self._take(message):
+                        return
+                except ProtocolMistake as mistake:
+                    self._mistaken(mistake)
+                except PacketError as error:
+                    self._damaged(error)
+                self._report_lost()
+                stats = self._link.stats
+                if stats.received - stats.stale != heard:
+                    heard, heard_ns = stats.received - stats.stale, now_ns()
+                elif now_ns() - heard_ns > self._silence_s * 1e9:
+                    self._ended = (
+                        f"the host said nothing for {self._silence_s:g} s: it hangs, or the line is cut"
+                    )
+                    return
+        except LinkClosed as error:
+            self._ended = f"the host went away without a goodbye ({error})"
+        finally:
+            self._over.set()
+
+    def _take(self, message: Message) -> bool:
+        """Handle one message; False ends the session. Truth, where it is sent along, is not looked at."""
+        at_ns = now_ns()
+        if isinstance(message, FrameHeader):
+            self._assembler.header(message)
+        elif isinstance(message, FrameChunk):
+            complete = self._assembler.chunk(message)
+            if complete is not None:
+                self._newest = complete[0].frame_id
+                self._arrive(_Arrival(complete[0], complete[1], at_ns))
+        elif isinstance(message, TimeSyncRequest):
+            self._link.send(answer_time_sync(message, at_ns, self._newest))
+        elif isinstance(message, Bye):
+            self._goodbye, self._ended = True, f"the host ended the session ({message.reason})"
+            return False
+        elif isinstance(message, ErrorMessage) and message.code != ErrorCode.CORRUPT:
+            self._ended = f"the host ended the session: {message.text}"
+            return False
+        return True
+
+    def _arrive(self, arrival: _Arrival) -> None:
+        if self._arrivals.qsize() < self._room:  # only this thread puts frames in
+            self._arrivals.put(arrival)
+            return
+        frame_id = arrival.header.frame_id
+        text = f"frame {frame_id} came while {self._room} others waited: the window is {self._room}"
+        self._warn(text)
+        self._link.send(ErrorMessage(ErrorCode.BUSY, text, frame_id))
+
+    def _damaged(self, error: PacketError) -> None:
+        """A packet was damaged: the frame in work cannot become whole."""
+        self._warn(str(error))
+        self._assembler.abandon()
+        if not self._assembler.has_lost:
+            self._link.send(ErrorMessage(ErrorCode.CORRUPT, str(error), NO_FRAME))
+
+    def _mistaken(self, mistake: ProtocolMistake) -> None:
+        """The host sent what the protocol does not allow: it alone can mend that."""
+        self._warn(str(mistake))
+        about = mistake.frame_id
+        if about is None:
+            self._link.send(ErrorMessage(ErrorCode.OTHER, str(mistake), NO_FRAME))
+            return
+        if about == self._assembler.frame_id:
+            self._assembler.abandon()
+        self._link.send(ErrorMessage(ErrorCode.FORMAT, str(mistake), about))
+
+    def _warn(self, sentence: str) -> None:
+        self._logged += 1
+        if self._logged <= MAX_LOGGED:
+            logger.warning(
+                "%s%s", sentence, " (further ones are not logged)" if self._logged == MAX_LOGGED else ""
+            )
+
+    def _report_lost(self) -> None:
+        for frame_id in self._assembler.lost():
+            text = f"frame {frame_id} lost a packet on the line"
+            self._link.send(ErrorMessage(ErrorCode.INCOMPLETE, text, frame_id))
+
+
+def _numbers(values: Any) -> Any:  # noqa: ANN401 - any sequence of numbers, or None
+    return None if values is None else tuple(float(x) for x in values)

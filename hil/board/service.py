@@ -1,0 +1,150 @@
+"""The agent as a service: what its end is told by, what systemd is told, and the unit that runs it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shlex
+import socket
+import threading
+from enum import IntEnum
+from pathlib import Path
+from typing import Callable, List
+
+# a service manager that watches is told this often in the time that it gives
+BEATS = 3.0
+
+# an estimator that takes longer is stuck, where the unit's writer says nothing else [s]
+WATCHDOG_S = 60.0
+
+
+class ExitCode(IntEnum):
+    """How the agent ended; docs/hil_board.md has the table."""
+
+    ORDERLY = 0
+    HOST_VANISHED = 1
+    MISTAKE = 2
+    WATCHDOG = 3
+    NO_SESSION = 4
+    INTERRUPTED = 130
+    TERMINATED = 143
+
+
+class ServiceManager:
+    """Who started the agent as a service and watches it, by the socket of ``sd_notify(3)``; nobody, elsewhere."""
+
+    def __init__(self) -> None:
+        address = os.environ.get("NOTIFY_SOCKET", "")
+        # a name that begins with @ is of Linux's abstract namespace
+        self._address = "\0" + address[1:] if address.startswith("@") else address
+        for_us = os.environ.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
+        with contextlib.suppress(ValueError):
+            self._watch_s = int(os.environ.get("WATCHDOG_USEC", "0")) * 1e-6 if for_us else 0.0
+        self._stop = threading.Event()
+
+    _watch_s = 0.0
+
+    def tell(self, state: str) -> None:
+        """Say one thing, such as ``READY=1``; nobody listening is no error."""
+        if not self._address:
+            return
+        with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line:
+            line.setblocking(False)  # a manager that does not read holds nobody up
+            line.sendto(state.encode(), self._address)
+
+    def beat_while(self, is_well: Callable[[], bool]) -> None:
+        """Say ``WATCHDOG=1`` again and again from now on while ``is_well``; nothing where nobody watches."""
+        if self._address and self._watch_s > 0:
+            threading.Thread(target=self._beat, args=(is_well,), name="heartbeat", daemon=True).start()
+
+    def close(self) -> None:
+        """End the heartbeat."""
+        self._stop.set()
+
+    def _beat(self, is_well: Callable[[], bool]) -> None:
+        while True:
+            if is_well():
+                self.tell("WATCHDOG=1")
+            if self._stop.wait(self._watch_s / BEATS):
+                return
+
+
+def systemd_unit(program: str, arguments: List[str], url: str) -> str:
+    """A unit that keeps the agent running as a user of its own, who may do nothing else.
+
+    Parameters
+    ----------
+    program : path of the bundle. arguments : of its command line. url : the host's, for the rights that its line needs.
+    """
+    serial = url.startswith("serial")
+    device = url[len("serial://") :].split("?", maxsplit=1)[0]
+    rights = (
+        f"SupplementaryGroups=dialout\nDevicePolicy=closed\nDeviceAllow={device} rw\nPrivateNetwork=yes"
+        if serial
+        else "PrivateDevices=yes"
+    )
+    families = "AF_UNIX" if serial else "AF_UNIX AF_INET AF_INET6"
+    command = " ".join(
+        shlex.quote(word).replace("%", "%%") for word in ["/usr/bin/python3", program, *arguments]
+    )
+    return UNIT.format(command=command, rights=rights, families=families)
+
+
+def program_path(argv0: str) -> str:
+    """Where a bundle lies, whole, as a unit must have it."""
+    return str(Path(argv0).absolute())
+
+
+UNIT = """\
+# Flyaround's board agent. Once:
+#   useradd --system --no-create-home --shell /usr/sbin/nologin flyaround
+#   cp flyaround-board.service /etc/systemd/system/ && systemctl enable --now flyaround-board
+# The bundle and the model must be readable to that user, a key file its own (chown flyaround, chmod 600).
+[Unit]
+Description=Flyaround board agent
+Wants=network-online.target
+After=network-online.target
+
+[Service]
+Type=notify
+ExecStart={command}
+User=flyaround
+Restart=on-failure
+RestartSec=1
+# a mistake in the command line does not mend by itself
+RestartPreventExitStatus=2
+SuccessExitStatus=143
+TimeoutStartSec=15min
+TimeoutStopSec=10
+# alive, though its estimator may be stuck: --watchdog sees to that first
+WatchdogSec=30
+# compiled kernels are kept here, which is this user's alone
+CacheDirectory=flyaround
+CacheDirectoryMode=0700
+Environment=FLYAROUND_CACHE_DIR=%C/flyaround
+UMask=0077
+
+CapabilityBoundingSet=
+LockPersonality=yes
+NoNewPrivileges=yes
+PrivateTmp=yes
+ProtectClock=yes
+ProtectControlGroups=yes
+ProtectHome=yes
+ProtectHostname=yes
+ProtectKernelLogs=yes
+ProtectKernelModules=yes
+ProtectKernelTunables=yes
+ProtectProc=invisible
+ProtectSystem=strict
+RestrictAddressFamilies={families}
+RestrictNamespaces=yes
+RestrictRealtime=yes
+RestrictSUIDSGID=yes
+SystemCallArchitectures=native
+SystemCallFilter=@system-service
+{rights}
+
+[Install]
+WantedBy=multi-user.target
+"""
