@@ -11,7 +11,15 @@ from hil_loop import CAMERA
 
 from hil.link.clock import now_ns
 from hil.link.packets.images import chunk_count, chunks, encode_image
-from hil.link.packets.messages import Encoding, FrameHeader, Hello, HelloAck, PoseMessage, TimeSyncRequest
+from hil.link.packets.messages import (
+    Encoding,
+    FrameHeader,
+    Hello,
+    HelloAck,
+    PixelFormat,
+    PoseMessage,
+    TimeSyncRequest,
+)
 from hil.link.session import Link
 from hil.link.transports.tcp import TcpListener
 
@@ -45,7 +53,7 @@ class HandMadeHost:
     def send_frame(self, frame_id: int, level: int = 0) -> None:
         """A grey frame."""
         image = np.full((48, 64), level, np.uint8)
-        data = encode_image(image, Encoding.RAW)
+        data = encode_image(image, Encoding.RAW, PixelFormat.Mono8)
         header = FrameHeader(
             frame_id,
             64,
