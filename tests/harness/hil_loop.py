@@ -172,13 +172,18 @@ class Proxy:
     def __init__(self, change=lambda _k, _kind, data: data) -> None:
         self.change, self.to_board, self._n = change, bytearray(), 0
 
+    @staticmethod
+    def board(url: str):
+        """Whoever stands behind it."""
+        return board()(url)
+
     def __call__(self, host_url: str):
         port = int(host_url.rsplit(":", 1)[1])
         with socket.create_server(("127.0.0.1", 0)) as server:
             upstream = socket.create_connection(("127.0.0.1", port))
             result = []
             thread = threading.Thread(
-                target=lambda: result.append(board()(f"tcp://127.0.0.1:{server.getsockname()[1]}")),
+                target=lambda: result.append(self.board(f"tcp://127.0.0.1:{server.getsockname()[1]}")),
                 daemon=True,
             )
             thread.start()

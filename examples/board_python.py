@@ -1,0 +1,226 @@
+"""A board in Python without a line of Flyaround, from docs/hil_protocol.md: numpy and the standard library alone.
+
+    python3 board_python.py 127.0.0.1 5600
+
+It takes Mono8 images as they are, over TCP, and answers where the bright pixels lie as seen by the camera, at a range
+of 10 m: no estimator, but all that a host sees of one. Put yours in place of ``look``.
+Exit code 0: the host said goodbye; 1: it vanished; 2: a mistake, in one sentence.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+import sys
+import time
+import zlib
+
+import numpy as np
+
+VERSION, NO_FRAME, MAX_PAYLOAD = 2, 0xFFFFFFFF, 1 << 22
+HELLO, HELLO_ACK, TIME_SYNC_REQUEST, TIME_SYNC_REPLY, FRAME_HEADER, FRAME_CHUNK = 1, 2, 3, 4, 5, 6
+POSE, CREDIT, BYE, ERROR = 7, 8, 10, 11
+CORRUPT, INCOMPLETE, FORMAT = 2, 3, 6
+RAW, MONO8 = 0, 0x01080001
+HEADER = struct.Struct("<4sHBBQII")
+
+
+class Ended(Exception):  # noqa: N818 - how every session ends
+    """The session is over: exit code and sentence."""
+
+
+class Line:
+    """Packets over TCP."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self.socket = socket.create_connection((host, port), timeout=60.0)
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.buffer = bytearray()
+        self.session_id = self.sequence = 0
+
+    def say(self, kind: int, payload: bytes) -> None:
+        """Send one packet."""
+        packet = (
+            HEADER.pack(b"FLYA", VERSION, kind, 0, self.session_id, self.sequence, len(payload)) + payload
+        )
+        packet += struct.pack("<I", zlib.crc32(packet))
+        self.sequence = (self.sequence + 1) & 0xFFFFFFFF
+        self.socket.sendall(struct.pack("<I", len(packet)) + packet)
+
+    def say_error(self, code: int, frame_id: int, text: str) -> None:
+        """Tell the host what is wrong."""
+        said = text.encode()
+        self.say(ERROR, struct.pack("<HHI", code, len(said), frame_id) + said)
+
+    def hear(self) -> tuple[int, int, bytes] | None:
+        """The next packet's type, session id and payload; None for a damaged one."""
+        while True:
+            while len(self.buffer) >= 4 + HEADER.size:
+                length = struct.unpack_from("<I", self.buffer)[0]
+                magic, version, kind, _, session_id, _, n = HEADER.unpack_from(self.buffer, 4)
+                if magic != b"FLYA" or n > MAX_PAYLOAD or length != HEADER.size + n + 4:
+                    del self.buffer[0]  # out of step: look on
+                    continue
+                if len(self.buffer) < 4 + length:
+                    break
+                packet = bytes(self.buffer[4 : 4 + length])
+                if zlib.crc32(packet[:-4]) != struct.unpack("<I", packet[-4:])[0]:
+                    del self.buffer[:5]  # its length may be what is damaged: others may lie inside
+                    return None
+                del self.buffer[: 4 + length]
+                if version != VERSION:
+                    raise Ended(2, f"the host speaks protocol {version}, this board {VERSION}")
+                return kind, session_id, packet[HEADER.size : -4]
+            data = self.socket.recv(1 << 20)
+            if not data:
+                raise Ended(1, "the host went away without a goodbye")
+            self.buffer += data
+
+
+def look(image: np.ndarray, camera: dict[str, float]) -> tuple[float, float, float] | None:
+    """Position of the bright pixels' middle at 10 m, in the camera's axes [m]; None where nothing is bright."""
+    brightest = int(image.max())
+    if brightest < 16:
+        return None
+    rows, columns = np.nonzero(2 * image.astype(int) > brightest)
+    z = 10.0
+    x = (columns.mean() - camera["cx_px"]) / camera["fx_px"] * z
+    y = (rows.mean() - camera["cy_px"]) / camera["fy_px"] * z
+    return x, y, z
+
+
+class Board:
+    """One session with a host."""
+
+    def __init__(self, line: Line) -> None:
+        self.line = line
+        self.newest = NO_FRAME
+        self.frame: tuple[int, int, bytearray] | None = (
+            None  # id, number of chunks, and the bytes of the one that is coming in
+        )
+
+    def greet(self) -> None:
+        """HELLO, and the host's terms."""
+        # raw, one frame at a time, Mono8, any target
+        hello = struct.pack(
+            "<HHHH64s32s32s64s", VERSION, 1, 1, 1, b"", b"", b"centroid", b"example board in Python"
+        )
+        self.line.say(HELLO, hello)
+        while True:
+            heard = self.line.hear()
+            if heard is None:
+                continue
+            kind, session_id, payload = heard
+            if kind == ERROR:
+                raise Ended(2, f"the host refuses: {payload[8:].decode()}")
+            if kind == HELLO_ACK:
+                break
+        self.line.session_id = session_id
+        self.width, self.height, pixel_format, _, encoding, _, _, self.window = struct.unpack_from(
+            "<HHIBBBBH", payload
+        )
+        if (pixel_format, encoding) != (MONO8, RAW):
+            self.line.say_error(FORMAT, NO_FRAME, "this board takes raw Mono8 images alone")
+            raise Ended(2, "the host's terms cannot be kept")
+        self.camera = json.loads(payload[120:])
+
+    def serve(self) -> None:
+        """Answer what comes, until the host ends it."""
+        while True:
+            heard = self.line.hear()
+            at_ns = time.monotonic_ns()
+            if heard is None:
+                if self.frame is None:
+                    self.line.say_error(CORRUPT, NO_FRAME, "a packet was damaged")
+                self.lose()
+                continue
+            kind, session_id, payload = heard
+            if kind == ERROR and struct.unpack_from("<H", payload)[0] != CORRUPT:
+                raise Ended(1, f"the host ended the session: {payload[8:].decode()}")
+            if session_id != self.line.session_id:
+                continue  # of an earlier session
+            if kind == BYE:
+                raise Ended(0, f"the host ended the session: {payload[4:].decode()}")
+            if kind == TIME_SYNC_REQUEST:
+                told = struct.pack("<QQII", at_ns, time.monotonic_ns(), self.newest, 1)
+                self.line.say(TIME_SYNC_REPLY, payload + told)
+            elif kind == FRAME_HEADER:
+                self.take_header(payload)
+            elif kind == FRAME_CHUNK:
+                self.take_chunk(payload, at_ns)
+
+    def lose(self) -> None:
+        """The frame that is coming in will not become whole."""
+        if self.frame is not None:
+            self.line.say_error(INCOMPLETE, self.frame[0], "a packet of the frame was lost")
+        self.frame = None
+
+    def take_header(self, payload: bytes) -> None:
+        """A frame begins."""
+        self.lose()
+        frame_id, width, height, pixel_format, _, encoding, _, _, total, chunks = struct.unpack_from(
+            "<IHHIBBBBII", payload
+        )
+        agreed = (self.width, self.height, MONO8, RAW, self.width * self.height)
+        if (width, height, pixel_format, encoding, total) != agreed:
+            self.line.say_error(FORMAT, frame_id, "a frame of another size or format than agreed")
+            return
+        self.frame = frame_id, chunks, bytearray()
+
+    def take_chunk(self, payload: bytes, at_ns: int) -> None:
+        """A part of it; they come in order."""
+        frame_id, index, offset, _ = struct.unpack_from("<IIII", payload)
+        if self.frame is None or frame_id != self.frame[0]:
+            return  # the rest of one that was lost
+        _, chunks, pixels = self.frame
+        if offset != len(pixels):
+            self.lose()
+            return
+        pixels += payload[16:]
+        if index + 1 < chunks:
+            return
+        self.frame = None
+        self.newest = frame_id
+        self.answer(frame_id, np.frombuffer(pixels, np.uint8).reshape(self.height, self.width), at_ns)
+
+    def answer(self, frame_id: int, image: np.ndarray, received_ns: int) -> None:
+        """POSE, then CREDIT."""
+        start_ns = time.monotonic_ns()
+        t_m = look(image, self.camera)
+        end_ns = time.monotonic_ns()
+        seen = t_m is not None
+        reason = b"" if seen else b"nothing bright in the picture"
+        q_wxyz = (1.0, 0.0, 0.0, 0.0) if seen else (0.0,) * 4
+        pose = struct.pack("<IBBHd", frame_id, seen, seen, 1, 0.0)
+        pose += struct.pack("<4d3d", *q_wxyz, *(t_m if seen else (0.0,) * 3))
+        pose += struct.pack("<QQQHH", received_ns, start_ns, end_ns, len(reason), 0)
+        pose += struct.pack("<24sd", b"centroid", 1e-6 * (end_ns - start_ns)) + reason
+        self.line.say(POSE, pose)
+        self.line.say(CREDIT, struct.pack("<IHH", frame_id, self.window, 0))
+
+
+def main() -> int:
+    """Serve one session; its exit code."""
+    if len(sys.argv) != 3:
+        print("usage: board_python.py HOST PORT", file=sys.stderr)
+        return 2
+    try:
+        board = Board(Line(sys.argv[1], int(sys.argv[2])))
+    except (OSError, ValueError) as error:
+        print(f"no host on {sys.argv[1]}, port {sys.argv[2]} ({error}): start it first", file=sys.stderr)
+        return 2
+    try:
+        board.greet()
+        board.serve()
+    except Ended as end:
+        code, sentence = end.args
+        print(sentence, file=sys.stdout if code == 0 else sys.stderr)
+        return code
+    except OSError as error:
+        print(f"the host went away without a goodbye ({error})", file=sys.stderr)
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
