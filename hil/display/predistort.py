@@ -52,7 +52,7 @@ class Predistorter:
         if image.shape != (height, width):
             raise UserError(
                 f"the frame is {image.shape[1]} x {image.shape[0]} px and the calibrated camera {width} x {height}: "
-                "give the scenario that camera (docs/hil.md)"
+                "give the scenario that camera (docs/hil_display.md)"
             )
         light = np.asarray(image, np.float32) / np.float32(white)
         on_screen = cv2.remap(
