@@ -16,6 +16,7 @@ from rich.text import Text
 
 from flyaround.commands.display import display, display_calibrate, display_match
 from flyaround.commands.estimation import check_method
+from flyaround.commands.hil_camera import SCHEME, camera
 from flyaround.commands.scenario_argument import load_flown
 from flyaround.commands.terminal import progress_bar, say
 from hil.board.agent import run_board
@@ -59,7 +60,9 @@ def host(
     scenario: Annotated[str, typer.Argument(help="Built-in name or TOML file.")],
     listen: Annotated[
         str,
-        typer.Option(help="Where the board connects: tcp://HOST:PORT or serial:///DEVICE?baud=N."),
+        typer.Option(
+            help="Where the board connects: tcp://HOST:PORT, serial:///DEVICE?baud=N, or gige://IFACE (see hil camera)."
+        ),
     ] = "tcp://127.0.0.1:5600",
     n: Annotated[int | None, typer.Option("-n", min=1, help="Frames, evenly in time (default 30).")] = None,
     every_s: Annotated[
@@ -156,6 +159,9 @@ def host(
     It listens on tcp://127.0.0.1:5600, or where --listen says: another TCP address and port, or a serial line such as
     serial:///dev/ttyUSB0?baud=921600 (its baud rate is 115200 unless given).
     """
+    if listen.startswith(SCHEME):
+        _be_camera(scenario, listen, seed, gpu, others=(n, every_s, log, key, mcap, live, ccsds, faults))
+        return
     if mode not in {"lockstep", "realtime"}:
         raise UserError(f"unknown mode '{mode}' in --mode; choose lockstep or realtime")
     if truth not in {"off", "separate", "inline"}:
@@ -221,6 +227,19 @@ def _one_of(value: str, kind: Any, option: str) -> Any:  # noqa: ANN401 - a Lite
     raise UserError(
         f"unknown {option[2:].replace('-', ' ')} '{value}' in {option}; choose {', '.join(get_args(kind))}"
     )
+
+
+def _be_camera(
+    scenario: str, listen: str, seed: int | None, gpu: int | None, *, others: tuple[object, ...]
+) -> None:
+    """The camera endpoint with its defaults: it has no board, no poses and so no ledger."""
+    interface = listen.removeprefix(SCHEME).rstrip("/")
+    if any(other is not None for other in others):
+        raise UserError(
+            f"{listen} serves a camera, without board or ledger: only --seed and --gpu go with it;"
+            f" flyaround hil camera {scenario} --interface {interface} has options of its own"
+        )
+    camera(scenario, interface, seed=seed, gpu=gpu)
 
 
 def _stream(frames: Iterable[Frame], config: RunConfig, n_frames: int, *, as_json: bool) -> LedgerSummary:
@@ -390,6 +409,7 @@ def summary_text(s: LedgerSummary, log: Path | None) -> Text:
 app = typer.Typer(name="hil", help="Hardware in the loop: host, board, reports.", no_args_is_help=True)
 app.command()(host)
 app.command()(board)
+app.command()(camera)
 app.command()(bundle)
 app.command()(report)
 app.command("key")(make_key)

@@ -1,0 +1,83 @@
+"""The camera behind the endpoint: starts the endpoint's process and gives it pictures as they fall due."""
+
+from __future__ import annotations
+
+import multiprocessing
+from typing import TYPE_CHECKING
+
+from hil.host.camera_endpoint.endpoint import serve_endpoint
+from hil.host.camera_endpoint.messages import Failed, FrameTaken, FrameWanted, Note, Opened
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.host.camera_endpoint.messages import EndpointConfig
+    from hil.host.camera_endpoint.pictures import Pictures
+
+WARNING = (
+    "It cannot authenticate: the protocol knows no password, nothing is encrypted, and an address can be forged."
+    " Use it on a network that is yours alone."
+)
+START_S = 60.0
+LOOK_S = 0.2
+END_S = 3.0
+_ENDED = "the camera endpoint's process ended unexpectedly; run again with -v"
+
+
+def run_camera(
+    pictures: Pictures,
+    config: EndpointConfig,
+    *,
+    on_opened: Callable[[], None] | None = None,
+    on_note: Callable[[str], None] | None = None,
+    stopped: Callable[[], bool] | None = None,
+) -> None:
+    """Serve a camera until it is stopped.
+
+    Parameters
+    ----------
+    pictures : where its pictures come from.
+    on_opened : told once it can be found.
+    on_note : told of controllers that come, go or are refused, a sentence each.
+    stopped : asked several times a second; never stops without it but by Ctrl-C.
+
+    Raises
+    ------
+    UserError
+        If its port is in use or not permitted.
+    """
+    context = multiprocessing.get_context("spawn")
+    pipe, theirs = context.Pipe()
+    process = context.Process(
+        target=serve_endpoint, args=(theirs, config), daemon=True, name="flyaround camera endpoint"
+    )
+    process.start()
+    theirs.close()
+    try:
+        if not pipe.poll(START_S):
+            raise UserError("the camera endpoint's process did not start; run again with -v")
+        while stopped is None or not stopped():
+            if not pipe.poll(LOOK_S):
+                continue
+            message = pipe.recv()
+            if isinstance(message, FrameWanted):
+                image = pictures.take(message)
+                while image is None:  # what draws died and was started again
+                    image = pictures.take(message)
+                pipe.send(FrameTaken(message.request_id, image))
+            elif isinstance(message, Note) and on_note is not None:
+                on_note(message.sentence)
+            elif isinstance(message, Opened) and on_opened is not None:
+                on_opened()
+            elif isinstance(message, Failed):
+                raise UserError(message.sentence)
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        raise UserError(_ENDED) from None
+    finally:
+        pipe.close()
+        process.join(END_S)
+        if process.is_alive():
+            process.kill()
+            process.join()
+        process.close()

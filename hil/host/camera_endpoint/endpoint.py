@@ -1,0 +1,447 @@
+"""The endpoint's process: commands of one controller, frames when they are due, and the stream of their packets.
+
+It cannot authenticate: GVCP knows no secret, and an address can be forged. So it hears one interface and listed
+addresses alone, sends pictures to its controller's address and nowhere else, and holds no more than was set up at its
+start, whatever it is sent.
+"""
+
+from __future__ import annotations
+
+import select
+import signal
+import socket
+import struct
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from hil.host.camera_endpoint import gvcp
+from hil.host.camera_endpoint.gvcp import Command, RefusedError, Request, Status
+from hil.host.camera_endpoint.gvsp import Block, PixelFormat, Region, pixels_of
+from hil.host.camera_endpoint.interface import open_socket
+from hil.host.camera_endpoint.messages import Failed, FrameTaken, FrameWanted, Note, Opened
+from hil.host.camera_endpoint.registers import (
+    CONTINUOUS,
+    DO_NOT_FRAGMENT,
+    EXCLUSIVE,
+    FIRE_TEST_PACKET,
+    SINGLE_FRAME,
+    TICKS_PER_S,
+    Place,
+    Registers,
+)
+from hil.host.camera_endpoint.stream_channel import StreamChannel
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+    from hil.host.camera_endpoint.messages import EndpointConfig
+
+    Peer = tuple[str, int]
+
+MOST_COMMANDS = 64
+"""Of one socket before packets are sent again."""
+MOST_STRANGERS = 16
+"""Addresses that are told of when they are not on the list."""
+REPEATED_S = 1.0
+"""A command that comes twice within this time is answered twice and carried out once."""
+IDLE_S = 0.5
+
+
+def serve_endpoint(pipe: Connection, config: EndpointConfig) -> None:
+    """What the process does, until the other end of the pipe is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the drawing side's; it closes the pipe
+    try:
+        endpoint = CameraEndpoint(pipe, config)
+    except UserError as error:
+        pipe.send(Failed(str(error)))
+        return
+    try:
+        pipe.send(Opened())
+        while endpoint.step():
+            pass
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        pass  # the drawing side is gone
+    finally:
+        endpoint.close()
+
+
+@dataclass(frozen=True)
+class _Due:
+    """A frame that was asked for, as the controller wanted it."""
+
+    request_id: int
+    timestamp_ns: int
+    region: Region
+    pixel_format: PixelFormat
+
+
+class CameraEndpoint:
+    """One camera on one interface.
+
+    Raises
+    ------
+    UserError
+        If a port is in use.
+    """
+
+    def __init__(self, pipe: Connection, config: EndpointConfig) -> None:
+        self._pipe, self._config = pipe, config
+        interface = config.interface
+        self._control = open_socket(interface, interface.address, gvcp.PORT)
+        self._sockets = [self._control]
+        try:
+            for address in dict.fromkeys(("255.255.255.255", interface.broadcast)):
+                if address != "0.0.0.0":  # noqa: S104 - compared with, not listened on: lo has no broadcast
+                    self._sockets.append(open_socket(interface, address, gvcp.PORT))
+            stream = open_socket(interface, interface.address, 0)
+        except UserError:
+            self.close()
+            raise
+        for sock in self._sockets:
+            sock.setblocking(False)
+        self._stream = StreamChannel(stream, config.loss_share, config.loss_seed)
+        self._registers = Registers(
+            config.terms, interface, self._stream.source_port, config.xml, config.xml_name
+        )
+        self._origin_ns = time.monotonic_ns()
+        self._controller: Peer | None = None
+        self._heard_s = 0.0
+        self._last: tuple[float, Peer, bytes, bytes] | None = None
+        self._strangers: set[str] = set()
+        self._started_s = self._next_s = 0.0
+        self._triggered = False
+        self._frames_left: int | None = None
+        self._number = self._block_id = self._request_id = 0
+        self._due: _Due | None = None
+        self._after = {
+            Place.STREAM_PACKET_BYTES: self._packet_size_written,
+            Place.TIMESTAMP_CONTROL: self._timestamp_control_written,
+            Place.ACQUISITION_START: self._start,
+            Place.ACQUISITION_STOP: self._stop_written,
+            Place.TRIGGER_SOFTWARE: self._trigger,
+        }
+
+    def close(self) -> None:
+        """Close the sockets."""
+        for sock in self._sockets:
+            sock.close()
+        if hasattr(self, "_stream"):
+            self._stream.close()
+
+    def step(self) -> bool:
+        """Wait for what comes next and deal with it; False once the drawing side has gone."""
+        sources: list[Any] = [*self._sockets, self._pipe]
+        ready = select.select(sources, [], [], self._sleep_s())[0]
+        for sock in self._sockets:
+            if sock in ready:
+                self._hear(sock)
+        if self._pipe in ready:
+            message = self._pipe.recv()
+            if isinstance(message, FrameTaken):
+                self._send_frame(message)
+        now = time.monotonic()
+        if self._controller is not None and now > self._heard_s + self._registers[Place.HEARTBEAT_MS] * 1e-3:
+            self._release(
+                f"controller {self._controller[0]} said nothing for too long: control is free again"
+            )
+        self._ask_for_frame(now)
+        self._stream.step(now)
+        return True
+
+    def _sleep_s(self) -> float:
+        times = [time.monotonic() + IDLE_S]
+        if self._stream.due_s is not None:
+            times.append(self._stream.due_s)
+        if self._controller is not None:
+            times.append(self._heard_s + self._registers[Place.HEARTBEAT_MS] * 1e-3)
+        if self._wants_frame:
+            times.append(self._next_s)
+        return max(0.0, min(times) - time.monotonic())
+
+    # --- commands ---------------------------------------------------------------------------
+
+    def _hear(self, sock: socket.socket) -> None:
+        for _ in range(MOST_COMMANDS):
+            try:
+                datagram, peer = sock.recvfrom(gvcp.MOST_BYTES + 1)
+            except (BlockingIOError, ConnectionRefusedError):
+                return
+            answer = self._answer(datagram, peer)
+            if answer is not None:
+                try:
+                    self._control.sendto(answer, peer)
+                except OSError:
+                    return  # nobody there any more
+
+    def _answer(self, datagram: bytes, peer: Peer) -> bytes | None:
+        """The acknowledgement of a datagram; None where it is not to be answered."""
+        if peer[0] not in self._config.allowed:
+            self._note_stranger(peer[0])
+            return None
+        request = gvcp.parse_request(datagram)
+        if request is None:
+            return None
+        if request.command == Command.DISCOVERY:
+            return gvcp.acknowledge(request, self._registers.discovery)
+        now = time.monotonic()
+        if peer == self._controller:
+            self._heard_s = now
+        if (
+            self._last is not None
+            and self._last[1:3] == (peer, datagram)
+            and now - self._last[0] < REPEATED_S
+        ):
+            return self._last[3] or None
+        try:
+            answer = gvcp.acknowledge(request, self._carry_out(request, peer))
+        except RefusedError as refused:
+            payload = struct.pack(">HH", 0, refused.index) if request.command in _WRITES else b""
+            answer = gvcp.acknowledge(request, payload, refused.status)
+        if not request.wants_answer or request.command == Command.PACKET_RESEND:
+            answer = b""
+        self._last = (now, peer, datagram, answer)
+        return answer or None
+
+    def _carry_out(self, request: Request, peer: Peer) -> bytes:
+        """Do what a command says; the acknowledgement's payload.
+
+        Raises
+        ------
+        RefusedError
+            If it is not done.
+        """
+        registers, payload = self._registers, request.payload
+        if request.command == Command.PACKET_RESEND:
+            # a receiver asks from its stream socket, so that the address alone can be compared
+            if self._controller is not None and peer[0] == self._controller[0]:
+                self._stream.send_again(gvcp.parse_resend(payload))
+            return b""
+        if request.command == Command.READ_REGISTER:
+            self._check_may_read(peer)
+            return b"".join(registers.read(address, 4) for address in gvcp.read_addresses(payload))
+        if request.command == Command.READ_MEMORY:
+            self._check_may_read(peer)
+            address, count = gvcp.read_span(payload)
+            return struct.pack(">I", address) + registers.read(address, count)
+        if request.command == Command.WRITE_REGISTER:
+            pairs = gvcp.write_pairs(payload)
+            for index, (address, value) in enumerate(pairs):
+                try:
+                    self._write(address, value, peer)
+                except RefusedError as refused:
+                    raise RefusedError(refused.status, index) from refused
+            return struct.pack(">HH", 0, len(pairs))
+        if request.command == Command.WRITE_MEMORY:
+            address, data = gvcp.write_span(payload)
+            if len(data) == 4:
+                self._write(address, int.from_bytes(data, "big"), peer)
+            else:
+                self._check_controls(peer)
+                if address <= Place.CONTROL_PRIVILEGE < address + len(
+                    data
+                ) or address <= Place.STREAM_ADDRESS < (address + len(data)):
+                    raise RefusedError(Status.ACCESS_DENIED)  # these are written one by one
+                for place in registers.write(address, data):
+                    self._written(place)
+            return struct.pack(">HH", 0, len(data))
+        raise RefusedError(Status.NOT_IMPLEMENTED)
+
+    def _check_may_read(self, peer: Peer) -> None:
+        exclusive = self._registers[Place.CONTROL_PRIVILEGE] & EXCLUSIVE
+        if self._controller not in {None, peer} and exclusive:
+            raise RefusedError(Status.ACCESS_DENIED)
+
+    def _check_controls(self, peer: Peer) -> None:
+        if peer != self._controller:
+            raise RefusedError(Status.ACCESS_DENIED)
+
+    def _write(self, address: int, value: int, peer: Peer) -> None:
+        if address == Place.CONTROL_PRIVILEGE:
+            if self._controller not in {None, peer}:
+                self._note(f"{peer[0]} asked for control, which {self._controller_name} has: refused")
+                raise RefusedError(Status.ACCESS_DENIED)
+            self._registers.write_register(address, value)
+            if value:
+                self._claim(peer)
+            elif self._controller is not None:
+                self._release(f"controller {peer[0]} gave control back")
+            return
+        self._check_controls(peer)
+        if address == Place.STREAM_ADDRESS and value not in {
+            0,
+            int.from_bytes(socket.inet_aton(peer[0]), "big"),
+        }:
+            raise RefusedError(
+                Status.INVALID_PARAMETER
+            )  # pictures go to who asked for them, to no third machine
+        self._written(self._registers.write_register(address, value))
+
+    def _written(self, place: Place) -> None:
+        action = self._after.get(place)
+        if action is not None:
+            action()
+
+    # --- control ----------------------------------------------------------------------------
+
+    @property
+    def _controller_name(self) -> str:
+        return "nobody" if self._controller is None else self._controller[0]
+
+    def _claim(self, peer: Peer) -> None:
+        if self._controller is None:
+            self._note(f"{peer[0]} controls the camera")
+        self._controller, self._heard_s = peer, time.monotonic()
+        self._registers[Place.CONTROLLER_PORT] = peer[1]
+        self._registers[Place.CONTROLLER_ADDRESS] = int.from_bytes(socket.inet_aton(peer[0]), "big")
+
+    def _release(self, sentence: str) -> None:
+        self._stop()
+        self._controller = None
+        for place in (
+            Place.CONTROL_PRIVILEGE,
+            Place.CONTROLLER_PORT,
+            Place.CONTROLLER_ADDRESS,
+            Place.STREAM_PORT,
+            Place.STREAM_ADDRESS,
+            Place.TRANSPORT_LOCKED,
+        ):
+            self._registers[place] = 0
+        self._note(sentence)
+
+    def _note_stranger(self, address: str) -> None:
+        if address not in self._strangers and len(self._strangers) < MOST_STRANGERS:
+            self._strangers.add(address)
+            self._note(f"{address} is not among the allowed controllers: not answered")
+
+    def _note(self, sentence: str) -> None:
+        self._pipe.send(Note(sentence))
+
+    # --- what follows a written register ----------------------------------------------------
+
+    def _packet_size_written(self) -> None:
+        value = self._registers[Place.STREAM_PACKET_BYTES]
+        to = self._receiver
+        if value & FIRE_TEST_PACKET:
+            self._registers[Place.STREAM_PACKET_BYTES] = value & ~FIRE_TEST_PACKET
+            if to is not None:
+                self._stream.send_test_packet(to, value & 0xFFFF)
+        self._stream.set_fragments(allowed=not value & DO_NOT_FRAGMENT)
+
+    def _timestamp_control_written(self) -> None:
+        if self._registers[Place.TIMESTAMP_CONTROL] == 1:
+            self._origin_ns = time.monotonic_ns()
+        else:
+            now = time.monotonic_ns() - self._origin_ns
+            self._registers[Place.TIMESTAMP_HIGH] = now >> 32
+            self._registers[Place.TIMESTAMP_LOW] = now
+        self._registers[Place.TIMESTAMP_CONTROL] = 0
+
+    def _start(self) -> None:
+        registers = self._registers
+        registers[Place.ACQUISITION_START] = 0
+        if registers.acquiring:
+            return
+        mode = registers[Place.ACQUISITION_MODE]
+        self._frames_left = (
+            None
+            if mode == CONTINUOUS
+            else 1
+            if mode == SINGLE_FRAME
+            else registers[Place.ACQUISITION_FRAME_COUNT]
+        )
+        registers.acquiring = True
+        self._number = self._block_id = 0
+        self._triggered, self._due = False, None
+        self._stream.stop()
+        self._started_s = self._next_s = time.monotonic()
+
+    def _stop_written(self) -> None:
+        self._registers[Place.ACQUISITION_STOP] = 0
+        self._stop()
+
+    def _stop(self) -> None:
+        self._registers.acquiring = False
+        self._due = None
+        self._stream.stop()
+
+    def _trigger(self) -> None:
+        self._registers[Place.TRIGGER_SOFTWARE] = 0
+        self._triggered = self._registers.acquiring
+
+    # --- frames -----------------------------------------------------------------------------
+
+    @property
+    def _receiver(self) -> Peer | None:
+        """Where pictures go: to the controller, once it has named a port."""
+        port = self._registers[Place.STREAM_PORT]
+        if self._controller is None or not port or not self._registers[Place.STREAM_ADDRESS]:
+            return None
+        return self._controller[0], port
+
+    @property
+    def _wants_frame(self) -> bool:
+        if not self._registers.acquiring or self._due is not None or not self._stream.has_room:
+            return False
+        return self._triggered or not self._registers[Place.TRIGGER_MODE]
+
+    @property
+    def _interval_s(self) -> float:
+        """From frame to frame: none begins before the exposure of the last has ended."""
+        registers = self._registers
+        return max(
+            1 / registers.number(Place.ACQUISITION_FRAME_RATE), 1e-6 * registers.number(Place.EXPOSURE_TIME)
+        )
+
+    def _ask_for_frame(self, now_s: float) -> None:
+        """Ask the drawing side for a picture once it is due; one at a time, from the newest state."""
+        registers = self._registers
+        if not self._wants_frame or now_s < self._next_s:
+            return
+        if registers[Place.TRIGGER_MODE]:
+            self._next_s = now_s
+        else:
+            # the pace is kept where it can be, and what is missed is not made up for
+            self._next_s = max(self._next_s + self._interval_s, now_s)
+        self._triggered = False
+        self._request_id += 1
+        self._due = _Due(
+            self._request_id, time.monotonic_ns() - self._origin_ns, registers.region, registers.pixel_format
+        )
+        self._pipe.send(
+            FrameWanted(
+                request_id=self._request_id,
+                number=self._number,
+                t_s=now_s - self._started_s,
+                exposure_s=1e-6 * registers.number(Place.EXPOSURE_TIME),
+                gain_db=registers.number(Place.GAIN),
+            )
+        )
+        self._number += 1
+
+    def _send_frame(self, taken: FrameTaken) -> None:
+        due, to, registers = self._due, self._receiver, self._registers
+        if due is None or taken.request_id != due.request_id:
+            return  # of an acquisition that was stopped
+        self._due = None
+        if self._frames_left is not None:
+            self._frames_left -= 1
+            registers.acquiring = self._frames_left > 0
+        if to is None:
+            return
+        self._block_id = self._block_id % 0xFFFF + 1
+        block = Block(
+            block_id=self._block_id,
+            timestamp_ns=due.timestamp_ns,
+            pixel_format=due.pixel_format,
+            region=due.region,
+            data=pixels_of(taken.image, self._config.terms.bits, due.region, due.pixel_format),
+            packet_bytes=registers[Place.STREAM_PACKET_BYTES] & 0xFFFF,
+        )
+        delay_s = registers[Place.STREAM_PACKET_DELAY] / TICKS_PER_S
+        self._stream.start(block, to, time.monotonic(), interval_s=self._interval_s, delay_s=delay_s)
+        registers[Place.FRAMES_SENT] = registers[Place.FRAMES_SENT] + 1
+
+
+_WRITES = (Command.WRITE_REGISTER, Command.WRITE_MEMORY)

@@ -1,0 +1,224 @@
+"""The GenICam description of the camera: which feature is which register, for clients that know nothing of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import escape, quoteattr
+
+from hil.host.camera_endpoint.gvsp import formats_of
+from hil.host.camera_endpoint.registers import (
+    EXPOSURE_US,
+    GAIN_DB,
+    HEARTBEAT_MS,
+    LEAST_SIDE_PX,
+    PACKET_BYTES,
+    RATE_HZ,
+    TICKS_PER_S,
+    Place,
+)
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import read_regular
+
+if TYPE_CHECKING:
+    from hil.host.camera_endpoint.registers import CameraTerms
+
+MOST_XML_BYTES = 1 << 20
+OWN_NAME = "flyaround.xml"
+
+
+def read_xml(path: Path) -> tuple[str, bytes]:
+    """A user's own description: the name that it is served under, and its bytes.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read, is too long, or is neither .xml nor .zip.
+    """
+    if path.suffix.lower() not in {".xml", ".zip"}:
+        raise UserError(f"{path} is neither .xml nor .zip: a GenICam description is served as one of them")
+    try:
+        data = read_regular(path, MOST_XML_BYTES)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}): name a GenICam description") from error
+    if path.suffix.lower() == ".xml" and b"RegisterDescription" not in data:
+        raise UserError(f"{path} is no GenICam description: it has no RegisterDescription")
+    name = "".join(c for c in path.name if c.isascii() and (c.isalnum() or c in "._-"))
+    return name, data
+
+
+def write_xml(terms: CameraTerms) -> bytes:
+    """The description of this camera's registers, as `Place` has them."""
+    nodes: list[str] = []
+    categories: dict[str, list[str]] = {}
+
+    def feature(category: str, name: str, node: str) -> None:
+        categories.setdefault(category, []).append(name)
+        nodes.append(node)
+
+    def integer(
+        category: str,
+        name: str,
+        place: Place,
+        limits: tuple[object, object] | None = None,
+        access: str = "RW",
+        increment: int = 1,
+    ) -> None:
+        feature(category, name, _integer(name, limits, increment))
+        nodes.append(_register(name, place, access))
+
+    def number(category: str, name: str, place: Place, limits: tuple[float, float], unit: str) -> None:
+        feature(
+            category,
+            name,
+            f'<Float Name="{name}"><pValue>{name}Reg</pValue><Min>{limits[0]:g}</Min><Max>{limits[1]:g}</Max>'
+            f"<Unit>{unit}</Unit></Float>",
+        )
+        nodes.append(_register(name, place, "RW", "FloatReg"))
+
+    def choice(category: str, name: str, place: Place, entries: dict[str, int]) -> None:
+        listed = "".join(
+            f'<EnumEntry Name="{entry}"><Value>{value}</Value></EnumEntry>'
+            for entry, value in entries.items()
+        )
+        feature(
+            category, name, f'<Enumeration Name="{name}">{listed}<pValue>{name}Reg</pValue></Enumeration>'
+        )
+        nodes.append(_register(name, place, "RW"))
+
+    def command(category: str, name: str, place: Place) -> None:
+        feature(
+            category,
+            name,
+            f'<Command Name="{name}"><pValue>{name}Reg</pValue><CommandValue>1</CommandValue></Command>',
+        )
+        nodes.append(_register(name, place, "RW"))
+
+    def text(category: str, name: str, address: int, size: int, access: str = "RO") -> None:
+        feature(
+            category,
+            name,
+            f'<StringReg Name="{name}"><Address>0x{address:X}</Address><Length>{size}</Length>'
+            f"<AccessMode>{access}</AccessMode><pPort>Device</pPort></StringReg>",
+        )
+
+    text("DeviceControl", "DeviceVendorName", 0x48, 32)
+    text("DeviceControl", "DeviceModelName", 0x68, 32)
+    text("DeviceControl", "DeviceVersion", 0x88, 32)
+    text("DeviceControl", "DeviceManufacturerInfo", 0xA8, 48)
+    text("DeviceControl", "DeviceID", 0xD8, 16)
+    text("DeviceControl", "DeviceUserID", 0xE8, 16, "RW")
+
+    integer("ImageFormatControl", "SensorWidth", Place.SENSOR_WIDTH, access="RO")
+    integer("ImageFormatControl", "SensorHeight", Place.SENSOR_HEIGHT, access="RO")
+    for side, across in (("Width", "X"), ("Height", "Y")):
+        offset, size = Place[f"OFFSET_{across}"], Place[side.upper()]
+        feature(
+            "ImageFormatControl",
+            f"{side}Max",
+            _difference(f"{side}Max", f"Sensor{side}", f"Offset{across}"),
+        )
+        nodes.append(_difference(f"Offset{across}Max", f"Sensor{side}", side))
+        integer("ImageFormatControl", side, size, (LEAST_SIDE_PX, f"{side}Max"))
+        integer("ImageFormatControl", f"Offset{across}", offset, (0, f"Offset{across}Max"))
+    choice(
+        "ImageFormatControl",
+        "PixelFormat",
+        Place.PIXEL_FORMAT,
+        {f.name: int(f) for f in formats_of(terms.bits)},
+    )
+
+    modes = {"Continuous": 0, "SingleFrame": 1, "MultiFrame": 2}
+    choice("AcquisitionControl", "AcquisitionMode", Place.ACQUISITION_MODE, modes)
+    command("AcquisitionControl", "AcquisitionStart", Place.ACQUISITION_START)
+    command("AcquisitionControl", "AcquisitionStop", Place.ACQUISITION_STOP)
+    integer("AcquisitionControl", "AcquisitionFrameCount", Place.ACQUISITION_FRAME_COUNT, (1, 0xFFFF))
+    number("AcquisitionControl", "AcquisitionFrameRate", Place.ACQUISITION_FRAME_RATE, RATE_HZ, "Hz")
+    feature(
+        "AcquisitionControl",
+        "TriggerSelector",
+        '<Enumeration Name="TriggerSelector"><EnumEntry Name="FrameStart"><Value>0</Value></EnumEntry>'
+        "<Value>0</Value></Enumeration>",
+    )
+    choice("AcquisitionControl", "TriggerMode", Place.TRIGGER_MODE, {"Off": 0, "On": 1})
+    choice("AcquisitionControl", "TriggerSource", Place.TRIGGER_SOURCE, {"Software": 0})
+    command("AcquisitionControl", "TriggerSoftware", Place.TRIGGER_SOFTWARE)
+    number("AcquisitionControl", "ExposureTime", Place.EXPOSURE_TIME, EXPOSURE_US, "us")
+    number("AnalogControl", "Gain", Place.GAIN, GAIN_DB, "dB")
+
+    integer("TransportLayerControl", "PayloadSize", Place.PAYLOAD_SIZE, access="RO")
+    integer("TransportLayerControl", "TLParamsLocked", Place.TRANSPORT_LOCKED, (0, 1))
+    integer("TransportLayerControl", "GevSCPHostPort", Place.STREAM_PORT, (0, 0xFFFF))
+    feature(
+        "TransportLayerControl",
+        "GevSCPSPacketSize",
+        _integer("GevSCPSPacketSize", PACKET_BYTES, 4)
+        + _bits("GevSCPSPacketSize", Place.STREAM_PACKET_BYTES, 31, 16),
+    )
+    for name, bit in (("GevSCPSFireTestPacket", 0), ("GevSCPSDoNotFragment", 1)):
+        feature(
+            "TransportLayerControl",
+            name,
+            f'<Boolean Name="{name}"><pValue>{name}Reg</pValue></Boolean>'
+            + _bits(name, Place.STREAM_PACKET_BYTES, bit, bit),
+        )
+    integer("TransportLayerControl", "GevSCPD", Place.STREAM_PACKET_DELAY, (0, TICKS_PER_S // 1000))
+    integer("TransportLayerControl", "GevSCDA", Place.STREAM_ADDRESS, (0, 0xFFFFFFFF))
+    integer("TransportLayerControl", "GevStreamChannelCount", Place.N_STREAM_CHANNELS, access="RO")
+    integer("TransportLayerControl", "GevHeartbeatTimeout", Place.HEARTBEAT_MS, HEARTBEAT_MS)
+    privileges = {"OpenAccess": 0, "ExclusiveAccess": 1, "ControlAccess": 2}
+    choice("TransportLayerControl", "GevCCP", Place.CONTROL_PRIVILEGE, privileges)
+    integer("TransportLayerControl", "GevTimestampTickFrequency", Place.TICKS_LOW, access="RO")
+
+    groups = "".join(
+        f'<Category Name="{name}">' + "".join(f"<pFeature>{f}</pFeature>" for f in features) + "</Category>"
+        for name, features in categories.items()
+    )
+    root = "".join(f"<pFeature>{name}</pFeature>" for name in categories)
+    body = "\n".join(nodes)
+    about = quoteattr(f"A camera that Flyaround simulates: {terms.scenario}")
+    return (
+        '<?xml version="1.0" encoding="utf-8"?>\n'
+        '<RegisterDescription ModelName="SimulatedCamera" VendorName="Flyaround" StandardNameSpace="None"'
+        ' SchemaMajorVersion="1" SchemaMinorVersion="1" SchemaSubMinorVersion="0" MajorVersion="1"'
+        f' MinorVersion="0" SubMinorVersion="0" ToolTip={about}'
+        ' ProductGuid="6b3f7d52-7a0e-4b6e-9d61-0f1c6a5e2b10" VersionGuid="e4c0b3a8-50c2-4d0b-8f0e-7f5d1a9c3b21"'
+        ' xmlns="http://www.genicam.org/GenApi/Version_1_1">\n'
+        f'<Category Name="Root">{root}</Category>\n{groups}\n{body}\n<Port Name="Device"></Port>\n'
+        "</RegisterDescription>\n"
+    ).encode()
+
+
+def _integer(name: str, limits: tuple[object, object] | None, increment: int) -> str:
+    within = ""
+    if limits is not None:
+        least, most = limits
+        highest = f"<pMax>{escape(most)}</pMax>" if isinstance(most, str) else f"<Max>{most}</Max>"
+        within = f"<Min>{least}</Min>{highest}<Inc>{increment}</Inc>"
+    return f'<Integer Name="{name}"><pValue>{name}Reg</pValue>{within}</Integer>'
+
+
+def _register(name: str, place: Place, access: str, kind: str = "IntReg") -> str:
+    sign = "<Sign>Unsigned</Sign>" if kind == "IntReg" else ""
+    return (
+        f'<{kind} Name="{name}Reg"><Address>0x{int(place):X}</Address><Length>4</Length>'
+        f"<AccessMode>{access}</AccessMode><pPort>Device</pPort><Cachable>NoCache</Cachable>{sign}"
+        f"<Endianess>BigEndian</Endianess></{kind}>"
+    )
+
+
+def _bits(name: str, place: Place, lowest: int, highest: int) -> str:
+    """Some bits of a register; of a big-endian one they are counted from its most significant."""
+    which = f"<Bit>{lowest}</Bit>" if lowest == highest else f"<LSB>{lowest}</LSB><MSB>{highest}</MSB>"
+    return (
+        f'<MaskedIntReg Name="{name}Reg"><Address>0x{int(place):X}</Address><Length>4</Length>'
+        f"<AccessMode>RW</AccessMode><pPort>Device</pPort><Cachable>NoCache</Cachable>{which}"
+        "<Sign>Unsigned</Sign><Endianess>BigEndian</Endianess></MaskedIntReg>"
+    )
+
+
+def _difference(name: str, whole: str, part: str) -> str:
+    return (
+        f'<IntSwissKnife Name="{name}"><pVariable Name="WHOLE">{whole}</pVariable>'
+        f'<pVariable Name="PART">{part}</pVariable><Formula>WHOLE-PART</Formula></IntSwissKnife>'
+    )

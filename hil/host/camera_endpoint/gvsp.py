@@ -1,0 +1,140 @@
+"""GVSP packets: one picture as leader, payload packets and trailer. Big-endian headers, little-endian pixels.
+
+Layouts from public material: Wireshark's ``packet-gvsp.c`` and Aravis's ``arvgvsp.h``.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+HEADER = struct.Struct(">HHI")
+IP_UDP_BYTES = 28
+"""Headers of IP and UDP, which a stream channel's packet size counts."""
+IMAGE_PAYLOAD = 1
+LEADER, TRAILER, DATA = 1, 2, 3
+"""Packet formats."""
+RESENT, UNAVAILABLE = 0x0100, 0x800C
+"""Status of a packet that is sent again, and of one that is no longer there."""
+
+
+class PixelFormat(IntEnum):
+    """Codes of the pixel format naming convention: bits that a pixel takes, and which one."""
+
+    Mono8 = 0x01080001
+    Mono10 = 0x01100003
+    Mono12 = 0x01100005
+    Mono14 = 0x01100025
+    Mono16 = 0x01100007
+
+    @property
+    def bits(self) -> int:
+        """Significant bits of a pixel."""
+        return int(self.name[4:])
+
+    @property
+    def bytes_per_pixel(self) -> int:
+        """What a pixel takes."""
+        return 1 if self is PixelFormat.Mono8 else 2
+
+
+def formats_of(bits: int) -> tuple[PixelFormat, ...]:
+    """Formats that a detector of so many bits has: its own, and eight bits."""
+    own = next(f for f in PixelFormat if f.bits >= bits)
+    return tuple(dict.fromkeys((own, PixelFormat.Mono8)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """Part of the detector that is read, in pixels."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+def pixels_of(
+    image: NDArray[np.unsignedinteger], bits: int, region: Region, pixel_format: PixelFormat
+) -> bytes:
+    """Bytes of a region of (H, W) digital numbers of ``bits`` bits, row by row, as a pixel format has them."""
+    part = image[region.y : region.y + region.height, region.x : region.x + region.width]
+    more = pixel_format.bits - bits
+    if pixel_format is PixelFormat.Mono8:
+        return ((part >> -more) if more < 0 else (part << more)).astype(np.uint8).tobytes()
+    return (part.astype("<u2") << more).astype("<u2").tobytes()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """One picture on its way.
+
+    Parameters
+    ----------
+    block_id : 1 to 65535. timestamp_ns : start of the exposure. data : its pixels.
+    packet_bytes : of each packet, headers of IP and UDP included.
+    """
+
+    block_id: int
+    timestamp_ns: int
+    pixel_format: PixelFormat
+    region: Region
+    data: bytes
+    packet_bytes: int
+
+    @property
+    def data_bytes(self) -> int:
+        """Pixels' bytes in each packet but the last."""
+        return self.packet_bytes - IP_UDP_BYTES - HEADER.size
+
+    @property
+    def n_packets(self) -> int:
+        """Packets, leader and trailer included; they are numbered from 0."""
+        return -(-len(self.data) // self.data_bytes) + 2
+
+    def packet(self, number: int, status: int = 0) -> bytes:
+        """One packet by its number, below ``n_packets``."""
+        if number == 0:
+            return self._header(LEADER, 0, status) + self._leader()
+        if number == self.n_packets - 1:
+            return self._header(TRAILER, number, status) + struct.pack(
+                ">HHI", 0, IMAGE_PAYLOAD, self.region.height
+            )
+        start = (number - 1) * self.data_bytes
+        return self._header(DATA, number, status) + self.data[start : start + self.data_bytes]
+
+    def _header(self, packet_format: int, number: int, status: int) -> bytes:
+        return HEADER.pack(status, self.block_id, packet_format << 24 | number)
+
+    def _leader(self) -> bytes:
+        r = self.region
+        return struct.pack(
+            ">HHQIIIIIHH",
+            0,
+            IMAGE_PAYLOAD,
+            self.timestamp_ns,
+            self.pixel_format,
+            r.width,
+            r.height,
+            r.x,
+            r.y,
+            0,
+            0,
+        )
+
+
+def unavailable(block_id: int, number: int) -> bytes:
+    """The answer to a request for a packet that is no longer, or never was, there."""
+    return HEADER.pack(UNAVAILABLE, block_id, DATA << 24 | number)
+
+
+def packet_for_size(packet_bytes: int) -> bytes:
+    """A packet of one size, headers of IP and UDP included, by which a controller finds what the line carries."""
+    return HEADER.pack(0, 0, DATA << 24).ljust(packet_bytes - IP_UDP_BYTES, b"\0")

@@ -1,0 +1,77 @@
+"""What the endpoint's process and the one that draws say to each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from hil.host.camera_endpoint.interface import Interface
+    from hil.host.camera_endpoint.registers import CameraTerms
+
+
+@dataclass(frozen=True, kw_only=True)
+class EndpointConfig:
+    """What the endpoint's process is told at its start.
+
+    Parameters
+    ----------
+    allowed : addresses that are heard.
+    xml, xml_name : the GenICam description and the file name it is served under.
+    loss_share : stream packets that are left out, to try a client's requests. loss_seed : which ones.
+    """
+
+    interface: Interface
+    allowed: tuple[str, ...]
+    terms: CameraTerms
+    xml: bytes
+    xml_name: str
+    loss_share: float = 0.0
+    loss_seed: int = 0
+
+
+@dataclass(frozen=True)
+class Opened:
+    """The endpoint listens."""
+
+
+@dataclass(frozen=True)
+class Failed:
+    """The endpoint cannot listen; one sentence."""
+
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Note:
+    """Something that the user may want to know."""
+
+    sentence: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameWanted:
+    """A picture that is due.
+
+    Parameters
+    ----------
+    request_id : comes back with the picture. number : since acquisition started, from 0. t_s : the same in time.
+    exposure_s, gain_db : as the controller has set them.
+    """
+
+    request_id: int
+    number: int
+    t_s: float
+    exposure_s: float
+    gain_db: float
+
+
+@dataclass(frozen=True)
+class FrameTaken:
+    """A picture: (H, W) digital numbers of the whole detector."""
+
+    request_id: int
+    image: NDArray[np.unsignedinteger]

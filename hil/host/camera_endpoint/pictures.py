@@ -1,0 +1,118 @@
+"""The pictures that the endpoint sends: drawn when they are due, or drawn before and looped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.frame import Frame
+from simulator.loop import FrameRequest, FramesLostError, open_frames, run_frames
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.host.camera_endpoint.messages import FrameWanted
+    from simulator.loop import FrameProducer
+    from simulator.scenario.plan import Plan
+    from simulator.scene.state import SceneState
+
+    Image = NDArray[np.unsignedinteger]
+
+
+class Pictures(Protocol):
+    """Anything that has a picture for the endpoint when one is due."""
+
+    def take(self, wanted: FrameWanted) -> Image | None:
+        """(H, W) digital numbers of the whole detector; None where this one is lost."""
+
+
+class DrawnPictures:
+    """Each picture is drawn when it is due, of the flight's state at that time; a flight that ends begins again.
+
+    Parameters
+    ----------
+    producer : draws one at a time; its stage gives the image alone.
+    """
+
+    def __init__(self, plan: Plan, producer: FrameProducer[Image]) -> None:
+        self._plan, self._producer = plan, producer
+
+    def take(self, wanted: FrameWanted) -> Image | None:
+        """Draw with the exposure and gain that the controller has set."""
+        t_s = wanted.t_s % self._plan.scenario.duration_s
+        scene = self._plan.scene_of(self._plan.flight.state(t_s), wanted.number)
+        try:
+            self._producer.submit(FrameRequest(scene=exposed_as(scene, wanted), labels=False))
+            return self._producer.result()
+        except FramesLostError:
+            return None
+
+
+class LoopedPictures:
+    """Pictures from before, over and over; exposure and gain change their numbers, and what was clipped stays so.
+
+    Parameters
+    ----------
+    images : (H, W) each. bits : of their numbers. exposure_s : they were taken with.
+    black_dn : number of a pixel that no light falls on.
+    """
+
+    def __init__(
+        self, images: Sequence[Image], *, bits: int, exposure_s: float, black_dn: float = 0.0
+    ) -> None:
+        if not images:
+            raise UserError("there is no picture to loop; ask for at least one")
+        self._images, self._exposure_s = images, exposure_s
+        self._full, self._black_dn = 2**bits - 1, black_dn
+        self._table: tuple[float, Image] | None = None
+
+    def take(self, wanted: FrameWanted) -> Image:
+        """The next one, made as bright as the controller wants it."""
+        image = self._images[wanted.number % len(self._images)]
+        factor = wanted.exposure_s / self._exposure_s * 10 ** (wanted.gain_db / 20)
+        if abs(factor - 1) < 1e-5:  # exposures travel in single precision
+            return image
+        if self._table is None or self._table[0] != factor:
+            light = (np.arange(self._full + 1) - self._black_dn) * factor + self._black_dn
+            self._table = (factor, np.clip(np.rint(light), 0, self._full).astype(image.dtype))
+        return self._table[1][image]
+
+
+def exposed_as(scene: SceneState, wanted: FrameWanted) -> SceneState:
+    """A scene with a controller's exposure and gain: of signal and noise before the converter."""
+    gain = 10 ** (wanted.gain_db / 20)
+    sensor = scene.sensor
+    if sensor.detector is not None:
+        detector = replace(sensor.detector, gain_e_per_dn=sensor.detector.gain_e_per_dn / gain)
+        sensor = replace(sensor, detector=detector)
+    else:
+        sensor = replace(
+            sensor,
+            full_scale_j_m2_sr=sensor.full_scale_j_m2_sr / gain,
+            gaussian_variance=sensor.gaussian_variance * gain**2,
+        )
+    return replace(scene, sensor=sensor, exposure_s=wanted.exposure_s)
+
+
+def image_alone(frame: Frame) -> Image:
+    """The stage that leaves the pixels of a frame."""
+    return frame.image
+
+
+def loop_of(plan: Plan, *, device_index: int | None = None) -> LoopedPictures:
+    """Draw the plan's frames once, to be looped. Exposure is the first's throughout."""
+    first = plan.scene(0)
+    with open_frames(image_alone, processes=1, device_index=device_index, first=first) as producer:
+        images = list(run_frames(plan, producer, labels=False))
+    detector = first.sensor.detector
+    return LoopedPictures(
+        images,
+        bits=first.sensor.bits,
+        exposure_s=first.exposure_s,
+        black_dn=0.0 if detector is None else detector.black_level_dn,
+    )

@@ -1,0 +1,328 @@
+"""What a controller can read and tell the camera: registers by address, checked before they take a value.
+
+The first block's places are those of public descriptions (Aravis's ``arvgvcp.h``); from 0xA000 on they are the
+camera's own, and docs/hil_camera.md lists them for an XML of one's own.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import math
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+from hil.host.camera_endpoint.gvcp import MOST_MEMORY_BYTES, RefusedError, Status
+from hil.host.camera_endpoint.gvsp import PixelFormat, Region, formats_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.host.camera_endpoint.interface import Interface
+
+LEAST_SIDE_PX = 16
+EXPOSURE_US = (1.0, 1e6)
+GAIN_DB = (0.0, 24.0)
+RATE_HZ = (0.1, 120.0)
+PACKET_BYTES = (576, 9000)
+HEARTBEAT_MS = (500, 60_000)
+TICKS_PER_S = 1_000_000_000
+XML_ADDRESS = 0x100000
+EXCLUSIVE, CONTROL = 1, 2
+CONTINUOUS, SINGLE_FRAME, MULTI_FRAME = 0, 1, 2
+FIRE_TEST_PACKET, DO_NOT_FRAGMENT = 1 << 31, 1 << 30
+
+
+class Place(IntEnum):
+    """Addresses of four-byte registers."""
+
+    VERSION = 0x0000
+    DEVICE_MODE = 0x0004
+    MAC_HIGH = 0x0008
+    MAC_LOW = 0x000C
+    IP_OPTIONS = 0x0010
+    IP_CONFIGURATION = 0x0014
+    IP_ADDRESS = 0x0024
+    IP_MASK = 0x0034
+    N_INTERFACES = 0x0600
+    N_MESSAGE_CHANNELS = 0x0900
+    N_STREAM_CHANNELS = 0x0904
+    CAPABILITY = 0x0934
+    HEARTBEAT_MS = 0x0938
+    TICKS_HIGH = 0x093C
+    TICKS_LOW = 0x0940
+    TIMESTAMP_CONTROL = 0x0944
+    TIMESTAMP_HIGH = 0x0948
+    TIMESTAMP_LOW = 0x094C
+    CONTROL_PRIVILEGE = 0x0A00
+    CONTROLLER_PORT = 0x0A04
+    CONTROLLER_ADDRESS = 0x0A14
+    STREAM_PORT = 0x0D00
+    STREAM_PACKET_BYTES = 0x0D04
+    STREAM_PACKET_DELAY = 0x0D08
+    STREAM_ADDRESS = 0x0D18
+    STREAM_SOURCE_PORT = 0x0D1C
+    SENSOR_WIDTH = 0xA000
+    SENSOR_HEIGHT = 0xA004
+    OFFSET_X = 0xA008
+    OFFSET_Y = 0xA00C
+    WIDTH = 0xA010
+    HEIGHT = 0xA014
+    PIXEL_FORMAT = 0xA018
+    PAYLOAD_SIZE = 0xA01C
+    ACQUISITION_MODE = 0xA020
+    ACQUISITION_START = 0xA024
+    ACQUISITION_STOP = 0xA028
+    ACQUISITION_FRAME_COUNT = 0xA02C
+    ACQUISITION_FRAME_RATE = 0xA030
+    TRIGGER_MODE = 0xA034
+    TRIGGER_SOURCE = 0xA038
+    TRIGGER_SOFTWARE = 0xA03C
+    EXPOSURE_TIME = 0xA040
+    GAIN = 0xA044
+    TRANSPORT_LOCKED = 0xA048
+    FRAMES_SENT = 0xA04C
+
+
+DISCOVERY_BYTES = 0xF8
+USER_NAME, USER_NAME_BYTES = 0x00E8, 16
+XML_URL, URL_BYTES = 0x0200, 512
+_BLOCKS = ((0x0000, 0x0B20), (0x0D00, 0x0040), (0xA000, 0x0050))
+_STREAM_SETTINGS = (Place.WIDTH, Place.HEIGHT, Place.PIXEL_FORMAT, Place.STREAM_PACKET_BYTES)
+# concatenation, write memory, packet resend, serial number, user-defined name
+_CAPABILITY = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 30 | 1 << 31
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraTerms:
+    """What the endpoint is told of the camera that it stands for.
+
+    Parameters
+    ----------
+    bits : of the detector's numbers. exposure_us, rate_hz : before a controller changes them.
+    scenario : what is flown. target : what is looked at.
+    """
+
+    width_px: int
+    height_px: int
+    bits: int
+    exposure_us: float
+    rate_hz: float
+    scenario: str
+    target: str
+
+
+class Registers:
+    """The camera's memory.
+
+    Parameters
+    ----------
+    source_port : that the stream is sent from.
+    xml, xml_name : the description that is served, and the file name it is given.
+    """
+
+    def __init__(
+        self, terms: CameraTerms, interface: Interface, source_port: int, xml: bytes, xml_name: str
+    ) -> None:
+        self.terms = terms
+        self.formats = formats_of(terms.bits)
+        self.acquiring = False
+        self._xml = xml + bytes(-len(xml) % 4)
+        self._blocks = [(start, bytearray(size)) for start, size in _BLOCKS]
+        mac = interface.mac
+        known = {
+            Place.VERSION: 1 << 16,
+            Place.DEVICE_MODE: 0x80000001,
+            Place.MAC_HIGH: int.from_bytes(mac[:2], "big"),
+            Place.MAC_LOW: int.from_bytes(mac[2:], "big"),
+            Place.IP_OPTIONS: 1,
+            Place.IP_CONFIGURATION: 1,
+            Place.IP_ADDRESS: int(ipaddress.IPv4Address(interface.address)),
+            Place.IP_MASK: int(ipaddress.IPv4Address(interface.mask)),
+            Place.N_INTERFACES: 1,
+            Place.N_STREAM_CHANNELS: 1,
+            Place.CAPABILITY: _CAPABILITY,
+            Place.HEARTBEAT_MS: 3000,
+            Place.TICKS_LOW: TICKS_PER_S,
+            Place.STREAM_PACKET_BYTES: min(1500, interface.mtu) & ~3,
+            Place.STREAM_SOURCE_PORT: source_port,
+            Place.SENSOR_WIDTH: terms.width_px,
+            Place.SENSOR_HEIGHT: terms.height_px,
+            Place.WIDTH: terms.width_px,
+            Place.HEIGHT: terms.height_px,
+            Place.PIXEL_FORMAT: int(self.formats[0]),
+            Place.ACQUISITION_FRAME_COUNT: 1,
+        }
+        for place, value in known.items():
+            self[place] = value
+        self._set_number(Place.ACQUISITION_FRAME_RATE, terms.rate_hz)
+        self._set_number(Place.EXPOSURE_TIME, min(max(terms.exposure_us, EXPOSURE_US[0]), EXPOSURE_US[1]))
+        for address, text, size in (
+            (0x0048, "Flyaround", 32),
+            (0x0068, "Simulated camera", 32),
+            (0x0088, "1", 32),
+            (0x00A8, f"{terms.scenario}: {terms.target}", 48),
+            (0x00D8, interface.address, 16),
+            (XML_URL, f"Local:{xml_name};{XML_ADDRESS:X};{len(xml):X}", URL_BYTES),
+        ):
+            self._set_text(address, text, size)
+        self._set_payload_size()
+        self._checks = self._make_checks()
+
+    # --- what the camera reads of itself ----------------------------------------------------
+
+    def __getitem__(self, place: Place) -> int:
+        """The value of a register."""
+        block, at = self._find(place, 4)
+        (value,) = struct.unpack_from(">I", block, at)
+        return int(value)
+
+    def __setitem__(self, place: Place, value: int) -> None:
+        block, at = self._find(place, 4)
+        assert isinstance(block, bytearray)  # noqa: S101 - the XML has no place
+        struct.pack_into(">I", block, at, value & 0xFFFFFFFF)
+
+    def number(self, place: Place) -> float:
+        """The value of a register that holds a float."""
+        return _as_float(self[place])
+
+    @property
+    def region(self) -> Region:
+        """What is read of the detector."""
+        return Region(
+            x=self[Place.OFFSET_X], y=self[Place.OFFSET_Y], width=self[Place.WIDTH], height=self[Place.HEIGHT]
+        )
+
+    @property
+    def pixel_format(self) -> PixelFormat:
+        """How pixels are written."""
+        return PixelFormat(self[Place.PIXEL_FORMAT])
+
+    @property
+    def discovery(self) -> bytes:
+        """What the answer to a discovery says: the first registers."""
+        return self.read(0, DISCOVERY_BYTES)
+
+    # --- what a controller does -------------------------------------------------------------
+
+    def read(self, address: int, count: int) -> bytes:
+        """Bytes at an address, both multiples of four.
+
+        Raises
+        ------
+        RefusedError
+            If they are not, or nothing is there.
+        """
+        if address % 4 or count % 4:
+            raise RefusedError(Status.BAD_ALIGNMENT)
+        if not 0 < count <= MOST_MEMORY_BYTES:
+            raise RefusedError(Status.INVALID_PARAMETER)
+        block, at = self._find(address, count)
+        return bytes(block[at : at + count])
+
+    def write(self, address: int, data: bytes) -> list[Place]:
+        """Take values; the registers that were written.
+
+        Raises
+        ------
+        RefusedError
+            If nothing is there, it is read-only, or locked, or the value is not allowed; of several registers those
+            before the refused one keep their new values.
+        """
+        if address == USER_NAME and len(data) == USER_NAME_BYTES:
+            self._blocks[0][1][address : address + len(data)] = data
+            return []
+        if address % 4 or len(data) % 4:
+            raise RefusedError(Status.BAD_ALIGNMENT)
+        if not data or len(data) > MOST_MEMORY_BYTES:
+            raise RefusedError(Status.INVALID_PARAMETER)
+        self._find(address, len(data))
+        written = []
+        for offset in range(0, len(data), 4):
+            (value,) = struct.unpack_from(">I", data, offset)
+            written.append(self.write_register(address + offset, value))
+        return written
+
+    def write_register(self, address: int, value: int) -> Place:
+        """Take one value; the register.
+
+        Raises
+        ------
+        RefusedError
+            As of `write`.
+        """
+        if address % 4:
+            raise RefusedError(Status.BAD_ALIGNMENT)
+        self._find(address, 4)
+        check = self._checks.get(address)
+        if check is None:
+            raise RefusedError(Status.WRITE_PROTECT)
+        place = Place(address)
+        if self.acquiring and place in _STREAM_SETTINGS:
+            raise RefusedError(Status.BUSY)
+        if not check(value):
+            raise RefusedError(Status.INVALID_PARAMETER)
+        self[place] = value
+        self._set_payload_size()
+        return place
+
+    def _make_checks(self) -> dict[int, Callable[[int], bool]]:
+        """Whether a register takes a value; what is not here is read-only."""
+        terms = self.terms
+        return {
+            Place.HEARTBEAT_MS: lambda v: HEARTBEAT_MS[0] <= v <= HEARTBEAT_MS[1],
+            Place.TIMESTAMP_CONTROL: lambda v: v in {1, 2},
+            Place.CONTROL_PRIVILEGE: lambda v: v in {0, EXCLUSIVE, CONTROL, EXCLUSIVE | CONTROL},
+            Place.STREAM_PORT: lambda v: v <= 0xFFFF,
+            Place.STREAM_PACKET_BYTES: lambda v: (
+                PACKET_BYTES[0] <= v & 0xFFFF <= PACKET_BYTES[1] and not v & 0x3FFF0000
+            ),
+            Place.STREAM_PACKET_DELAY: lambda v: v <= TICKS_PER_S // 1000,
+            Place.STREAM_ADDRESS: lambda v: v <= 0xFFFFFFFF,  # the endpoint compares it with its controller's
+            Place.OFFSET_X: lambda v: v + self[Place.WIDTH] <= terms.width_px,
+            Place.OFFSET_Y: lambda v: v + self[Place.HEIGHT] <= terms.height_px,
+            Place.WIDTH: lambda v: LEAST_SIDE_PX <= v <= terms.width_px - self[Place.OFFSET_X],
+            Place.HEIGHT: lambda v: LEAST_SIDE_PX <= v <= terms.height_px - self[Place.OFFSET_Y],
+            Place.PIXEL_FORMAT: lambda v: v in self.formats,
+            Place.ACQUISITION_MODE: lambda v: v in {CONTINUOUS, SINGLE_FRAME, MULTI_FRAME},
+            Place.ACQUISITION_START: lambda v: v == 1,
+            Place.ACQUISITION_STOP: lambda v: v == 1,
+            Place.ACQUISITION_FRAME_COUNT: lambda v: 1 <= v <= 0xFFFF,
+            Place.ACQUISITION_FRAME_RATE: lambda v: _within(v, RATE_HZ),
+            Place.TRIGGER_MODE: lambda v: v in {0, 1},
+            Place.TRIGGER_SOURCE: lambda v: v == 0,
+            Place.TRIGGER_SOFTWARE: lambda v: v == 1,
+            Place.EXPOSURE_TIME: lambda v: _within(v, EXPOSURE_US),
+            Place.GAIN: lambda v: _within(v, GAIN_DB),
+            Place.TRANSPORT_LOCKED: lambda v: v in {0, 1},
+        }
+
+    def _find(self, address: int, count: int) -> tuple[bytearray | bytes, int]:
+        """The block that holds a span, and where in it."""
+        blocks: list[tuple[int, bytearray | bytes]] = [*self._blocks, (XML_ADDRESS, self._xml)]
+        for start, block in blocks:
+            if start <= address and address + count <= start + len(block):
+                return block, address - start
+        raise RefusedError(Status.INVALID_ADDRESS)
+
+    def _set_text(self, address: int, text: str, size: int) -> None:
+        raw = text.encode("utf-8")[: size - 1].decode("utf-8", "ignore").encode()
+        self._blocks[0][1][address : address + size] = raw.ljust(size, b"\0")
+
+    def _set_number(self, place: Place, value: float) -> None:
+        self[place] = int.from_bytes(struct.pack(">f", value), "big")
+
+    def _set_payload_size(self) -> None:
+        r = self.region
+        self[Place.PAYLOAD_SIZE] = r.width * r.height * self.pixel_format.bytes_per_pixel
+
+
+def _as_float(value: int) -> float:
+    (number,) = struct.unpack(">f", value.to_bytes(4, "big"))
+    return float(number)
+
+
+def _within(value: int, limits: tuple[float, float]) -> bool:
+    number = _as_float(value)
+    return math.isfinite(number) and limits[0] * (1 - 1e-6) <= number <= limits[1] * (1 + 1e-6)

@@ -1,0 +1,151 @@
+"""The stream channel: packets of pictures spread over time, kept for a while, and sent again where they are missed."""
+
+from __future__ import annotations
+
+import random
+import socket
+from collections import OrderedDict
+from typing import TYPE_CHECKING
+
+from hil.host.camera_endpoint.gvsp import RESENT, packet_for_size, unavailable
+from hil.host.camera_endpoint.interface import MTU_DISCOVER, MTU_DO, MTU_DONT
+
+if TYPE_CHECKING:
+    from hil.host.camera_endpoint.gvcp import ResendRequest
+    from hil.host.camera_endpoint.gvsp import Block
+
+BURST = 8
+"""Packets sent at once; the time to the next burst is that of as many packets."""
+MOST_BURSTS = 4
+"""Sent one after the other where time was lost, before commands are looked at again."""
+MOST_GAP_S = 1e-4
+SHARE_OF_INTERVAL = 0.5
+KEPT_BYTES = 64 << 20
+KEPT_BLOCKS = 8
+MOST_RESENT = 2048
+"""Packets that one request brings again."""
+
+
+class StreamChannel:
+    """Sends blocks to one receiver.
+
+    Parameters
+    ----------
+    sock : to send from. loss_share : packets that are left out, to try a receiver's requests. seed : which ones.
+    """
+
+    def __init__(self, sock: socket.socket, loss_share: float = 0.0, seed: int = 0) -> None:
+        self._socket = sock
+        self._socket.settimeout(0.05)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 << 20)
+        self._loss_share, self._random = loss_share, random.Random(seed)
+        self._kept: OrderedDict[int, Block] = OrderedDict()
+        self._block: Block | None = None
+        self._waiting: tuple[Block, tuple[str, int], float] | None = None
+        self._number = 0
+        self._due_s = self._gap_s = 0.0
+        self._to: tuple[str, int] | None = None
+        self.packets_sent = self.packets_resent = self.packets_left_out = 0
+
+    @property
+    def source_port(self) -> int:
+        """The port that packets come from."""
+        return int(self._socket.getsockname()[1])
+
+    @property
+    def due_s(self) -> float | None:
+        """When the next packets are due; None where there are none."""
+        return None if self._block is None else self._due_s
+
+    @property
+    def has_room(self) -> bool:
+        """Whether `start` may be called: one block may wait behind the one that is on its way."""
+        return self._waiting is None
+
+    def start(
+        self, block: Block, to: tuple[str, int], now_s: float, *, interval_s: float, delay_s: float
+    ) -> None:
+        """Send a block, after the one that is on its way.
+
+        Parameters
+        ----------
+        interval_s : between frames, of which sending takes half. delay_s : least time between packets.
+        """
+        gap_s = max(delay_s, min(SHARE_OF_INTERVAL * interval_s / block.n_packets, MOST_GAP_S))
+        if self._block is not None:
+            self._waiting = (block, to, gap_s)
+            return
+        self._begin(block, to, gap_s, now_s)
+
+    def _begin(self, block: Block, to: tuple[str, int], gap_s: float, now_s: float) -> None:
+        self._block, self._number, self._to = block, 0, to
+        self._gap_s, self._due_s = gap_s, now_s
+        self._kept[block.block_id] = block
+        while len(self._kept) > 1 and (
+            len(self._kept) > KEPT_BLOCKS or sum(len(b.data) for b in self._kept.values()) > KEPT_BYTES
+        ):
+            self._kept.popitem(last=False)
+
+    def stop(self) -> None:
+        """Send no more, and forget what was sent."""
+        self._block = self._waiting = self._to = None
+        self._kept.clear()
+
+    def step(self, now_s: float) -> None:
+        """Send what is due."""
+        for _ in range(MOST_BURSTS):
+            block, to = self._block, self._to
+            if block is None or to is None or self._due_s > now_s:
+                return
+            end = min(self._number + BURST, block.n_packets)
+            for number in range(self._number, end):
+                self._send(block.packet(number), to)
+            self._number = end
+            self._due_s += BURST * self._gap_s
+            if end == block.n_packets:
+                self._block = None
+                if self._waiting is not None:
+                    (block, to, gap_s), self._waiting = self._waiting, None
+                    self._begin(block, to, gap_s, now_s)
+
+    def send_again(self, request: ResendRequest) -> None:
+        """Packets that a receiver misses, or the word that they are not there."""
+        to = self._to
+        if to is None or request.channel != 0:
+            return
+        block = self._kept.get(request.block_id)
+        if block is None:
+            self._send(unavailable(request.block_id, request.first), to)
+            return
+        last = min(request.last, block.n_packets - 1, request.first + MOST_RESENT - 1)
+        if block is self._block:  # what has not gone out yet is on its way
+            last = min(last, self._number - 1)
+        for number in range(request.first, last + 1):
+            self._send(block.packet(number, RESENT), to)
+            self.packets_resent += 1
+
+    def send_test_packet(self, to: tuple[str, int], packet_bytes: int) -> None:
+        """One packet of a size, unfragmented or not at all."""
+        self.set_fragments(allowed=False)
+        self._send(packet_for_size(packet_bytes), to)
+
+    def set_fragments(self, *, allowed: bool) -> None:
+        """Whether packets may be sent in fragments where they are too long for the line."""
+        self._socket.setsockopt(socket.IPPROTO_IP, MTU_DISCOVER, MTU_DONT if allowed else MTU_DO)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _send(self, packet: bytes, to: tuple[str, int]) -> None:
+        if self._loss_share and self._random.random() < self._loss_share:
+            self.packets_left_out += 1
+            return
+        try:
+            self._socket.sendto(packet, to)
+        except (
+            OSError
+        ):  # too long for the line, no route, a full queue: to the receiver each is a lost packet
+            self.packets_left_out += 1
+        else:
+            self.packets_sent += 1

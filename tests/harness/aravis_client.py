@@ -1,0 +1,90 @@
+"""A GenICam client by Aravis's Python binding, for the system's interpreter: aravis_client.py ADDRESS COMMAND...
+
+``grab N [FEATURE=VALUE...]`` prints one line of JSON with a SHA-256 of each picture; ``hold`` takes control, streams,
+and waits to be killed; ``trigger N`` asks for N pictures by software trigger. ``save FILE`` writes one picture's bytes.
+"""
+
+import hashlib
+import json
+import sys
+import time
+from pathlib import Path
+
+import gi
+
+gi.require_version("Aravis", "0.8")
+from gi.repository import Aravis  # noqa: E402 - the version is asked for first
+
+
+def say(what):
+    """One line of JSON."""
+    sys.stdout.write(json.dumps(what) + "\n")
+    sys.stdout.flush()
+
+
+def set_feature(camera, text):
+    """Set one feature by the type of what is written."""
+    name, value = text.split("=")
+    if value.replace(".", "", 1).isdigit():
+        kind = camera.set_float if "." in value else camera.set_integer
+        kind(name, float(value) if "." in value else int(value))
+    else:
+        camera.set_string(name, value)
+
+
+def main():
+    """Do what the command line says."""
+    address, command, *arguments = sys.argv[1:]
+    try:
+        camera = Aravis.Camera.new(address)
+    except gi.repository.GLib.Error as error:
+        say({"error": str(error)})
+        return 1
+    if not camera.get_device().is_controller():
+        say({"error": "no control"})
+        return 1
+    n = int(arguments[0]) if command in {"grab", "trigger"} else 1
+    for text in arguments[1:]:
+        set_feature(camera, text)
+    stream = camera.create_stream(None, None)
+    size = camera.get_payload()
+    for _ in range(20):
+        stream.push_buffer(Aravis.Buffer.new_allocate(size))
+    if command == "trigger":
+        camera.set_trigger("Software")
+    camera.start_acquisition()
+    frames, failed = [], 0
+    if command == "hold":
+        say("held")
+        time.sleep(60)
+    while len(frames) < n and failed < 20:
+        if command == "trigger":
+            time.sleep(0.02)
+            camera.software_trigger()
+        buffer = stream.timeout_pop_buffer(3_000_000)
+        if buffer is None or buffer.get_status() != Aravis.BufferStatus.SUCCESS:
+            failed += 1
+        else:
+            data = buffer.get_data()
+            if command == "save":
+                Path(arguments[0]).write_bytes(data)
+            frames.append(
+                {
+                    "sha256": hashlib.sha256(data).hexdigest(),
+                    "size": [buffer.get_image_width(), buffer.get_image_height()],
+                    "format": buffer.get_image_pixel_format(),
+                    "mean": sum(data) / len(data),
+                    "number": buffer.get_frame_id(),
+                    "timestamp_ns": buffer.get_timestamp(),
+                }
+            )
+        if buffer is not None:
+            stream.push_buffer(buffer)
+    resent = stream.get_info_uint64_by_name("n_resent_packets")
+    camera.stop_acquisition()
+    say({"frames": frames, "failed": failed, "resent": resent})
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
