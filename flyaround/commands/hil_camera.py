@@ -13,9 +13,8 @@ from hil.host.camera_endpoint.camera import WARNING, run_camera
 from hil.host.camera_endpoint.genicam_xml import OWN_NAME, read_xml, write_xml
 from hil.host.camera_endpoint.interface import check_address, find_interface
 from hil.host.camera_endpoint.messages import EndpointConfig
-from hil.host.camera_endpoint.pictures import DrawnPictures, image_alone, loop_of
+from hil.host.camera_endpoint.pictures import DrawnPictures, check_one_channel, image_alone, loop_of
 from hil.host.camera_endpoint.registers import RATE_HZ, CameraTerms
-from hil.host.plan_frames import check_one_channel
 from simulator.errors import UserError
 from simulator.loop import open_frames
 from simulator.scenario.plan import plan_flight

@@ -99,6 +99,21 @@ def exposed_as(scene: SceneState, wanted: FrameWanted) -> SceneState:
     return replace(scene, sensor=sensor, exposure_s=wanted.exposure_s)
 
 
+def check_one_channel(plan: Plan) -> None:
+    """Refuse a plan whose pictures the endpoint cannot send, before anybody listens.
+
+    Raises
+    ------
+    UserError
+        If the pictures are in colour.
+    """
+    if plan.bands != "mono":
+        raise UserError(
+            f"scenario {plan.scenario_name} gives {plan.bands} pictures, but the camera endpoint sends one channel:"
+            ' write bands = "mono" under [output] of a copy of the scenario'
+        )
+
+
 def image_alone(frame: Frame) -> Image:
     """The stage that leaves the pixels of a frame."""
     return frame.image
