@@ -8,7 +8,7 @@ import secrets
 import socket
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import msgspec
 import typer
@@ -23,10 +23,18 @@ from hil.board.agent import run_board
 from hil.board.svd import METHODS
 from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
 from hil.host.bundle import write_bundle
+from hil.host.closed_loop import (
+    BoardLoop,
+    fly_without_pictures,
+    frame_every,
+    summary_without_pictures,
+    write_steps,
+    write_summary,
+)
 from hil.host.faults.camera_faults import with_camera_faults, with_exposure_faults
 from hil.host.faults.definitions import NO_FAULTS, read_faults
 from hil.host.ledger.frames_csv import LedgerRow
-from hil.host.ledger.summary import LedgerSummary
+from hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary
 from hil.host.link_process.host_link import choose_pixel_format
 from hil.host.link_process.ipc import Compression, LinkConfig, PixelFormatName
 from hil.host.plan_frames import frames_of_plan
@@ -38,6 +46,7 @@ from hil.host.time_code import with_time_code
 from hil.host.truth_policy import check_access
 from hil.link.security import read_key
 from hil.link.transports.url import parse_url
+from hil.navigation.closed_loop import ClosedLoopConfig
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder
 from simulator.scenario.plan import plan_flight
@@ -45,7 +54,7 @@ from simulator.targets.board_model.write import write_board_model
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
     from hil.host.recording.recorder import Recorder
     from simulator.frame import Frame
@@ -147,6 +156,19 @@ def host(
             "--time-code", help="Draw frame number and exposure time into a corner of each picture."
         ),
     ] = False,
+    closed_loop: Annotated[
+        bool,
+        typer.Option(
+            "--closed-loop",
+            help="Fly on the poses: each frame is drawn of what they made the thrusters do (docs/hil.md).",
+        ),
+    ] = False,
+    pose: Annotated[
+        str,
+        typer.Option(
+            help="With --closed-loop: board; truth or noisy (the estimator's errors) need no board, draw nothing."
+        ),
+    ] = "board",
     seed: Annotated[int | None, typer.Option(min=0, help="Seed (default: the scenario's).")] = None,
     workers: Annotated[
         int, typer.Option(min=1, max=64, help="Processes that draw in turn: more frames a second.")
@@ -168,6 +190,17 @@ def host(
         raise UserError(f"unknown truth '{truth}' in --truth; choose off, separate or inline")
     if n is not None and every_s is not None:
         raise UserError("hil host takes -n or --every, not both; leave one out")
+    if pose not in {"board", "truth", "noisy"}:
+        raise UserError(f"unknown pose '{pose}' in --pose; choose board, truth or noisy")
+    if closed_loop and n is not None:
+        raise UserError("a closed loop ends when the chaser arrives: give --every instead of -n, or neither")
+    if pose != "board" and not closed_loop:
+        raise UserError(f"--pose {pose} needs --closed-loop")
+    if closed_loop and pose != "board":
+        _fly_without_pictures(
+            scenario, "truth" if pose == "truth" else "noisy", every_s, seed, log, as_json=as_json
+        )
+        return
     given = NO_FAULTS if faults is None else read_faults(faults)
     link = LinkConfig(
         url=listen,
@@ -188,6 +221,10 @@ def host(
         seed=seed,
     )
     choose_pixel_format(plan.scene(0).sensor.bits, () if plan.bands == "mono" else (3,), link.pixel_format)
+    flown = None
+    if closed_loop:
+        told = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(every_s, plan))
+        flown = BoardLoop.of(with_exposure_faults(plan, given), told, realtime=mode == "realtime")
     if log is not None:
         empty_folder(log, option="--log")
     config = RunConfig(
@@ -197,20 +234,36 @@ def host(
         target_name=plan.target.name,
         target_sha256=plan.target.sha256,
         recorders=_recorders(mcap, live, ccsds, log),
+        closed_loop=None if flown is None else flown.figures,
     )
-    drawn = frames_of_plan(
-        with_exposure_faults(plan, given), device_index=gpu, workers=workers, warm_up=mode == "realtime"
-    )
+    if flown is None:
+        drawn = frames_of_plan(
+            with_exposure_faults(plan, given), device_index=gpu, workers=workers, warm_up=mode == "realtime"
+        )
+    else:
+        drawn = flown.frames(device_index=gpu, realtime=mode == "realtime")
+    n_frames = plan.n_frames if flown is None else flown.loop.most_pictures
     coded = with_time_code(drawn, faults=given) if time_code else drawn
-    summary = _stream(with_camera_faults(coded, given), config, plan.n_frames, as_json=as_json)
+    try:
+        summary = _stream(
+            with_camera_faults(coded, given),
+            config,
+            n_frames,
+            as_json=as_json,
+            on_row=None if flown is None else flown.poses.take,
+        )
+    finally:
+        if flown is not None and log is not None and log.is_dir():
+            write_steps(log, flown.loop.steps)
     if summary.ended != "completed":
         # what was sent is in the ledger; a script must not take a run without a board for a whole one
         say(
-            f"flyaround: the board left after {summary.sent} of {plan.n_frames} frames ({summary.board_gone}) and"
+            f"flyaround: the board left after {summary.sent} of {n_frames} frames ({summary.board_gone}) and"
             f" did not come back within {link.timeout_s:g} s: start it again, and this run with it",
             stderr=True,
         )
         raise typer.Exit(1)
+    _exit_unless_arrived(summary)
 
 
 def _one_of(value: str, kind: Any, option: str) -> Any:  # noqa: ANN401 - a Literal and one of its values
@@ -242,14 +295,52 @@ def _be_camera(
     camera(scenario, interface, seed=seed, gpu=gpu)
 
 
-def _stream(frames: Iterable[Frame], config: RunConfig, n_frames: int, *, as_json: bool) -> LedgerSummary:
+def _fly_without_pictures(
+    scenario: str,
+    pose: Literal["truth", "noisy"],
+    every_s: float | None,
+    seed: int | None,
+    log: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    """A closed loop that needs no board and draws nothing."""
+    plan = plan_flight(load_flown(scenario, "hil host"), n=1, seed=seed)
+    told = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(every_s, plan))
+    if log is not None:
+        empty_folder(log, option="--log")
+    result = fly_without_pictures(plan, told, pose)
+    summary = summary_without_pictures(result, pose, plan.seed)
+    if log is not None:
+        write_steps(log, result.steps)
+        write_summary(log, summary)
+    _print_summary(summary, log, as_json=as_json)
+    _exit_unless_arrived(summary)
+
+
+def _exit_unless_arrived(summary: LedgerSummary) -> None:
+    """Exit 1 where a closed loop did not bring the chaser to its hold point."""
+    if summary.closed_loop is not None and summary.closed_loop.outcome != "arrived":
+        raise typer.Exit(1)
+
+
+def _stream(
+    frames: Iterable[Frame],
+    config: RunConfig,
+    n_frames: int,
+    *,
+    as_json: bool,
+    on_row: Callable[[LedgerRow], None] | None = None,
+) -> LedgerSummary:
     """Run the host with a progress bar; its summary, printed also where the run is interrupted."""
     ends: list[LedgerSummary] = []
     done = 0
     with progress_bar("frames to the board", quiet=as_json) as progress:
 
-        def count(_row: LedgerRow) -> None:
+        def count(row: LedgerRow) -> None:
             nonlocal done
+            if on_row is not None:
+                on_row(row)
             done += 1
             progress(done, n_frames)
 
@@ -381,13 +472,26 @@ def board_url(url: str) -> str:
     return url
 
 
+def _closed_loop_text(c: ClosedLoopFigures) -> Text:
+    """Outcome, and why; red where the chaser did not arrive."""
+    reason = f": {c.reason}" if c.reason else ""
+    figures = (
+        f" after {c.duration_s:.0f} s, {c.final_error_m:.3f} m and {c.final_error_deg:.2f} deg off the hold point;"
+        f" nearest {c.min_range_m:.2f} m, {c.keep_out_violations} periods inside the keep-out sphere,"
+        f" {c.delta_v_m_s:.3f} m/s spent"
+    )
+    return Text.assemble((c.outcome + reason, "" if c.outcome == "arrived" else "red"), figures)
+
+
 def summary_text(s: LedgerSummary, log: Path | None) -> Text:
     """The summary in a few lines; red is what should not be."""
     causes = ", ".join(f"{n} {cause}" for cause, n in s.dropped.items())
     dropped = f"{s.dropped_total} dropped" + (f" ({causes})" if causes else "")
-    lines: list[str | Text] = [
-        f"{s.sent} frames sent: {s.accepted} accepted, {s.declined} declined, {dropped}"
-    ]
+    lines: list[str | Text] = []
+    if s.closed_loop is not None:
+        lines.append(_closed_loop_text(s.closed_loop))
+    if s.sent or s.closed_loop is None:
+        lines.append(f"{s.sent} frames sent: {s.accepted} accepted, {s.declined} declined, {dropped}")
     if s.accepted_known:
         wrong = f"{s.accepted_wrong} of {s.accepted_known} accepted poses are wrong"
         limits = f" (beyond {COARSE_DEG:g} deg or {COARSE_SHARE:.0%} of the range)"

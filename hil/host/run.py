@@ -18,6 +18,7 @@ from hil.host.ledger.summary import (
     RUN_JSON,
     SUMMARY_JSON,
     Board,
+    ClosedLoopFigures,
     LedgerSummary,
     LinkTotals,
     RunTerms,
@@ -68,6 +69,7 @@ class RunConfig:
     latency_s : realtime: the camera hands a picture over so long after the end of its exposure, whatever drawing took.
     target_name, target_sha256 : the target that is flown; a board with another model is refused.
     recorders : told each frame and its outcome; closed with the books.
+    closed_loop : asked in the end what a closed loop came to; None where the frames follow a plan.
     """
 
     link: LinkConfig
@@ -79,6 +81,7 @@ class RunConfig:
     target_name: str = ""
     target_sha256: str = ""
     recorders: tuple[Recorder, ...] = ()
+    closed_loop: Callable[[], ClosedLoopFigures | None] | None = None
 
 
 def run_host(
@@ -357,6 +360,7 @@ class BoardSink:
             timeout_s=self.config.timeout_s,
             deadline_ms=deadline_ms,
             latency_ms=1e3 * self._latency_s if self.config.mode == "realtime" else None,
+            closed_loop=None if config.closed_loop is None else config.closed_loop(),
             board=None
             if board is None
             else Board(

@@ -1,1 +1,1 @@
-"""Filters on board poses and the closed loop (not here yet: the seam is the ledger row)."""
+"""Navigation on poses: a filter, guidance on its estimate, the loop that flies both. Draws nothing, knows no board."""

@@ -67,6 +67,25 @@ class LinkTotals(msgspec.Struct, frozen=True, kw_only=True):
     clock_drift_ppm_sigma: float | None = None
 
 
+class ClosedLoopFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """What a closed loop came to; ``final_error_m`` is from where the path ends, by the truth.
+
+    ``final_error_deg`` is the larger of the camera's error of pointing and that of the target's estimated attitude.
+    ``keep_out_violations`` counts periods of control that began inside the sphere and outside the corridor.
+    """
+
+    pose: Literal["board", "truth", "noisy"]
+    outcome: Literal["arrived", "aborted", "failed"]
+    reason: str = ""
+    final_error_m: float
+    final_error_deg: float
+    min_range_m: float
+    keep_out_violations: Count
+    delta_v_m_s: float
+    seed: int
+    duration_s: float
+
+
 class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
     """What a run was told, written when its ledger begins: all that is known of one that was killed."""
 
@@ -134,6 +153,7 @@ class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
     median_E_R_deg: float | None = None
     board: Board | None = None
     link: LinkTotals = LinkTotals()
+    closed_loop: ClosedLoopFigures | None = None
     machine: Machine
 
 

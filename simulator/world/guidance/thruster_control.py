@@ -90,13 +90,11 @@ def fly_controlled(
         if abort_s is None and keep_out is not None and keep_out.violated(p):
             abort_s = t
         if abort_s is not None and keep_out is not None:
-            wanted = _retreat(p, v, keep_out)
+            wanted = retreat_impulse(p, v, keep_out)
         elif decide is not None:
             wanted = decide(p, v, n_rad_s)
         else:
-            coasted = Phi @ np.concatenate([p, v])
-            aim_p, aim_v = guidance.state_lvlh(t + h, n_rad_s)
-            wanted = aim_v - coasted[3:] + (aim_p - coasted[:3]) / (_PULL_IN_PERIODS * h)
+            wanted = path_impulse((p, v), guidance.state_lvlh(t + h, n_rad_s), Phi, h)
         given, after = thrusters.fire(wanted, mass)
         thrust = frame.R_eci_from_lvlh @ given / h
         rows.append(np.array([*state[0].tolist(), *state[1].tolist(), *thrust.tolist(), mass]))
@@ -116,7 +114,27 @@ def fly_controlled(
     )
 
 
-def _retreat(p: FloatArray, v: FloatArray, keep_out: KeepOut) -> FloatArray:
+def path_impulse(
+    state_lvlh: tuple[FloatArray, FloatArray],
+    aim_lvlh: tuple[FloatArray, FloatArray],
+    transition: FloatArray,
+    period_s: float,
+) -> FloatArray:
+    """Change of velocity (3,) that brings the chaser to its path, LVLH [m s-1].
+
+    What is missing to the velocity of the aim, and a tenth of what is missing to its position.
+
+    Parameters
+    ----------
+    state_lvlh : position [m] and velocity [m s-1] now. aim_lvlh : the path's, a period later.
+    transition : (6, 6) Clohessy-Wiltshire matrix of a period. period_s : of control.
+    """
+    coasted = transition @ np.concatenate(state_lvlh)
+    aim_p, aim_v = aim_lvlh
+    return np.asarray(aim_v - coasted[3:] + (aim_p - coasted[:3]) / (_PULL_IN_PERIODS * period_s))
+
+
+def retreat_impulse(p: FloatArray, v: FloatArray, keep_out: KeepOut) -> FloatArray:
     """What turns the velocity straight outward, until the chaser is far enough to drift."""
     distance = float(np.linalg.norm(p))
     if distance > 2 * keep_out.radius_m:

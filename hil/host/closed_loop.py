@@ -1,0 +1,286 @@
+"""A closed loop for the host: on the board's poses, each picture drawn of what was flown; or on the truth, without."""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+from collections import deque
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+import numpy as np
+
+from hil.host.ledger.frames_csv import ACCEPTED, LedgerRow
+from hil.host.ledger.summary import SUMMARY_JSON, ClosedLoopFigures, LedgerSummary, summarise
+from hil.navigation.closed_loop import (
+    ClosedLoop,
+    ClosedLoopConfig,
+    ClosedLoopResult,
+    check_closed_loop,
+    fly_closed_loop,
+)
+from hil.navigation.measurement import PoseMeasurement, PoseNoise, Snapshot
+from hil.navigation.pose_sources import NoisyPoses, TruePoses
+from simulator.errors import UserError
+from simulator.frame import Frame
+from simulator.loop import FrameRequest, open_frames
+from simulator.runtime.arrays import quat, vec3
+from simulator.runtime.files import write_atomic
+from simulator.world.guidance.manual_control import ChaserState
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from hil.navigation.closed_loop import LoopStep
+    from simulator.scenario.plan import Plan
+
+STEPS_CSV = "closed_loop.csv"
+COLUMNS = (
+    "t_s",
+    "phase",
+    "reason",
+    "filter",
+    "pose_age_s",
+    *(f"{axis}_m" for axis in ("radial", "along_track", "cross_track")),
+    *(f"{axis}_error_m" for axis in ("radial", "along_track", "cross_track")),
+    "position_sigma_m",
+    "attitude_error_deg",
+    "attitude_sigma_deg",
+    "pointing_error_deg",
+    "nees",
+    "delta_v_m_s",
+    "violation",
+)
+# from mid-exposure to a pose of the truth: what `svd` takes for a picture of 1920 x 1200 on a slow core
+LATENCY_S = 0.3
+
+PoseFrom = Literal["board", "truth", "noisy"]
+
+
+class BoardPoses:
+    """The board's accepted poses as measurements, handed on in the order in which their rows come.
+
+    The link carries no covariance: that of ``noise`` is taken.
+
+    Parameters
+    ----------
+    latency_s : in lockstep, which stops the flight's clock for the board, the age at which a pose counts as there.
+        None takes it as soon as its row comes, as in real time.
+    """
+
+    def __init__(self, noise: PoseNoise, latency_s: float | None) -> None:
+        self._noise, self._latency_s = noise, latency_s
+        self._looks: dict[int, Snapshot] = {}
+        self._waiting: deque[PoseMeasurement] = deque()
+
+    def note(self, frame: int, snapshot: Snapshot) -> None:
+        """Remember what a picture was taken of: when, and where the camera looked."""
+        self._looks[frame] = snapshot
+
+    def take(self, row: LedgerRow) -> None:
+        """The outcome of a picture."""
+        snapshot = self._looks.pop(row.frame_id, None)
+        if snapshot is None or row.outcome != ACCEPTED or row.q_wxyz is None or row.t_m is None:
+            return
+        q, t = np.array(row.q_wxyz), np.array(row.t_m)
+        self._waiting.append(
+            PoseMeasurement(
+                t_s=snapshot.t_s,
+                q_camera_from_target_wxyz=q / np.linalg.norm(q),
+                t_camera_from_target_m=t,
+                q_camera_from_eci_wxyz=snapshot.q_camera_from_eci_wxyz,
+                covariance=self._noise.covariance(t),
+            )
+        )
+
+    def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
+        """Poses that are there by ``t_s``."""
+        late = self._latency_s
+        ready = []
+        while self._waiting and (late is None or self._waiting[0].t_s + late <= t_s + 1e-9):
+            ready.append(self._waiting.popleft())
+        return ready
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BoardLoop:
+    """A closed loop on a board's poses: its frames for `run_host`, which hands each row to ``poses.take``.
+
+    `run_host` asks for the next frame only after it has sent the one before, in lockstep after its answer: so no
+    frame is drawn before it is decided.
+    """
+
+    plan: Plan
+    loop: ClosedLoop
+    poses: BoardPoses
+    seed: int
+
+    @staticmethod
+    def of(plan: Plan, config: ClosedLoopConfig, *, realtime: bool) -> BoardLoop:
+        """The loop of a plan's flight.
+
+        Raises
+        ------
+        UserError
+            If the flight has no path or no thrusters.
+        """
+        check_closed_loop(plan.flight, f"scenario {plan.scenario_name}")
+        poses = BoardPoses(PoseNoise(), None if realtime else LATENCY_S)
+        mass = plan.target.mass
+        loop = ClosedLoop(plan.flight, mass.com_m, mass.inertia_kg_m2, poses.arrived, config)
+        return BoardLoop(plan=plan, loop=loop, poses=poses, seed=config.seed)
+
+    def frames(
+        self, *, device_index: int | None = None, workers: int = 1, realtime: bool = False
+    ) -> Iterator[Frame]:
+        """Each frame drawn of what was flown, one at a time; in real time none before it is due."""
+        with open_frames(
+            Frame.image_and_truth,
+            processes=workers,
+            device_index=device_index,
+            first=self.plan.scene(0),
+            ahead=1,
+        ) as producer:
+            if realtime:
+                # programs are compiled before the clock starts
+                producer.submit(FrameRequest(scene=self.plan.scene(0)))
+                producer.result()
+            origin: float | None = None
+            for number, snapshot in enumerate(self.loop.pictures()):
+                if realtime and origin is not None:
+                    time.sleep(max(origin + snapshot.t_s - time.monotonic(), 0.0))
+                self.poses.note(number, snapshot)
+                world = self.plan.flight.state_with_chaser(
+                    ChaserState(
+                        t_s=snapshot.t_s,
+                        position_eci_m=vec3(snapshot.position_eci_m),
+                        velocity_eci_m_s=vec3(snapshot.velocity_eci_m_s),
+                        q_camera_from_eci_wxyz=quat(snapshot.q_camera_from_eci_wxyz),
+                        omega_camera_rad_s=vec3(snapshot.omega_camera_rad_s),
+                    )
+                )
+                producer.submit(FrameRequest(scene=self.plan.scene_of(world, number)))
+                yield producer.result()
+                if origin is None:
+                    # the first has been sent: a board is there
+                    origin = time.monotonic() - snapshot.t_s
+
+    def figures(self) -> ClosedLoopFigures | None:
+        """What it came to so far; None before its first period."""
+        return figures(self.loop.result(), "board", self.seed) if self.loop.steps else None
+
+
+def fly_without_pictures(
+    plan: Plan, config: ClosedLoopConfig, pose: Literal["truth", "noisy"]
+) -> ClosedLoopResult:
+    """A closed loop on the truth, or on the truth with the errors of the estimator; nothing is drawn or sent.
+
+    Raises
+    ------
+    UserError
+        If the flight has no path or no thrusters.
+    """
+    check_closed_loop(plan.flight, f"scenario {plan.scenario_name}")
+    noise = PoseNoise()
+    source = TruePoses(noise, LATENCY_S) if pose == "truth" else NoisyPoses(noise, LATENCY_S, config.seed)
+    mass = plan.target.mass
+    return fly_closed_loop(plan.flight, mass.com_m, mass.inertia_kg_m2, source, config)
+
+
+def summary_without_pictures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> LedgerSummary:
+    """The summary of a run that sent no frames."""
+    return summarise(
+        [],
+        started_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        ended="completed",
+        mode="lockstep",
+        truth="off",
+        url="",
+        timeout_s=0.0,
+        closed_loop=figures(result, pose, seed),
+    )
+
+
+def figures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> ClosedLoopFigures:
+    """The result as summary.json has it."""
+    return ClosedLoopFigures(
+        pose=pose,
+        outcome=result.outcome,
+        reason=result.reason,
+        final_error_m=result.final_error_m,
+        final_error_deg=result.final_error_deg,
+        min_range_m=result.min_range_m,
+        keep_out_violations=result.keep_out_violations,
+        delta_v_m_s=result.delta_v_m_s,
+        seed=seed,
+        duration_s=result.steps[-1].t_s,
+    )
+
+
+def frame_every(every_s: float | None, plan: Plan) -> int:
+    """Periods of control from picture to picture.
+
+    Raises
+    ------
+    UserError
+        If they do not divide the time asked for.
+    """
+    thrusters = plan.flight.guidance.acting_thrusters
+    if every_s is None or thrusters is None:
+        return 1
+    periods = round(every_s / thrusters.period_s)
+    if periods < 1 or abs(periods * thrusters.period_s - every_s) > 1e-9:
+        raise UserError(
+            f"--every {every_s:g} is no multiple of the thrusters' period of {thrusters.period_s:g} s, at which the "
+            "loop decides; choose one that is"
+        )
+    return periods
+
+
+def write_steps(folder: Path, steps: Iterable[LoopStep]) -> None:
+    """Write ``closed_loop.csv``: a line for each period of control, with what was decided and why.
+
+    Raises
+    ------
+    UserError
+        If it cannot be written.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows(_cells(step) for step in steps)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomic(folder / STEPS_CSV, text.getvalue().encode())
+
+
+def write_summary(folder: Path, summary: LedgerSummary) -> None:
+    """Write ``summary.json`` of a run that sent no frames."""
+    write_atomic(folder / SUMMARY_JSON, msgspec.json.format(msgspec.json.encode(summary), indent=1) + b"\n")
+
+
+def _cells(step: LoopStep) -> list[str]:
+    estimate, error = step.estimate, step.error
+
+    def number(value: float | None) -> str:
+        return "" if value is None else f"{value:.9g}"
+
+    return [
+        f"{step.t_s:.6g}",
+        step.phase,
+        step.reason,
+        step.status,
+        number(step.pose_age_s),
+        *(number(float(x)) for x in step.position_lvlh_m),
+        *(number(None if error is None else float(error[k])) for k in range(3)),
+        number(None if estimate is None else estimate.position_sigma_m),
+        number(None if error is None else float(np.degrees(np.linalg.norm(error[6:9])))),
+        number(None if estimate is None else float(np.degrees(estimate.attitude_sigma_rad))),
+        number(float(np.degrees(step.pointing_error_rad))),
+        number(step.nees),
+        number(float(np.linalg.norm(step.delta_v_lvlh_m_s))),
+        str(int(step.violation)),
+    ]

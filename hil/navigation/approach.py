@@ -1,0 +1,147 @@
+"""Guidance on the estimate: along the scenario's path, hold where the poses stay away, abort where that lasts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from simulator.world.guidance.keep_out import KeepOut
+from simulator.world.guidance.thruster_control import path_impulse, retreat_impulse
+from simulator.world.relative.clohessy_wiltshire import transition_matrix
+
+if TYPE_CHECKING:
+    from hil.navigation.pose_filter import Status
+    from hil.navigation.relative_estimate import RelativeEstimate
+    from simulator.runtime.arrays import FloatArray
+    from simulator.world.guidance.chaser import Chaser
+
+Phase = Literal["acquire", "approach", "hold", "abort", "arrived"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ApproachRules:
+    """When the approach waits, ends well, or is given up.
+
+    Parameters
+    ----------
+    hold_after_s, abort_after_s : age of the newest pose in the estimate at which the chaser holds, and gives up.
+    hold_sigma_share : largest sigma of the position over the range; beyond it the chaser holds.
+    arrived_within_m, arrived_speed_m_s : of the path's end by the estimate, and below which speed.
+    arrived_sigma_rad : of the target's attitude. arrived_for_s : all that for so long.
+    """
+
+    hold_after_s: float = 5.0
+    abort_after_s: float = 30.0
+    hold_sigma_share: float = 0.02
+    arrived_within_m: float = 0.1
+    arrived_speed_m_s: float = 0.01
+    arrived_sigma_rad: float = 0.0175
+    arrived_for_s: float = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What guidance asks of the thrusters for a period, and why.
+
+    Parameters
+    ----------
+    phase : of the approach. reason : why it holds or gives up; else nothing.
+    wanted_m_s : (3,) change of velocity, LVLH.
+    """
+
+    phase: Phase
+    reason: str
+    wanted_m_s: FloatArray
+
+
+class Approach:
+    """Decides once a period. Time on the path stands still while the chaser holds.
+
+    Parameters
+    ----------
+    path : of the scenario. n_rad_s : the target's mean motion. period_s : of control.
+    end_lvlh_m : (3,) where the path ends.
+    """
+
+    def __init__(
+        self,
+        path: Chaser,
+        n_rad_s: float,
+        period_s: float,
+        end_lvlh_m: FloatArray,
+        rules: ApproachRules = ApproachRules(),
+    ) -> None:
+        self._path, self._n, self._h, self._end, self._rules = path, n_rad_s, period_s, end_lvlh_m, rules
+        self._keep_out: KeepOut | None = path.keep_out
+        self._Phi = transition_matrix(n_rad_s, period_s)
+        self._path_s = 0.0
+        self._near_s = 0.0
+        self._abort = ""
+
+    def decide(
+        self, t_s: float, estimate: RelativeEstimate | None, status: Status, last_used_s: float | None
+    ) -> Decision:
+        """What to do from ``t_s`` on, by what is known then.
+
+        Parameters
+        ----------
+        estimate : at ``t_s``, or None. status : of the filter. last_used_s : exposure of its newest pose.
+        """
+        doubt = self._doubt(t_s, estimate, status, last_used_s)
+        self._abort = self._abort or self._why_abort(t_s, estimate, last_used_s)
+        if self._abort:
+            return Decision("abort", self._abort, self._retreat(estimate))
+        if estimate is None:
+            return Decision("acquire", "no pose yet", np.zeros(3))
+        state = estimate.position_lvlh_m, estimate.velocity_lvlh_m_s
+        if doubt:
+            self._near_s = 0.0
+            aim_p, _ = self._path.state_lvlh(self._path_s, self._n)
+            return Decision("hold", doubt, path_impulse(state, (aim_p, np.zeros(3)), self._Phi, self._h))
+        self._near_s = self._near_s + self._h if self._is_near(estimate) else 0.0
+        if self._near_s >= self._rules.arrived_for_s:
+            return Decision("arrived", "", np.zeros(3))
+        self._path_s += self._h
+        wanted = path_impulse(state, self._path.state_lvlh(self._path_s, self._n), self._Phi, self._h)
+        return Decision("approach", "", wanted)
+
+    def _doubt(
+        self, t_s: float, estimate: RelativeEstimate | None, status: Status, last_used_s: float | None
+    ) -> str:
+        if estimate is None or last_used_s is None:
+            return ""
+        if status == "lost":
+            return "poses contradict the estimate"
+        if t_s - last_used_s > self._rules.hold_after_s:
+            return f"no usable pose for {self._rules.hold_after_s:g} s"
+        share = estimate.position_sigma_m / max(float(np.linalg.norm(estimate.position_lvlh_m)), 1e-9)
+        if share > self._rules.hold_sigma_share:
+            return f"position known to {share:.1%} of the range"
+        return ""
+
+    def _why_abort(self, t_s: float, estimate: RelativeEstimate | None, last_used_s: float | None) -> str:
+        rules, keep_out = self._rules, self._keep_out
+        if t_s - (last_used_s or 0.0) > rules.abort_after_s:
+            return f"no usable pose for {rules.abort_after_s:g} s"
+        if estimate is not None and keep_out is not None and keep_out.violated(estimate.position_lvlh_m):
+            return "inside the keep-out sphere and outside its corridor"
+        return ""
+
+    def _retreat(self, estimate: RelativeEstimate | None) -> FloatArray:
+        """Straight outward; a chaser that was never told where it is stays as it is, outside the sphere."""
+        if estimate is None:
+            return np.zeros(3)
+        keep_out = self._keep_out or KeepOut(radius_m=float(np.linalg.norm(self._end)) * 2)
+        return retreat_impulse(estimate.position_lvlh_m, estimate.velocity_lvlh_m_s, keep_out)
+
+    def _is_near(self, estimate: RelativeEstimate) -> bool:
+        away = float(np.linalg.norm(estimate.position_lvlh_m - self._end))
+        speed = float(np.linalg.norm(estimate.velocity_lvlh_m_s))
+        rules = self._rules
+        return (
+            away <= rules.arrived_within_m
+            and speed <= rules.arrived_speed_m_s
+            and estimate.attitude_sigma_rad <= rules.arrived_sigma_rad
+        )

@@ -1,0 +1,323 @@
+"""The closed loop: a pose, the filter, guidance, thrusters, and the next picture is of what was flown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from hil.navigation.approach import Approach, ApproachRules, Decision, Phase
+from hil.navigation.consistency import nees
+from hil.navigation.measurement import PoseMeasurement, Snapshot, rotvec_between
+from hil.navigation.pose_filter import FilterSettings, NavigationFilter, Status
+from hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
+from simulator.errors import UserError
+from simulator.world.relative.thrusted_step import ThrustHold, relative_step
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from hil.navigation.pose_sources import PoseSource
+    from simulator.runtime.arrays import FloatArray
+    from simulator.world.flight.flight import Flight
+    from simulator.world.frames.lvlh import Lvlh
+
+Outcome = Literal["arrived", "aborted", "failed"]
+
+_END_S = 1e9
+"""By then every path has ended."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClosedLoopConfig:
+    """What a closed loop is told before it starts.
+
+    Parameters
+    ----------
+    seed : of the dispersion of the start and of what the thrusters give.
+    frame_every : periods of control from picture to picture.
+    start_sigma_m, start_sigma_m_s : dispersion of the start about the path's, each axis.
+    thrust_sigma : of a pulse over what was commanded, each axis; the filter is told the same.
+    rules, filter : of guidance and filter. inertia_known : whether the filter turns the target as a rigid body.
+    """
+
+    seed: int = 0
+    frame_every: int = 1
+    start_sigma_m: float = 0.1
+    start_sigma_m_s: float = 0.002
+    thrust_sigma: float = 0.02
+    acceleration_noise: float = 3e-7
+    rate_noise: float = 2e-8
+    inertia_known: bool = True
+    rules: ApproachRules = field(default_factory=ApproachRules)
+    filter: FilterSettings = field(default_factory=FilterSettings)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoopStep:
+    """One period of control: what was known, what was decided, and what was true.
+
+    Parameters
+    ----------
+    t_s : start of the period. phase, reason : of guidance. status : of the filter.
+    position_lvlh_m, velocity_lvlh_m_s : (3,) truth. delta_v_lvlh_m_s : (3,) what the thrusters gave.
+    estimate : foretold to ``t_s``, or None. error : (12,) truth minus estimate. nees : of it.
+    pose_age_s : of the newest pose in the estimate. violation : inside the sphere, outside the corridor.
+    pointing_error_rad : the camera against the attitude that it should have at its true place.
+    """
+
+    t_s: float
+    phase: Phase
+    reason: str
+    status: Status
+    position_lvlh_m: FloatArray
+    velocity_lvlh_m_s: FloatArray
+    delta_v_lvlh_m_s: FloatArray
+    estimate: RelativeEstimate | None
+    error: FloatArray | None
+    nees: float | None
+    pose_age_s: float | None
+    violation: bool
+    pointing_error_rad: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ClosedLoopResult:
+    """What a closed loop came to.
+
+    Parameters
+    ----------
+    outcome : arrived, aborted (with a reason, and never inside the sphere), or failed. reason : of the last two.
+    final_error_m : truth from the path's end. final_error_deg : the larger of the camera's error of pointing and the
+        error of the target's estimated attitude. delta_v_m_s : what was spent.
+    """
+
+    outcome: Outcome
+    reason: str
+    final_error_m: float
+    final_error_deg: float
+    min_range_m: float
+    keep_out_violations: int
+    delta_v_m_s: float
+    steps: tuple[LoopStep, ...]
+
+
+def check_closed_loop(flight: Flight, what: str) -> None:
+    """Refuse a flight whose chaser follows no path by thrusters.
+
+    Raises
+    ------
+    UserError
+        With what the scenario needs.
+    """
+    guidance = flight.guidance
+    by_path = not guidance.ballistic and not hasattr(guidance, "impulse_lvlh")
+    if not by_path or flight.recording is not None or flight.scripted is not None:
+        raise UserError(
+            f"{what} has no path that a closed loop could follow: choose a chaser mode such as vbar, "
+            "rbar, waypoints, glideslope or hold, as in tango-vbar-closed-loop"
+        )
+    if guidance.acting_thrusters is None:
+        raise UserError(f"{what} has no thrusters: add [chaser.thrusters] to a copy of the scenario")
+
+
+def fly_closed_loop(
+    flight: Flight,
+    com_target_m: ArrayLike,
+    inertia_kg_m2: ArrayLike,
+    poses: PoseSource,
+    config: ClosedLoopConfig = ClosedLoopConfig(),
+) -> ClosedLoopResult:
+    """Fly an approach on poses alone: each period the newest estimate decides what the thrusters are asked for.
+
+    The chaser knows its own and the target's absolute orbit and its own attitude, which follows what is asked of it;
+    of the target it knows centre of mass and, with ``inertia_known``, inertia. No picture is taken of what is not
+    decided.
+
+    Parameters
+    ----------
+    flight : its target is flown, its guidance is the path, its pointing the camera's; its chaser only starts there.
+    com_target_m, inertia_kg_m2 : (3,), (3, 3) of the target's model, its own axes.
+    poses : looks at what was flown.
+
+    Raises
+    ------
+    UserError
+        As `check_closed_loop`.
+    """
+    loop = ClosedLoop(flight, com_target_m, inertia_kg_m2, poses.arrived, config)
+    for picture in loop.pictures():
+        poses.look(picture)
+    return loop.result()
+
+
+class ClosedLoop:
+    """One closed loop as it goes on: it asks for a picture, and for what is known, and decides.
+
+    Parameters
+    ----------
+    flight, com_target_m, inertia_kg_m2, config : as `fly_closed_loop` has them.
+    arrived : poses that have come by a time and were not handed out before.
+    """
+
+    def __init__(
+        self,
+        flight: Flight,
+        com_target_m: ArrayLike,
+        inertia_kg_m2: ArrayLike,
+        arrived: Callable[[float], Sequence[PoseMeasurement]],
+        config: ClosedLoopConfig = ClosedLoopConfig(),
+    ) -> None:
+        check_closed_loop(flight, "the flight")
+        thrusters = flight.guidance.acting_thrusters
+        assert thrusters is not None  # noqa: S101 - checked
+        self.steps: list[LoopStep] = []
+        self._flight, self._arrived, self._config, self._thrusters = flight, arrived, config, thrusters
+        self._com = np.asarray(com_target_m, float)
+        self._rng = np.random.default_rng([config.seed, 1])
+        self._end, _ = flight.guidance.state_lvlh(_END_S, flight.n_rad_s)
+        motion = MotionModel(
+            n_rad_s=flight.n_rad_s,
+            inertia_kg_m2=np.asarray(inertia_kg_m2, float) if config.inertia_known else None,
+            acceleration_noise=config.acceleration_noise,
+            rate_noise=config.rate_noise,
+            thrust_sigma=config.thrust_sigma,
+        )
+        self._filter = NavigationFilter(motion, flight.orbit.frame, self._com, config.filter)
+        self._approach = Approach(
+            flight.guidance, flight.n_rad_s, thrusters.period_s, self._end, config.rules
+        )
+        self._start = flight.guidance.state_lvlh(0.0, flight.n_rad_s)
+        p = self._start[0] + config.start_sigma_m * self._rng.standard_normal(3)
+        v = self._start[1] + config.start_sigma_m_s * self._rng.standard_normal(3)
+        self._state = flight.orbit.frame(0.0).to_eci(p, v)
+        self._mass_kg, self._delta_v_m_s = thrusters.mass_kg, 0.0
+
+    @property
+    def most_pictures(self) -> int:
+        """Pictures of a flight that never arrives."""
+        periods = int(np.floor(self._flight.duration_s / self._thrusters.period_s))
+        return -(-periods // self._config.frame_every)
+
+    def pictures(self) -> Iterator[Snapshot]:
+        """The pictures to take, each of what was flown, until the chaser has arrived, is away, or the flight ends.
+
+        The next is not decided before it is asked for.
+        """
+        h = self._thrusters.period_s
+        for k in range(int(np.floor(self._flight.duration_s / h))):
+            t = k * h
+            for pose in self._arrived(t):
+                self._filter.add(pose)
+            frame = self._flight.orbit.frame(t)
+            estimate = self._filter.estimate(t)
+            decision = self._approach.decide(t, estimate, self._filter.status, self._filter.last_used_s)
+            seen = self._start
+            if estimate is not None:
+                seen = estimate.position_lvlh_m, estimate.velocity_lvlh_m_s
+            camera = self._camera(seen, frame)
+            snapshot = self._snapshot(t, camera)
+            step = self._step(t, frame, estimate, decision, camera)
+            given = self._thrust(t, h, decision.wanted_m_s, frame)
+            step = replace(step, delta_v_lvlh_m_s=given)
+            self.steps.append(step)
+            if step.phase == "arrived" or (step.phase == "abort" and self._is_away(step)):
+                return
+            if step.phase != "abort" and k % self._config.frame_every == 0:
+                yield snapshot
+
+    def _snapshot(self, t: float, camera: tuple[FloatArray, FloatArray]) -> Snapshot:
+        return Snapshot(
+            t_s=t,
+            position_eci_m=self._state[0],
+            velocity_eci_m_s=self._state[1],
+            q_camera_from_eci_wxyz=camera[0],
+            omega_camera_rad_s=camera[1],
+            q_eci_from_target_wxyz=self._flight.attitude(t)[0],
+            com_target_m=self._com,
+        )
+
+    def _step(
+        self,
+        t: float,
+        frame: Lvlh,
+        estimate: RelativeEstimate | None,
+        decision: Decision,
+        camera: tuple[FloatArray, FloatArray],
+    ) -> LoopStep:
+        """The books of a period, before its thrust."""
+        p, v = frame.from_eci(*self._state)
+        ideal, _ = self._camera((p, v), frame)
+        error = None if estimate is None else estimate.error_of(p, v, *self._flight.attitude(t))
+        keep_out, last = self._flight.guidance.keep_out, self._filter.last_used_s
+        return LoopStep(
+            t_s=t,
+            phase=decision.phase,
+            reason=decision.reason,
+            status=self._filter.status,
+            position_lvlh_m=p,
+            velocity_lvlh_m_s=v,
+            delta_v_lvlh_m_s=np.zeros(3),
+            estimate=estimate,
+            error=error,
+            nees=None if estimate is None or error is None else nees(error, estimate.covariance),
+            pose_age_s=None if last is None else t - last,
+            violation=keep_out is not None and bool(keep_out.violated(p)),
+            pointing_error_rad=float(np.linalg.norm(rotvec_between(ideal, camera[0]))),
+        )
+
+    def _camera(
+        self, state_lvlh: tuple[FloatArray, FloatArray], frame: Lvlh
+    ) -> tuple[FloatArray, FloatArray]:
+        """Attitude and rate of a camera that looks at the target from there; attitude control follows exactly."""
+        p, v = frame.to_eci(*state_lvlh)
+        return self._flight.pointing.attitude(-p, -v, frame)
+
+    def _thrust(self, t: float, h: float, wanted_m_s: FloatArray, frame: Lvlh) -> FloatArray:
+        """Fire, tell the filter what was commanded, and fly what the thrusters gave."""
+        commanded, self._mass_kg = self._thrusters.fire(wanted_m_s, self._mass_kg)
+        if commanded.any():
+            self._filter.add_thrust(
+                ThrustInterval(start_s=t, end_s=t + h, acceleration_lvlh_m_s2=commanded / h)
+            )
+        given = np.asarray(commanded * (1.0 + self._config.thrust_sigma * self._rng.standard_normal(3)))
+        self._delta_v_m_s += float(np.linalg.norm(given))
+        push = ThrustHold(frame.R_eci_from_lvlh @ given / h)
+        self._state = relative_step(self._flight.orbit, t, h, self._state, push)
+        return given
+
+    def _is_away(self, step: LoopStep) -> bool:
+        """After an abort: twice the sphere's radius away, or, where nobody knows where it is, at once."""
+        keep_out = self._flight.guidance.keep_out
+        radius = 0.0 if keep_out is None else keep_out.radius_m
+        return step.estimate is None or float(np.linalg.norm(step.position_lvlh_m)) > 2 * radius
+
+    def result(self) -> ClosedLoopResult:
+        """What it came to, once `pictures` has ended, or so far."""
+        steps = self.steps
+        last = steps[-1]
+        violations = sum(bool(step.violation) for step in steps)
+        outcome: Outcome = "failed"
+        reason = last.reason
+        if violations:
+            reason = f"inside the keep-out sphere and outside its corridor for {violations} periods"
+        elif last.phase == "arrived":
+            outcome = "arrived"
+        elif last.phase == "abort":
+            outcome = "aborted"
+        else:
+            reason = f"the flight ended before the chaser arrived{': ' + reason if reason else ''}"
+        attitude = 180.0 if last.error is None else float(np.degrees(np.linalg.norm(last.error[6:9])))
+        return ClosedLoopResult(
+            outcome=outcome,
+            reason=reason,
+            final_error_m=float(np.linalg.norm(last.position_lvlh_m - self._end)),
+            final_error_deg=max(float(np.degrees(last.pointing_error_rad)), attitude),
+            min_range_m=min(float(np.linalg.norm(step.position_lvlh_m)) for step in steps),
+            keep_out_violations=violations,
+            delta_v_m_s=self._delta_v_m_s,
+            steps=tuple(steps),
+        )

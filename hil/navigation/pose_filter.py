@@ -1,0 +1,228 @@
+"""The filter: poses update the estimate at the time they were exposed; a gate, lost and found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from hil.navigation.consistency import chi_square_quantile
+from hil.navigation.measurement import PoseMeasurement, rotvec_between
+from hil.navigation.relative_estimate import (
+    A,
+    MotionModel,
+    P,
+    RelativeEstimate,
+    ThrustInterval,
+    V,
+    W,
+    skew,
+    target_origin_offset_m,
+)
+from simulator.world.frames.rotation import matrix_from_quat, quat_conjugate, quat_multiply, quat_normalize
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from simulator.runtime.arrays import FloatArray
+    from simulator.world.frames.lvlh import Lvlh
+
+Verdict = Literal["used", "gated", "too old", "starts", "found"]
+Status = Literal["searching", "tracking", "lost"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilterSettings:
+    """What the filter takes for right.
+
+    Parameters
+    ----------
+    gate : share of right poses that pass the chi-square test of the innovation.
+    found_after : poses consistent with each other that start a track. lost_after : gated in a row that end trust in it.
+    start_speed_m_s, start_rate_rad_s : sigma of what a first pose leaves open, each axis.
+    history_s : how late a pose may come.
+    """
+
+    gate: float = 0.9999
+    found_after: int = 5
+    lost_after: int = 5
+    start_speed_m_s: float = 0.1
+    start_rate_rad_s: float = 0.1
+    history_s: float = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Fix:
+    """A pose that was used, and the estimate after it."""
+
+    pose: PoseMeasurement
+    after: RelativeEstimate
+
+
+class NavigationFilter:
+    """Extended Kalman filter of relative orbit and target attitude (multiplicative) on poses that come late.
+
+    A pose is applied at its exposure; what was applied after that is applied again (Bar-Shalom's out-of-sequence
+    update by reprocessing, which loses nothing). A pose whose innovation fails the gate starts a second track beside
+    the first; once ``found_after`` poses agree with each other, that one is followed.
+
+    Parameters
+    ----------
+    motion : of chaser and target. lvlh : the target's LVLH frame by time, of its known orbit.
+    com_target_m : (3,) its centre of mass in the model's frame.
+
+    References
+    ----------
+    Lefferts, Markley & Shuster (1982), J. Guidance 5(5); Bar-Shalom, Li & Kirubarajan (2001), sec. 5.4 (gate and
+    consistency) and 12.7 (delayed measurements).
+    """
+
+    def __init__(
+        self,
+        motion: MotionModel,
+        lvlh: Callable[[float], Lvlh],
+        com_target_m: FloatArray,
+        settings: FilterSettings = FilterSettings(),
+    ) -> None:
+        self.motion, self.settings = motion, settings
+        self._lvlh, self._com = lvlh, np.asarray(com_target_m, float)
+        self._gate = chi_square_quantile(settings.gate, 6)
+        self._track: list[_Fix] = []
+        self._candidate: list[_Fix] = []
+        self._thrust: list[ThrustInterval] = []
+        self._gated_in_a_row = 0
+        self._foretold: RelativeEstimate | None = None
+
+    @property
+    def status(self) -> Status:
+        """Whether there is a track, and whether it is trusted."""
+        if not self._track:
+            return "searching"
+        return "lost" if self._gated_in_a_row >= self.settings.lost_after else "tracking"
+
+    @property
+    def last_used_s(self) -> float | None:
+        """Exposure of the newest pose in the estimate."""
+        return self._track[-1].pose.t_s if self._track else None
+
+    def add_thrust(self, interval: ThrustInterval) -> None:
+        """What the thrusters were told to give."""
+        self._thrust.append(interval)
+        if self._foretold is not None and interval.start_s < self._foretold.t_s:
+            self._foretold = None
+
+    def add(self, pose: PoseMeasurement) -> Verdict:
+        """Take a pose, whenever it comes, and say what became of it."""
+        if self._track:
+            used = self._with(self._track, pose)
+            if used == "too old":
+                return "too old"
+            if used is not None:
+                self._track, self._candidate, self._gated_in_a_row = used, [], 0
+                self._foretold = None
+                self._forget(pose.t_s)
+                return "used"
+            self._gated_in_a_row += 1
+        return self._add_to_candidate(pose)
+
+    def _add_to_candidate(self, pose: PoseMeasurement) -> Verdict:
+        """Another pose that agrees with those that the track does not explain, or the first of them."""
+        longer = self._with(self._candidate, pose) if self._candidate else None
+        if longer == "too old":
+            return "too old"
+        if longer is None:
+            self._candidate = [_Fix(pose, self._first_estimate(pose))]
+            return "gated" if self._track else "starts"
+        self._candidate = longer
+        if len(longer) < self.settings.found_after:
+            return "gated" if self._track else "used"
+        self._track, self._candidate, self._gated_in_a_row = longer, [], 0
+        self._foretold = None
+        return "found"
+
+    def estimate(self, t_s: float) -> RelativeEstimate | None:
+        """The estimate foretold to a time; None before a track is found."""
+        if not self._track:
+            return None
+        last = self._foretold
+        if last is None or last.t_s > t_s:
+            last = self._track[-1].after
+        # the next is asked for from here on: what was foretold once is not again
+        self._foretold = self.motion.propagated(last, t_s, self._thrust)
+        return self._foretold
+
+    def _with(self, fixes: list[_Fix], pose: PoseMeasurement) -> list[_Fix] | Literal["too old"] | None:
+        """The fixes with one more in its place; None where it fails the gate."""
+        before = [fix for fix in fixes if fix.pose.t_s <= pose.t_s]
+        later = fixes[len(before) :]
+        if not before:
+            return "too old"
+        foretold = self.motion.propagated(before[-1].after, pose.t_s, self._thrust)
+        updated, distance = self.updated(foretold, pose)
+        if distance > self._gate:
+            return None
+        result = [*before, _Fix(pose, updated)]
+        for fix in later:
+            again = self.motion.propagated(result[-1].after, fix.pose.t_s, self._thrust)
+            result.append(_Fix(fix.pose, self.updated(again, fix.pose)[0]))
+        return result
+
+    def _forget(self, t_s: float) -> None:
+        oldest = t_s - self.settings.history_s
+        keep = [fix for fix in self._track if fix.pose.t_s >= oldest]
+        self._track = keep or self._track[-1:]
+        start = self._track[0].pose.t_s
+        self._thrust = [i for i in self._thrust if i.end_s >= start]
+
+    def updated(self, estimate: RelativeEstimate, pose: PoseMeasurement) -> tuple[RelativeEstimate, float]:
+        """The estimate with a pose of its time, and the squared Mahalanobis distance of the innovation."""
+        R_camera_from_eci = matrix_from_quat(pose.q_camera_from_eci_wxyz)
+        R_eci_from_lvlh = self._lvlh(pose.t_s).R_eci_from_lvlh
+        origin = target_origin_offset_m(estimate, self._com)
+        foretold = R_camera_from_eci @ (origin - R_eci_from_lvlh @ estimate.position_lvlh_m)
+        measured = quat_multiply(quat_conjugate(pose.q_camera_from_eci_wxyz), pose.q_camera_from_target_wxyz)
+        innovation = np.concatenate(
+            [
+                pose.t_camera_from_target_m - foretold,
+                rotvec_between(estimate.q_eci_from_target_wxyz, measured),
+            ]
+        )
+        H = np.zeros((6, 12))
+        H[:3, P] = -R_camera_from_eci @ R_eci_from_lvlh
+        R_eci_from_target = matrix_from_quat(estimate.q_eci_from_target_wxyz)
+        H[:3, A] = R_camera_from_eci @ R_eci_from_target @ skew(self._com)
+        H[3:, A] = np.eye(3)
+        C = estimate.covariance
+        S = H @ C @ H.T + pose.covariance
+        K = np.linalg.solve(S, H @ C).T
+        distance = float(innovation @ np.linalg.solve(S, innovation))
+        # Joseph's form keeps it symmetric and positive
+        left = np.eye(12) - K @ H
+        covariance = left @ C @ left.T + K @ pose.covariance @ K.T
+        return estimate.corrected(K @ innovation, (covariance + covariance.T) / 2), distance
+
+    def _first_estimate(self, pose: PoseMeasurement) -> RelativeEstimate:
+        """All that one pose tells; velocity and rate are zero, and open."""
+        q = quat_normalize(
+            quat_multiply(quat_conjugate(pose.q_camera_from_eci_wxyz), pose.q_camera_from_target_wxyz)
+        )
+        R_eci_from_target = matrix_from_quat(q)
+        R_eci_from_camera = matrix_from_quat(pose.q_camera_from_eci_wxyz).T
+        R_lvlh_from_eci = self._lvlh(pose.t_s).R_eci_from_lvlh.T
+        p = -(R_eci_from_target @ self._com) - R_eci_from_camera @ pose.t_camera_from_target_m
+        M = np.zeros((12, 6))
+        M[P, :3] = -R_lvlh_from_eci @ R_eci_from_camera
+        M[P, 3:] = R_lvlh_from_eci @ R_eci_from_target @ skew(self._com)
+        M[A, 3:] = np.eye(3)
+        covariance = M @ pose.covariance @ M.T
+        covariance[V, V] += self.settings.start_speed_m_s**2 * np.eye(3)
+        covariance[W, W] += self.settings.start_rate_rad_s**2 * np.eye(3)
+        return RelativeEstimate(
+            t_s=pose.t_s,
+            position_lvlh_m=R_lvlh_from_eci @ p,
+            velocity_lvlh_m_s=np.zeros(3),
+            q_eci_from_target_wxyz=q,
+            omega_target_rad_s=np.zeros(3),
+            covariance=covariance,
+        )

@@ -1,0 +1,242 @@
+"""The estimate: where the chaser is beside the target, how the target lies and turns, and how sure that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.navigation.measurement import rotvec_between
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, quat_multiply, quat_normalize
+from simulator.world.relative.clohessy_wiltshire import transition_matrix
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.runtime.arrays import FloatArray
+
+_LONGEST_STEP_S = 1.0
+P, V, A, W = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
+"""Places in the error state: position, velocity, attitude, rate."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RelativeEstimate:
+    """State of chaser and target with the covariance of its errors.
+
+    Parameters
+    ----------
+    t_s : from the flight's start [s].
+    position_lvlh_m, velocity_lvlh_m_s : (3,) chaser minus target's centre of mass, in the rotating LVLH frame.
+    q_eci_from_target_wxyz : (4,) attitude of the target. omega_target_rad_s : (3,) its rate to ECI, own axes.
+    covariance : (12, 12) of the errors of position [m], velocity [m s-1], attitude (turn about target axes) [rad],
+        rate [rad s-1].
+    """
+
+    t_s: float
+    position_lvlh_m: FloatArray
+    velocity_lvlh_m_s: FloatArray
+    q_eci_from_target_wxyz: FloatArray
+    omega_target_rad_s: FloatArray
+    covariance: FloatArray
+
+    @property
+    def position_sigma_m(self) -> float:
+        """Largest standard deviation of the position [m]."""
+        return float(np.sqrt(max(np.linalg.eigvalsh(self.covariance[P, P])[-1], 0.0)))
+
+    @property
+    def attitude_sigma_rad(self) -> float:
+        """Largest standard deviation of the attitude [rad]."""
+        return float(np.sqrt(max(np.linalg.eigvalsh(self.covariance[A, A])[-1], 0.0)))
+
+    def corrected(self, error: FloatArray, covariance: FloatArray) -> RelativeEstimate:
+        """With an estimated error (12,) taken out; the attitude's multiplies (Lefferts, Markley & Shuster 1982)."""
+        turned = quat_multiply(self.q_eci_from_target_wxyz, quat_from_rotvec(error[A]))
+        return RelativeEstimate(
+            t_s=self.t_s,
+            position_lvlh_m=self.position_lvlh_m + error[P],
+            velocity_lvlh_m_s=self.velocity_lvlh_m_s + error[V],
+            q_eci_from_target_wxyz=quat_normalize(turned),
+            omega_target_rad_s=self.omega_target_rad_s + error[W],
+            covariance=covariance,
+        )
+
+    def error_of(
+        self,
+        position_lvlh_m: FloatArray,
+        velocity_lvlh_m_s: FloatArray,
+        q_eci_from_target_wxyz: FloatArray,
+        omega_target_rad_s: FloatArray,
+    ) -> FloatArray:
+        """(12,) truth minus estimate, in the order of the covariance."""
+        return np.concatenate(
+            [
+                position_lvlh_m - self.position_lvlh_m,
+                velocity_lvlh_m_s - self.velocity_lvlh_m_s,
+                rotvec_between(self.q_eci_from_target_wxyz, q_eci_from_target_wxyz),
+                omega_target_rad_s - self.omega_target_rad_s,
+            ]
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ThrustInterval:
+    """Thrust that was commanded over a time [s]: acceleration (3,) [m s-2] along the LVLH axes of its start.
+
+    It keeps its direction among the stars, from which the axes turn away meanwhile.
+    """
+
+    start_s: float
+    end_s: float
+    acceleration_lvlh_m_s2: FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MotionModel:
+    """How an estimate moves on: Clohessy-Wiltshire under the commanded thrust, the target as a free rigid body.
+
+    Parameters
+    ----------
+    n_rad_s : mean motion of the target's orbit, taken for a circle.
+    inertia_kg_m2 : (3, 3) of the target, own axes, to scale; None for a constant rate.
+    acceleration_noise : density of what acts besides, white [m s-2 Hz-1/2].
+    rate_noise : the same of the target's angular acceleration [rad s-2 Hz-1/2].
+    thrust_sigma : of what thrusters give over what was commanded, each axis and period for itself.
+    """
+
+    n_rad_s: float
+    inertia_kg_m2: FloatArray | None = None
+    acceleration_noise: float = 3e-7
+    rate_noise: float = 2e-8
+    thrust_sigma: float = 0.02
+
+    def propagated(
+        self, estimate: RelativeEstimate, to_s: float, thrust: Sequence[ThrustInterval] = ()
+    ) -> RelativeEstimate:
+        """The estimate at a later time.
+
+        Parameters
+        ----------
+        estimate : at its own time. to_s : no earlier than that.
+        thrust : what was commanded; gaps are coasts.
+
+        Raises
+        ------
+        ValueError
+            If ``to_s`` lies before the estimate.
+
+        References
+        ----------
+        Clohessy & Wiltshire (1960); Lefferts, Markley & Shuster (1982), Kalman filtering for spacecraft attitude
+        estimation, J. Guidance 5(5); Bar-Shalom, Li & Kirubarajan (2001), Estimation with Applications to Tracking
+        and Navigation, sec. 6.2 (white acceleration).
+        """
+        start = estimate.t_s
+        if to_s < start - 1e-9:
+            raise ValueError(f"an estimate of {start} s cannot be propagated back to {to_s} s")
+        active = [i for i in thrust if i.end_s > start + 1e-9 and i.start_s < to_s - 1e-9]
+        edges = {start, to_s, *(e for i in active for e in (i.start_s, i.end_s) if start < e < to_s)}
+        ordered = sorted(edges)
+        for a, b in pairwise(ordered):
+            now = next((i for i in active if i.start_s <= a + 1e-9 < i.end_s), None)
+            pieces = max(int(np.ceil((b - a) / _LONGEST_STEP_S - 1e-9)), 1)
+            for _ in range(pieces):
+                estimate = self._step(estimate, (b - a) / pieces, now)
+        return estimate
+
+    def _step(self, estimate: RelativeEstimate, h: float, thrust: ThrustInterval | None) -> RelativeEstimate:
+        Phi = np.zeros((12, 12))
+        Phi[:6, :6] = transition_matrix(self.n_rad_s, h)
+        Phi[6:, 6:] = self._attitude_transition(estimate.omega_target_rad_s, h)
+        moved = Phi[:6, :6] @ np.concatenate([estimate.position_lvlh_m, estimate.velocity_lvlh_m_s])
+        Q = np.zeros((12, 12))
+        I3 = np.eye(3)
+        for at, density in ((0, self.acceleration_noise), (6, self.rate_noise)):
+            white = density * density
+            Q[at : at + 3, at : at + 3] = white * h**3 / 3 * I3
+            Q[at : at + 3, at + 3 : at + 6] = Q[at + 3 : at + 6, at : at + 3] = white * h * h / 2 * I3
+            Q[at + 3 : at + 6, at + 3 : at + 6] = white * h * I3
+        if thrust is not None:
+            push, since = thrust.acceleration_lvlh_m_s2, estimate.t_s - thrust.start_s
+            # Simpson's rule over the step: the part that came at tau has moved on for h - tau
+            given = (self._pushed(push, since + tau, h - tau) for tau in (0.0, h / 2, h))
+            first, middle, last = given
+            moved = moved + h / 6 * (first + 4 * middle + last)
+            G = np.vstack([h * h / 2 * I3, h * I3])
+            Q[:6, :6] += G @ np.diag((self.thrust_sigma * push) ** 2) @ G.T
+        q, w = self._turned(estimate.q_eci_from_target_wxyz, estimate.omega_target_rad_s, h)
+        return RelativeEstimate(
+            t_s=estimate.t_s + h,
+            position_lvlh_m=moved[:3],
+            velocity_lvlh_m_s=moved[3:],
+            q_eci_from_target_wxyz=q,
+            omega_target_rad_s=w,
+            covariance=Phi @ estimate.covariance @ Phi.T + Q,
+        )
+
+    def _pushed(self, push: FloatArray, since_s: float, left_s: float) -> FloatArray:
+        """(6,) what a moment's acceleration comes to, ``since_s`` after its start and with ``left_s`` to go."""
+        c, s = np.cos(self.n_rad_s * since_s), np.sin(self.n_rad_s * since_s)
+        x, y, z = push.tolist()
+        turned = np.array([c * x + s * y, c * y - s * x, z])
+        return np.asarray(transition_matrix(self.n_rad_s, left_s)[:, 3:] @ turned)
+
+    def turned(
+        self, q_eci_from_target_wxyz: FloatArray, omega_target_rad_s: FloatArray, span_s: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Attitude and rate of the target a while later, without covariance."""
+        q, w = q_eci_from_target_wxyz, omega_target_rad_s
+        pieces = max(int(np.ceil(span_s / _LONGEST_STEP_S - 1e-9)), 1)
+        for _ in range(pieces):
+            q, w = self._turned(q, w, span_s / pieces)
+        return q, w
+
+    def _turned(self, q: FloatArray, w: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
+        """One classical Runge-Kutta step of the rate; the attitude by its mean over the step (error h^3)."""
+        if self.inertia_kg_m2 is None:
+            return quat_normalize(quat_multiply(q, quat_from_rotvec(w * h))), w
+
+        def kinematics(q: FloatArray, w: FloatArray) -> FloatArray:
+            return 0.5 * quat_multiply(q, np.array([0.0, *w]))
+
+        k1, l1 = kinematics(q, w), self._euler(w)
+        k2, l2 = kinematics(q + h / 2 * k1, w + h / 2 * l1), self._euler(w + h / 2 * l1)
+        k3, l3 = kinematics(q + h / 2 * k2, w + h / 2 * l2), self._euler(w + h / 2 * l2)
+        k4, l4 = kinematics(q + h * k3, w + h * l3), self._euler(w + h * l3)
+        return (
+            quat_normalize(q + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)),
+            w + h / 6 * (l1 + 2 * l2 + 2 * l3 + l4),
+        )
+
+    def _euler(self, w: FloatArray) -> FloatArray:
+        """Angular acceleration of a free body [rad s-2]."""
+        J = self.inertia_kg_m2
+        assert J is not None  # noqa: S101 - a constant rate asks for none
+        return np.asarray(np.linalg.solve(J, -np.cross(w, J @ w)), float)
+
+    def _attitude_transition(self, w: FloatArray, h: float) -> FloatArray:
+        """(6, 6) transition of the errors of attitude and rate, the rate held over the step."""
+        F = np.zeros((6, 6))
+        F[:3, :3], F[:3, 3:] = -skew(w), np.eye(3)
+        J = self.inertia_kg_m2
+        if J is not None:
+            F[3:, 3:] = np.linalg.solve(J, skew(J @ w) - skew(w) @ J)
+        term, total = np.eye(6), np.eye(6)
+        for k in range(1, 5):
+            term = term @ F * (h / k)
+            total = total + term
+        return total
+
+
+def skew(v: FloatArray) -> FloatArray:
+    """(3, 3) matrix whose product with x is the cross product of v and x."""
+    x, y, z = v.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def target_origin_offset_m(estimate: RelativeEstimate, com_target_m: FloatArray) -> FloatArray:
+    """(3,) model's origin minus centre of mass along GCRS axes [m]."""
+    return -(matrix_from_quat(estimate.q_eci_from_target_wxyz) @ com_target_m)

@@ -1,0 +1,134 @@
+"""A closed loop without pictures: arrives on the truth and on noisy poses, holds and aborts where poses stay away."""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hil.navigation.closed_loop import ClosedLoopConfig, ClosedLoopResult, fly_closed_loop
+from hil.navigation.consistency import nees_band
+from hil.navigation.measurement import PoseNoise
+from hil.navigation.pose_sources import NoisyPoses, TruePoses
+from simulator.errors import UserError
+from simulator.scenario.flight import fly
+from simulator.scenario.load import load_scenario
+from simulator.targets.library import load_target
+from simulator.targets.model import Target
+from simulator.world.flight.flight import Flight
+
+STEADY, TUMBLING = "tango-vbar-closed-loop", "tango-vbar-closed-loop-tumble"
+LATENCY_S = 0.3
+
+
+@cache
+def flown(name: str) -> tuple[Flight, Target]:
+    target = load_target("tango")
+    return fly(load_scenario(name), target), target
+
+
+def run(name: str, seed: int, noise: PoseNoise | None) -> ClosedLoopResult:
+    flight, target = flown(name)
+    poses = TruePoses(PoseNoise(), LATENCY_S) if noise is None else NoisyPoses(noise, LATENCY_S, seed)
+    return fly_closed_loop(
+        flight, target.mass.com_m, target.mass.inertia_kg_m2, poses, ClosedLoopConfig(seed=seed)
+    )
+
+
+def arrives(result: ClosedLoopResult) -> bool:
+    return (
+        result.outcome == "arrived"
+        and result.final_error_m <= 0.2
+        and result.final_error_deg <= 2.0
+        and result.keep_out_violations == 0
+    )
+
+
+@pytest.mark.parametrize("name", [STEADY, TUMBLING])
+def test_it_arrives_on_noisy_poses_and_on_the_truth(name: str) -> None:
+    noisy = run(name, 3, PoseNoise())
+    assert arrives(noisy), noisy.reason
+    assert 2.5 < noisy.min_range_m < 3.1
+    assert 0.1 < noisy.delta_v_m_s < 0.5
+    assert arrives(run(name, 3, None))
+
+
+def test_the_same_seed_is_the_same_flight() -> None:
+    first, again, other = (run(TUMBLING, seed, PoseNoise()) for seed in (4, 4, 5))
+    ends = [r.steps[-1].position_lvlh_m for r in (first, again, other)]
+    assert np.array_equal(ends[0], ends[1])
+    assert not np.array_equal(ends[0], ends[2])
+
+
+class PosesUntil(NoisyPoses):
+    """No pose is accepted between two times."""
+
+    def __init__(self, start_s: float, end_s: float) -> None:
+        super().__init__(PoseNoise(), LATENCY_S, 1)
+        self.dark = start_s, end_s
+
+    def look(self, snapshot) -> None:
+        if not self.dark[0] <= snapshot.t_s < self.dark[1]:
+            super().look(snapshot)
+
+
+def test_it_holds_while_poses_stay_away_and_goes_on() -> None:
+    flight, target = flown(TUMBLING)
+    result = fly_closed_loop(
+        flight, target.mass.com_m, target.mass.inertia_kg_m2, PosesUntil(100.0, 120.0), ClosedLoopConfig()
+    )
+    assert arrives(result), result.reason
+    held = [step for step in result.steps if step.phase == "hold"]
+    assert {step.reason for step in held} == {"no usable pose for 5 s"}
+    assert 104.0 <= held[0].t_s <= 107.0
+    assert 119.0 <= held[-1].t_s <= 123.0
+    # it stays where it was
+    assert np.linalg.norm(held[-1].position_lvlh_m - held[5].position_lvlh_m) < 0.3
+
+
+def test_it_aborts_outward_where_poses_never_come_back() -> None:
+    flight, target = flown(STEADY)
+    result = fly_closed_loop(
+        flight, target.mass.com_m, target.mass.inertia_kg_m2, PosesUntil(150.0, 1e9), ClosedLoopConfig()
+    )
+    assert result.outcome == "aborted"
+    assert result.reason == "no usable pose for 30 s"
+    assert result.keep_out_violations == 0
+    ranges = [float(np.linalg.norm(step.position_lvlh_m)) for step in result.steps]
+    start = next(k for k, step in enumerate(result.steps) if step.phase == "abort")
+    assert ranges[-1] > ranges[start] + 5.0
+
+
+def test_it_aborts_where_no_pose_ever_comes() -> None:
+    result = run(STEADY, 0, PoseNoise(available=0.0))
+    assert result.outcome == "aborted"
+    assert result.delta_v_m_s == 0.0
+    assert {step.phase for step in result.steps} == {"acquire", "abort"}
+
+
+def test_a_flight_without_a_path_is_refused() -> None:
+    target = load_target("tango")
+    flight = fly(load_scenario("tango-tumble-3-18m"), target, 10.0)
+    with pytest.raises(UserError, match="no path that a closed loop could follow"):
+        fly_closed_loop(flight, target.mass.com_m, target.mass.inertia_kg_m2, TruePoses(PoseNoise(), 0.0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [STEADY, TUMBLING])
+def test_fifty_seeded_flights(name: str) -> None:
+    noisy = [run(name, seed, PoseNoise()) for seed in range(50)]
+    arrived = [r for r in noisy if arrives(r)]
+    assert len(arrived) >= 45, Counter(r.reason for r in noisy)
+    assert {r.outcome for r in noisy} <= {"arrived", "aborted"}
+    assert sum(r.keep_out_violations for r in noisy) == 0
+    assert sum(arrives(run(name, seed, None)) for seed in range(50)) == 50
+
+    shortest = min(len(r.steps) for r in arrived)
+    table = np.array([[np.nan if s.nees is None else s.nees for s in r.steps[20:shortest]] for r in arrived])
+    mean = np.nanmean(table, axis=0)
+    low, high = nees_band(len(arrived), 12)
+    # one of twenty may be outside, and errors of neighbouring times go together
+    assert np.mean((mean > low) & (mean < high)) >= 0.9
+    assert low < float(np.mean(mean)) < high

@@ -1,0 +1,225 @@
+"""The filter: late poses count as if they had come in time; wrong ones are gated; what jumps is lost and found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.navigation.attitude_forecast import forecast_errors
+from hil.navigation.consistency import chi_square_quantile, nees, nees_band
+from hil.navigation.measurement import PoseMeasurement, PoseNoise, Snapshot, rotvec_between
+from hil.navigation.pose_filter import NavigationFilter
+from hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
+from simulator.world.attitude.rigid_body import propagate_attitude
+from simulator.world.frames.lvlh import Lvlh
+from simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_from_matrix,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_normalize,
+)
+from simulator.world.relative.clohessy_wiltshire import transition_matrix
+
+N_RAD_S = 1.06e-3
+J = np.diag([2.1, 2.9, 4.1])
+COM = np.array([0.004, 0.03, 0.13])
+Q0 = quat_normalize([0.6, -0.3, 0.5, 0.2])
+W0 = np.radians([-0.7, -1.4, 0.2])
+TUMBLE = propagate_attitude(Q0, W0, J, 200.0)
+START = np.array([0.3, 12.0, -0.2, 0.001, -0.02, 0.002])
+NOISE = PoseNoise(available=1.0, wrong=0.0)
+
+
+def lvlh(t_s: float) -> Lvlh:
+    """A circular orbit about the z axis."""
+    a = N_RAD_S * t_s
+    R = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
+    return Lvlh(R, np.array([0.0, 0.0, N_RAD_S]))
+
+
+def truth(t_s: float) -> np.ndarray:
+    return transition_matrix(N_RAD_S, t_s) @ START
+
+
+def snapshot(t_s: float) -> Snapshot:
+    x, frame = truth(t_s), lvlh(t_s)
+    p, v = frame.to_eci(x[:3], x[3:])
+    z = -p / np.linalg.norm(p)
+    side = np.cross([0.0, 0.0, 1.0], z)
+    side /= np.linalg.norm(side)
+    q_camera = quat_from_matrix(np.stack([side, np.cross(z, side), z]))
+    return Snapshot(
+        t_s=t_s,
+        position_eci_m=p,
+        velocity_eci_m_s=v,
+        q_camera_from_eci_wxyz=q_camera,
+        omega_camera_rad_s=np.zeros(3),
+        q_eci_from_target_wxyz=TUMBLE(t_s)[0],
+        com_target_m=COM,
+    )
+
+
+def measured(count: int, seed: int = 1) -> list[PoseMeasurement]:
+    rng = np.random.default_rng(seed)
+    drawn = [NOISE.draw(snapshot(float(k)), rng) for k in range(count)]
+    return [pose for pose in drawn if pose is not None]
+
+
+def new_filter(**motion: float) -> NavigationFilter:
+    return NavigationFilter(MotionModel(n_rad_s=N_RAD_S, inertia_kg_m2=J, **motion), lvlh, COM)
+
+
+def error(estimate: RelativeEstimate) -> np.ndarray:
+    x = truth(estimate.t_s)
+    return estimate.error_of(x[:3], x[3:], *TUMBLE(estimate.t_s))
+
+
+def test_a_minute_of_poses_tells_position_velocity_attitude_and_rate() -> None:
+    filter_ = new_filter()
+    verdicts = [filter_.add(pose) for pose in measured(60)]
+    assert verdicts[:5] == ["starts", "used", "used", "used", "found"]
+    assert set(verdicts[5:]) == {"used"}
+    e = error(filter_.estimate(60.0))
+    assert np.linalg.norm(e[:3]) < 0.01
+    assert np.linalg.norm(e[3:6]) < 1e-3
+    assert np.degrees(np.linalg.norm(e[6:9])) < 0.15
+    assert np.degrees(np.linalg.norm(e[9:])) < 0.01
+
+
+def test_late_poses_in_any_order_count_as_if_they_had_come_in_time() -> None:
+    poses = measured(30)
+    in_time, late = new_filter(), new_filter()
+    for pose in poses:
+        in_time.add(pose)
+    order = [*range(10), *(k for a in range(10, 30, 4) for k in (a + 2, a, a + 3, a + 1))]
+    for k in order:
+        assert late.add(poses[k]) != "too old"
+    a, b = in_time.estimate(30.0), late.estimate(30.0)
+    np.testing.assert_allclose(a.position_lvlh_m, b.position_lvlh_m, atol=1e-10)
+    np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-6, atol=1e-15)
+    assert np.linalg.norm(rotvec_between(a.q_eci_from_target_wxyz, b.q_eci_from_target_wxyz)) < 1e-9
+
+
+def test_one_wrong_pose_changes_nothing() -> None:
+    poses = measured(30)
+    clean, struck = new_filter(), new_filter()
+    for k, pose in enumerate(poses):
+        clean.add(pose)
+        if k == 20:
+            turned = quat_multiply(pose.q_camera_from_target_wxyz, quat_from_rotvec([0.0, 0.0, np.pi / 2]))
+            wrong = PoseMeasurement(
+                t_s=pose.t_s,
+                q_camera_from_target_wxyz=turned,
+                t_camera_from_target_m=pose.t_camera_from_target_m,
+                q_camera_from_eci_wxyz=pose.q_camera_from_eci_wxyz,
+                covariance=pose.covariance,
+            )
+            assert struck.add(wrong) == "gated"
+            assert struck.status == "tracking"
+        struck.add(pose)
+    np.testing.assert_array_equal(clean.estimate(30.0).covariance, struck.estimate(30.0).covariance)
+
+
+def test_a_target_that_jumps_is_lost_and_found() -> None:
+    poses = measured(60)
+    filter_ = new_filter()
+    for pose in poses[:30]:
+        filter_.add(pose)
+    said = []
+    for pose in poses[30:40]:
+        turned = quat_multiply(pose.q_camera_from_target_wxyz, quat_from_rotvec([0.5, 0.0, 0.0]))
+        said.append(
+            filter_.add(
+                PoseMeasurement(
+                    t_s=pose.t_s,
+                    q_camera_from_target_wxyz=turned,
+                    t_camera_from_target_m=pose.t_camera_from_target_m,
+                    q_camera_from_eci_wxyz=pose.q_camera_from_eci_wxyz,
+                    covariance=pose.covariance,
+                )
+            )
+        )
+    assert said[:5] == ["gated"] * 4 + ["found"]
+    assert set(said[5:]) == {"used"}
+    assert filter_.status == "tracking"
+
+
+def test_wrong_poses_that_contradict_each_other_leave_the_filter_lost() -> None:
+    poses = measured(40)
+    filter_ = new_filter()
+    for pose in poses[:30]:
+        filter_.add(pose)
+    rng = np.random.default_rng(5)
+    wrong = PoseNoise(available=1.0, wrong=1.0)
+    for k in range(30, 37):
+        assert filter_.add(wrong.draw(snapshot(float(k)), rng)) == "gated"
+    assert filter_.status == "lost"
+    # what it knew still holds
+    assert filter_.add(poses[37]) == "used"
+    assert filter_.status == "tracking"
+
+
+def test_errors_are_as_large_as_the_covariance_says() -> None:
+    values = []
+    for seed in range(20):
+        filter_ = new_filter()
+        for pose in measured(40, seed):
+            filter_.add(pose)
+        estimate = filter_.estimate(40.0)
+        values.append(nees(error(estimate), estimate.covariance))
+    low, high = nees_band(20, 12, 0.999)
+    assert low < float(np.mean(values)) < high
+
+
+def test_commanded_thrust_is_flown_as_the_simulator_flies_it() -> None:
+    model = MotionModel(n_rad_s=N_RAD_S)
+    estimate = RelativeEstimate(
+        t_s=0.0,
+        position_lvlh_m=np.array([1.0, 10.0, 2.0]),
+        velocity_lvlh_m_s=np.zeros(3),
+        q_eci_from_target_wxyz=Q0,
+        omega_target_rad_s=W0,
+        covariance=np.eye(12),
+    )
+    push = np.array([0.004, -0.006, 0.002])
+    thrust = ThrustInterval(start_s=0.0, end_s=5.0, acceleration_lvlh_m_s2=push)
+    got = model.propagated(estimate, 8.0, [thrust])
+    # the same by many small impulses of a direction fixed among the stars
+    x, steps = np.concatenate([estimate.position_lvlh_m, np.zeros(3)]), 5000
+    h = 5.0 / steps
+    for k in range(steps):
+        x[3:] += h * (lvlh((k + 0.5) * h).R_eci_from_lvlh.T @ push)
+        x = transition_matrix(N_RAD_S, h) @ x
+    x = transition_matrix(N_RAD_S, 3.0) @ x
+    np.testing.assert_allclose(got.position_lvlh_m, x[:3], atol=2e-5)
+    np.testing.assert_allclose(got.velocity_lvlh_m_s, x[3:], atol=1e-7)
+    with pytest.raises(ValueError, match="back"):
+        model.propagated(got, 1.0)
+
+
+def test_a_forecast_of_a_tumble_is_good_for_a_minute() -> None:
+    filter_ = new_filter()
+    estimates = []
+    for pose in measured(80):
+        filter_.add(pose)
+        if pose.t_s >= 60.0:
+            estimates.append(filter_.estimate(pose.t_s))
+    rigid = forecast_errors(estimates, TUMBLE, filter_.motion, (0.0, 10.0, 60.0), 200.0)
+    constant = forecast_errors(estimates, TUMBLE, MotionModel(n_rad_s=N_RAD_S), (0.0, 10.0, 60.0), 200.0)
+    assert [f.count for f in rigid] == [20, 20, 20]
+    assert rigid[2].median_deg < 0.3
+    # without the inertia the rate is taken for constant, which it is not
+    assert constant[2].median_deg > 5 * rigid[2].median_deg
+
+
+def test_chi_square_quantiles_are_those_of_the_tables() -> None:
+    assert chi_square_quantile(0.95, 6) == pytest.approx(12.592, abs=1e-3)
+    assert chi_square_quantile(0.975, 1) == pytest.approx(5.024, abs=1e-3)
+
+
+def test_a_pose_of_a_snapshot_is_its_label() -> None:
+    shot = snapshot(7.0)
+    q, t = shot.pose()
+    centre = matrix_from_quat(q) @ COM + t
+    np.testing.assert_allclose(centre, [0.0, 0.0, np.linalg.norm(shot.position_eci_m)], atol=1e-12)
