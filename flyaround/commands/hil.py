@@ -70,7 +70,7 @@ def host(
     listen: Annotated[
         str,
         typer.Option(
-            help="Where the board connects: tcp://HOST:PORT, serial:///DEVICE?baud=N, or gige://IFACE (see hil camera)."
+            help="tcp://HOST:PORT, udp://HOST:PORT or serial:///DEVICE?baud=N for a board; gige://IFACE as hil camera."
         ),
     ] = "tcp://127.0.0.1:5600",
     n: Annotated[int | None, typer.Option("-n", min=1, help="Frames, evenly in time (default 30).")] = None,
@@ -385,7 +385,7 @@ def _print_summary(summary: LedgerSummary, log: Path | None, *, as_json: bool) -
 def board(
     url: Annotated[
         str,
-        typer.Argument(help="The host: tcp://HOST:PORT or serial:///DEVICE?baud=N."),
+        typer.Argument(help="The host: tcp://HOST:PORT, udp://HOST:PORT or serial:///DEVICE?baud=N."),
     ],
     target: Annotated[str, typer.Option(help="Target name.")] = "tango",
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
@@ -467,8 +467,8 @@ def listening_text(url: str, truth_url: str | None, target: str, *, keyed: bool 
 def board_url(url: str) -> str:
     """What a board connects to: this machine by its name where it listens on all its addresses."""
     scheme, host, port = parse_url(url)
-    if scheme == "tcp" and host in ANY_ADDRESS:
-        return f"tcp://{socket.gethostname()}:{port}"
+    if scheme != "serial" and host in ANY_ADDRESS:
+        return f"{scheme}://{socket.gethostname()}:{port}"
     return url
 
 

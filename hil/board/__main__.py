@@ -74,7 +74,9 @@ def run_and_exit(program: str) -> NoReturn:
 
 def _options(arguments: Optional[List[str]], program: str) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog=program, description=main.__doc__)
-    parser.add_argument("url", nargs="?", help="the host: tcp://HOST:PORT or serial:///dev/ttyS0?baud=921600")
+    parser.add_argument(
+        "url", nargs="?", help="the host: tcp://HOST:PORT, udp://HOST:PORT or serial:///dev/ttyS0?baud=921600"
+    )
     names = ", ".join(bundled_models())
     parser.add_argument(
         "--model",

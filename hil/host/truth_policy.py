@@ -25,7 +25,7 @@ def default_truth_url(url: str) -> str:
         If the URL is bad.
     """
     scheme, host, port = _parsed(url)
-    if scheme != "tcp":
+    if scheme == "serial":
         return "tcp://127.0.0.1:5601"
     host = f"[{host}]" if ":" in host else host
     return f"tcp://{host}:{port + 1 if port else 0}"
@@ -71,7 +71,7 @@ def is_private(url: str) -> bool:
         If the URL is bad.
     """
     scheme, host, port = _parsed(url)
-    if scheme != "tcp":
+    if scheme == "serial":
         return True
     return is_loopback(host, port)
 

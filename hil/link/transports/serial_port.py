@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import select
+import time
 from typing import Optional
 
 from hil.link.errors import LinkClosed, LinkError
@@ -15,8 +16,17 @@ except ImportError:
     serial = None  # type: ignore[assignment]
 
 
+BITS_PER_BYTE = 10
+"""A start bit, eight of data, a stop bit."""
+PIECE_S = 0.01
+CATCH_UP_S = 0.1
+
+
 class SerialTransport(StreamTransport):
-    """One serial port at one baud rate, 8N1.
+    """One serial port at one baud rate, 8N1, with RTS/CTS where it is asked for.
+
+    Bytes are written no faster than the line carries them: what waits in a driver or an adapter is late without anyone
+    knowing, and a pseudo-terminal takes any amount at once.
 
     Packets may be lost or damaged, never reordered. A serial line has no connection, so the other side's leaving shows
     only as silence or as BYE. There is no flow control: a receiver that does not read loses bytes.
@@ -25,12 +35,16 @@ class SerialTransport(StreamTransport):
     # a damaged byte costs one chunk; 20 bytes of overhead in 2048 are 1.4 %
     chunk_bytes = 2048
 
-    def __init__(self, device: str, baud: int) -> None:
-        super().__init__(f"serial://{device}?baud={baud}", CobsFraming())
+    def __init__(self, device: str, baud: int, *, rtscts: bool = False) -> None:
+        super().__init__(f"serial://{device}?baud={baud}" + ("&rtscts=1" if rtscts else ""), CobsFraming())
+        self._bytes_per_s = baud / BITS_PER_BYTE
+        self._free_s = 0.0  # when the line has carried what was written
         if serial is None:
             raise LinkError("a serial link needs pyserial, which is not installed: pip install pyserial")
         try:
-            self._port = serial.Serial(device, baud, timeout=0.0, write_timeout=10.0, exclusive=True)
+            self._port = serial.Serial(
+                device, baud, timeout=0.0, write_timeout=10.0, exclusive=True, rtscts=rtscts
+            )
         except (OSError, ValueError) as error:  # SerialException is an OSError
             raise LinkError(
                 f"serial port {device} at {baud} baud cannot be opened ({error}):"
@@ -48,8 +62,19 @@ class SerialTransport(StreamTransport):
             self._port.close()
 
     def _write(self, data: bytes) -> None:
+        view = memoryview(data)
+        piece = max(1, int(self._bytes_per_s * PIECE_S))
         try:
-            self._port.write(data)
+            for at in range(0, len(view), piece):
+                part = view[at : at + piece]
+                wait_s = self._free_s - time.monotonic()
+                if wait_s > 0:
+                    time.sleep(wait_s)
+                self._port.write(part)
+                # a sleep that lasted too long is made up for; a pause is not
+                self._free_s = (
+                    max(self._free_s, time.monotonic() - CATCH_UP_S) + len(part) / self._bytes_per_s
+                )
         except (OSError, TypeError) as error:  # pyserial: TypeError when closed by another thread
             raise LinkClosed(f"{self.name} cannot be written ({error}): is it still plugged in?") from error
 
@@ -64,6 +89,11 @@ class SerialTransport(StreamTransport):
             return bytes(self._port.read(1))
         except (OSError, TypeError) as error:
             raise LinkClosed(f"{self.name} cannot be read ({error}): is it still plugged in?") from error
+
+
+def line_time_s(packet_bytes: int, baud: int) -> float:
+    """How long bytes take on a line of this rate, framing left out."""
+    return packet_bytes * BITS_PER_BYTE / baud
 
 
 class _SharedPort:
@@ -85,8 +115,8 @@ class _SharedPort:
 class SerialListener:
     """Waits for the first byte on a serial port."""
 
-    def __init__(self, device: str, baud: int) -> None:
-        self._port = SerialTransport(device, baud)
+    def __init__(self, device: str, baud: int, *, rtscts: bool = False) -> None:
+        self._port = SerialTransport(device, baud, rtscts=rtscts)
         self.url = self._port.name
 
     def accept(self, timeout_s: float) -> Optional[_SharedPort]:

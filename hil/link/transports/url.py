@@ -2,48 +2,69 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Tuple
+from typing import TYPE_CHECKING, Dict, Tuple
 from urllib.parse import parse_qs, urlsplit
 
 from hil.link.errors import LinkError
 from hil.link.transports.serial_port import SerialListener, SerialTransport
 from hil.link.transports.tcp import TcpListener, connect_tcp
+from hil.link.transports.udp import UdpListener, connect_udp
 
 if TYPE_CHECKING:
     from hil.link.transports.base import Listener, Transport
 
 
+SHAPES = "tcp://127.0.0.1:5600, udp://127.0.0.1:5600 or serial:///dev/ttyUSB0?baud=921600"
+OPTIONS = {"tcp": (), "udp": ("datagram",), "serial": ("baud", "rtscts")}
+
+
 def parse_url(url: str) -> Tuple[str, str, int]:
     """Scheme, host or device, and port or baud rate of a link URL.
 
-    ``tcp://127.0.0.1:5600`` or ``serial:///dev/ttyUSB0?baud=921600``.
+    ``tcp://127.0.0.1:5600``, ``udp://127.0.0.1:5600?datagram=8900`` or ``serial:///dev/ttyUSB0?baud=921600&rtscts=1``.
 
     Raises
     ------
     LinkError
-        If the URL is neither.
+        If the URL is none of them.
     """
     parts = urlsplit(url)
     try:
-        if parts.scheme == "tcp":
+        options = _options(url, parts.scheme, parts.query)
+        if parts.scheme in ("tcp", "udp"):
             if parts.hostname is None or parts.port is None:
-                raise LinkError(f"link URL {url!r} lacks host or port: write tcp://127.0.0.1:5600")
-            return "tcp", parts.hostname, parts.port
+                raise LinkError(f"link URL {url!r} lacks host or port: write {parts.scheme}://127.0.0.1:5600")
+            return parts.scheme, parts.hostname, parts.port
         if parts.scheme == "serial":
-            baud = int(parse_qs(parts.query).get("baud", ["115200"])[0])
+            baud = options.get("baud", 115200)
             if not parts.path or baud <= 0:
                 raise LinkError(
                     f"link URL {url!r} lacks a device or baud rate: write serial:///dev/ttyUSB0?baud=921600"
                 )
             return "serial", parts.path, baud
     except ValueError as error:
-        raise LinkError(
-            f"link URL {url!r} has a bad number ({error}): write tcp://127.0.0.1:5600"
-            " or serial:///dev/ttyUSB0?baud=921600"
-        ) from error
+        raise LinkError(f"link URL {url!r} has a bad number ({error}): write {SHAPES}") from error
     raise LinkError(
-        f"link URL {url!r} has an unknown scheme: write tcp://HOST:PORT or serial:///dev/ttyUSB0?baud=921600"
+        f"link URL {url!r} has an unknown scheme: write tcp://HOST:PORT, udp://HOST:PORT"
+        " or serial:///dev/ttyUSB0?baud=921600"
     )
+
+
+def url_options(url: str) -> Dict[str, int]:
+    """Numbers behind the question mark of a link URL that `parse_url` takes."""
+    parts = urlsplit(url)
+    return _options(url, parts.scheme, parts.query)
+
+
+def _options(url: str, scheme: str, query: str) -> Dict[str, int]:
+    known = OPTIONS.get(scheme, ())
+    given = parse_qs(query, keep_blank_values=True)
+    for name in given:
+        if scheme in OPTIONS and name not in known:
+            raise LinkError(
+                f"link URL {url!r} has an unknown option {name!r}: {scheme} knows {', '.join(known) or 'none'}"
+            )
+    return {name: int(values[-1]) for name, values in given.items() if name in known}
 
 
 def connect(url: str, timeout_s: float = 10.0) -> Transport:
@@ -55,9 +76,12 @@ def connect(url: str, timeout_s: float = 10.0) -> Transport:
         If the URL is bad or nobody listens there.
     """
     scheme, where, number = parse_url(url)
+    options = url_options(url)
     if scheme == "tcp":
         return connect_tcp(where, number, timeout_s)
-    return SerialTransport(where, number)
+    if scheme == "udp":
+        return connect_udp(where, number, timeout_s, **_datagram_bytes(options))
+    return SerialTransport(where, number, rtscts=bool(options.get("rtscts")))
 
 
 def listen(url: str) -> Listener:
@@ -69,6 +93,13 @@ def listen(url: str) -> Listener:
         If the URL is bad or the port or device is not to be had.
     """
     scheme, where, number = parse_url(url)
+    options = url_options(url)
     if scheme == "tcp":
         return TcpListener(where, number)
-    return SerialListener(where, number)
+    if scheme == "udp":
+        return UdpListener(where, number, **_datagram_bytes(options))
+    return SerialListener(where, number, rtscts=bool(options.get("rtscts")))
+
+
+def _datagram_bytes(options: Dict[str, int]) -> Dict[str, int]:
+    return {"datagram_bytes": options["datagram"]} if "datagram" in options else {}

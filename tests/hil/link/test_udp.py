@@ -1,0 +1,216 @@
+"""What UDP alone has: loss, who is let in, what is allocated for whom, silence, and a host that was started again."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import threading
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+from lossy_udp import lossy_network
+
+from hil.link.errors import LinkClosed, LinkError, PacketError
+from hil.link.framing.datagrams import (
+    DATA,
+    GIVE_UP_NS,
+    OPEN,
+    SPAN,
+    Incoming,
+    Kind,
+    Outgoing,
+    datagram,
+    split_datagram,
+)
+from hil.link.packets.messages import FrameChunk
+from hil.link.packets.packet import Packet
+from hil.link.transports import udp_peer
+from hil.link.transports.udp import MOST_PEERS, UdpListener, connect_udp
+from hil.link.transports.url import connect, listen, parse_url
+
+
+def packet(k: int, data: bytes) -> Packet:
+    return Packet(FrameChunk.TYPE, FrameChunk(k, 0, 0, data).encode(), 3, k)
+
+
+@pytest.mark.parametrize(("loss", "swap"), [(0.01, 0.0), (0.05, 0.1)])
+def test_with_loss_and_reordering_every_frame_comes_once_in_order(loss, swap):
+    listener = listen("udp://127.0.0.1:0")
+    data = np.random.default_rng(3).integers(0, 256, 60_000, dtype=np.uint8).tobytes()
+    n = 60
+    with lossy_network(parse_url(listener.url)[2], loss=loss, swap=swap, double=0.02) as (url, counts):
+        board = connect(url, 5.0)
+        host = listener.accept(5.0)
+        sender = threading.Thread(target=lambda: [host.send_packet(packet(k, data)) for k in range(n)])
+        sender.start()
+        got, lost = [], 0
+        while len(got) + lost < n:
+            try:
+                one = board.recv_packet(10.0)
+            except PacketError:
+                lost += 1
+                continue
+            assert one is not None
+            got.append(one)
+        sender.join()
+        assert [one.sequence for one in got] == sorted(one.sequence for one in got)
+        assert all(one == packet(one.sequence, data) for one in got)
+        assert (lost, len(got)) == (0, n)
+        assert counts["lost"] > 10
+        assert host.outgoing.resent >= counts["lost"] // 4
+        board.close()
+        host.close()
+        listener.close()
+
+
+def test_what_is_lost_for_good_is_told_and_the_next_packet_comes():
+    out, into = Outgoing(1, 576), Incoming()
+    for k in range(3):
+        out.push(bytes([k]) * 2000)
+    sent = []
+    while (data := out.next_to_send()) is not None:
+        out.has_sent(0)
+        sent.append(split_datagram(data)[2])
+    per_packet = len(sent) // 3
+    for k, body in enumerate(sent):
+        if k != per_packet + 1:
+            number, index, count = DATA.unpack_from(body)
+            into.add(number, index, count, bytes(body[DATA.size :]), 0)
+    assert into.pop() == bytes(2000)
+    assert into.pop() is None
+    assert into.missing() == [(per_packet + 1, per_packet + 1)]
+    assert not into.give_up(GIVE_UP_NS - 1)
+    assert into.give_up(GIVE_UP_NS)
+    assert isinstance(into.pop(), PacketError)
+    assert into.pop() == b"\2" * 2000
+    assert (into.held, into.has_gap) == (0, False)
+
+
+def test_only_what_is_missing_and_not_on_its_way_is_sent_again():
+    out = Outgoing(1, 576)
+    out.push(bytes(3000))
+    times = iter(range(100))
+    while out.next_to_send() is not None:
+        out.has_sent(next(times))
+    progress, again = out.acknowledged(1, 2, [(1, 2), (5, 5)], 10, 6)
+    assert progress
+    assert [DATA.unpack_from(split_datagram(d)[2])[0] for d in again] == [1, 2]
+    assert out.acknowledged(1, 2, [(1, 2)], 11, 6) == (False, [])
+    # an answer that claims what was never sent is no answer
+    assert out.acknowledged(99, 0, [], 12, 6) == (False, [])
+
+
+def test_a_receiver_keeps_a_bounded_part_of_what_comes_before_its_turn():
+    into = Incoming()
+    tracemalloc.start()
+    for number in range(1, 200_000):
+        into.add(number, 0, 2, bytes(500), 0)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert into.held == SPAN - 1
+    assert peak < 8 << 20
+    # and of packets that nobody takes
+    into = Incoming()
+    for number in range(300_000):
+        into.add(number, 0, 1, b"x", 0)
+    assert len(into.ready) < 100_000
+
+
+def test_nothing_is_kept_for_an_address_that_does_not_answer():
+    listener = listen("udp://127.0.0.1:0")
+    port = parse_url(listener.url)[2]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        stranger.settimeout(2.0)
+        for nonce in range(1, 200):
+            opening = datagram(Kind.OPEN, 0, OPEN.pack(nonce, 0))
+            stranger.sendto(opening, ("127.0.0.1", port))
+            answer = stranger.recv(2000)
+            assert split_datagram(answer)[0] is Kind.COOKIE
+            assert len(answer) <= len(opening)
+        # a cookie of another nonce, or of another address, opens nothing
+        cookie = OPEN.unpack(split_datagram(answer)[2])[1]
+        stranger.sendto(datagram(Kind.OPEN, 0, OPEN.pack(5, cookie)), ("127.0.0.1", port))
+        assert split_datagram(stranger.recv(2000))[0] is Kind.COOKIE
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.settimeout(2.0)
+            other.sendto(datagram(Kind.OPEN, 0, OPEN.pack(199, cookie)), ("127.0.0.1", port))
+            assert split_datagram(other.recv(2000))[0] is Kind.COOKIE
+        assert listener.accept(0.05) is None
+        assert listener._endpoint._peers == {}
+    listener.close()
+
+
+def test_peers_are_bounded_and_garbage_changes_nothing():
+    listener = listen("udp://127.0.0.1:0")
+    port = parse_url(listener.url)[2]
+    boards = [connect_udp("127.0.0.1", port, 5.0) for _ in range(MOST_PEERS)]
+    with pytest.raises(LinkError, match="nobody listens"):
+        connect_udp("127.0.0.1", port, 0.3)
+    hosts = [listener.accept(5.0) for _ in range(MOST_PEERS)]
+    rng = np.random.default_rng(1)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for size in range(200):
+            stranger.sendto(rng.bytes(size), ("127.0.0.1", port))
+            body = rng.bytes(size)
+            stranger.sendto(datagram(Kind(1 + size % 7), hosts[0].token, body), ("127.0.0.1", port))
+    for board, host in zip(boards, hosts, strict=True):
+        board.send_packet(packet(1, b"still here"))
+        assert host.recv_packet(5.0) == packet(1, b"still here")
+        board.close()
+        host.close()
+    listener.close()
+
+
+def test_a_peer_that_says_nothing_more_is_given_up(monkeypatch):
+    monkeypatch.setattr(udp_peer, "SILENCE_NS", 400_000_000)
+    listener = listen("udp://127.0.0.1:0")
+    with lossy_network(parse_url(listener.url)[2]) as (url, _):
+        board = connect(url, 5.0)
+        host = listener.accept(5.0)
+        board.send_packet(packet(1, b"x"))
+        assert host.recv_packet(5.0) is not None
+    # the network is gone
+    for end in (host, board):
+        with pytest.raises(LinkClosed, match=r"said nothing for|went away|closed"):
+            end.recv_packet(10.0)
+        end.close()
+    listener.close()
+
+
+def test_a_host_that_was_started_again_ends_the_old_session_at_once():
+    listener = listen("udp://127.0.0.1:0")
+    port = parse_url(listener.url)[2]
+    board = connect(listener.url, 5.0)
+    host = listener.accept(5.0)
+    # killed: nothing is said any more
+    endpoint = listener._endpoint
+    with endpoint.changed:
+        endpoint._peers.clear()
+    start = time.monotonic()
+    with pytest.raises(LinkClosed, match="closed the connection"):
+        board.recv_packet(10.0)
+    assert time.monotonic() - start < 2.5  # a ping each quarter of a second, before the silence counts
+    board.close()
+    host.closed_by_us = True
+    host._bell.close()
+    listener.close()
+    assert port
+
+
+def test_nobody_there_and_bad_sizes_are_one_sentence():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+        with pytest.raises(LinkError, match=r"cannot listen on udp://127\.0\.0\.1"):
+            UdpListener("127.0.0.1", port)
+    with pytest.raises(LinkError, match=rf"nobody listens on udp://127.0.0.1:{port} .*start the other side"):
+        connect(f"udp://127.0.0.1:{port}", 0.2)
+    with pytest.raises(LinkError, match="datagrams of 100 bytes cannot be sent: choose 576"):
+        connect(f"udp://127.0.0.1:{port}?datagram=100", 0.2)
+    with pytest.raises(LinkError, match="unknown option 'jumbo': udp knows datagram"):
+        parse_url("udp://127.0.0.1:5600?jumbo=1")
+    with contextlib.suppress(struct.error):
+        assert split_datagram(b"") is None
