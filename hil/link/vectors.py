@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import sys
+import textwrap
 from enum import IntEnum
 from typing import Any, Dict, List, Tuple
 
@@ -117,6 +119,81 @@ EXAMPLES: List[Tuple[str, Message]] = [
 ]
 
 
+_HOST_STEP, _BOARD_STEP = 1_000_000, 5_000_000
+# four by two pixels; the session id is the host's choice
+_PIXELS = bytes([0, 16, 32, 48, 64, 80, 96, 255])
+_SMALL = {**_CAMERA, "width_px": 4, "height_px": 2, "cx_px": 1.5, "cy_px": 0.5}
+SESSION: List[Tuple[str, Message]] = [
+    ("board", Hello(1, 1, "tango", "", "mine", "a board", 1)),
+    ("host", HelloAck(_SMALL, 4, 2, target_name="tango")),
+    ("host", TimeSyncRequest(1 * _HOST_STEP)),
+    ("board", TimeSyncReply(1 * _HOST_STEP, 1 * _BOARD_STEP, 1 * _BOARD_STEP + 1000)),
+    (
+        "host",
+        FrameHeader(
+            0,
+            4,
+            2,
+            8,
+            Encoding.RAW,
+            8,
+            1,
+            0.01,
+            0.0,
+            2 * _HOST_STEP,
+            "2026-11-21T03:31:40.000000Z",
+            roi_px=(0, 0, 4, 2),
+            exposure_start_ns=1_795_231_899_995_000_000,
+            exposure_end_ns=1_795_231_900_005_000_000,
+        ),
+    ),
+    ("host", FrameChunk(0, 0, 0, _PIXELS)),
+    (
+        "board",
+        PoseMessage(
+            0,
+            accepted=True,
+            q_camera_from_target_wxyz=(1.0, 0.0, 0.0, 0.0),
+            t_camera_from_target_m=(0.0, 0.0, 10.0),
+            confidence=0.5,
+            receive_ns=2 * _BOARD_STEP,
+            start_ns=2 * _BOARD_STEP + 1000,
+            end_ns=3 * _BOARD_STEP,
+        ),
+    ),
+    ("board", Credit(0, 1)),
+    ("host", Bye("the run is over")),
+]
+"""One session in lockstep on one frame, as docs/hil_protocol.md walks it."""
+
+
+def session_packets() -> List[Tuple[str, Message, bytes]]:
+    """Who says what in `SESSION`, and the packet's bytes: each side counts its own from 0."""
+    counts = {"board": 0, "host": 0}
+    out = []
+    for side, message in SESSION:
+        session_id = 0 if isinstance(message, Hello) else SESSION_ID
+        out.append(
+            (side, message, encode_packet(Packet(message.TYPE, message.encode(), session_id, counts[side])))
+        )
+        counts[side] += 1
+    return out
+
+
+def session_text() -> str:
+    """The session in bytes, as text; more than three zeros in a row as ``00*N``."""
+    lines = []
+    for side, message, data in session_packets():
+        lines.append(f"{side}: {message.TYPE.name}, {len(data)} bytes")
+        for name, part in (("header", data[:24]), ("payload", data[24:-4]), ("CRC-32", data[-4:])):
+            runs = re.findall(rb"\0{4,}|[^\0]|\0", part, re.DOTALL)
+            words = [f"00*{len(run)}" if len(run) > 3 else run.hex() for run in runs]
+            lines += textwrap.wrap(
+                " ".join(words), 108, initial_indent=f"  {name:8}", subsequent_indent=" " * 10
+            )
+    return "\n".join(lines)
+
+
 def _plain(value: Any) -> Any:  # noqa: ANN401 - a dataclass field
     if isinstance(value, IntEnum):
         return int(value)
@@ -150,4 +227,6 @@ def vectors() -> Dict[str, Any]:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(json.dumps(vectors(), indent=1) + "\n")
+    # --session: the bytes of the page
+    asked = session_text() if "--session" in sys.argv[1:] else json.dumps(vectors(), indent=1)
+    sys.stdout.write(asked + "\n")

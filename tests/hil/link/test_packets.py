@@ -32,7 +32,7 @@ from hil.link.packets.messages import (
     decode_message,
 )
 from hil.link.packets.packet import MAX_PAYLOAD_BYTES, Packet, PacketType, decode_packet, encode_packet
-from hil.link.vectors import EXAMPLES, vectors
+from hil.link.vectors import EXAMPLES, session_packets, session_text, vectors
 
 ROOT = Path(__file__).parents[3]
 
@@ -207,3 +207,9 @@ def test_board_side_is_python_3_9():
     for folder in ("hil/link", "hil/board"):
         for path in sorted((ROOT / folder).rglob("*.py")):
             ast.parse(path.read_text(), str(path), feature_version=(3, 9))
+
+
+def test_the_session_that_the_page_walks_is_real_bytes():
+    assert session_text() in (ROOT / "docs" / "hil_protocol.md").read_text()
+    for _, message, data in session_packets():
+        assert decode_message(decode_packet(data)) == message

@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import socket
 import sys
+import time
 
 import pytest
+from serial_line import null_modem
 
 from hil.link.errors import LinkClosed, LinkError
 from hil.link.packets.messages import FrameChunk
 from hil.link.packets.packet import Packet
+from hil.link.transports.serial_port import SerialTransport
 from hil.link.transports.tcp import TcpTransport
 from hil.link.transports.url import connect, listen, parse_url, url_options
 
@@ -101,3 +104,22 @@ def test_a_listener_that_cannot_be_made_leaves_no_socket() -> None:
     after = os.dup(0)
     os.close(after)
     assert after == next_one
+
+
+def test_a_serial_line_is_written_at_its_own_rate():
+    """Bytes against the clock: never faster than 115,200 baud carry them, and hardly slower where nothing else runs."""
+    shares = []
+    with null_modem() as (left, right):
+        a, b = SerialTransport(left, 115200), SerialTransport(right, 115200)
+        for k in range(4):
+            message = packet(k, os.urandom(6000))
+            size = len(a._framing.encode(message))
+            start = time.monotonic()
+            a.send_packet(message)
+            assert b.recv_packet(5.0) == message
+            shares.append(size * 10 / 115200 / (time.monotonic() - start))
+        a.close()
+        b.close()
+    # the last piece of each is given to the line at once
+    assert all(share < 1.1 for share in shares)
+    assert max(shares) > 0.95
