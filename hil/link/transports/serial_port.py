@@ -64,6 +64,9 @@ class SerialTransport(StreamTransport):
     def _write(self, data: bytes) -> None:
         view = memoryview(data)
         piece = max(1, int(self._bytes_per_s * PIECE_S))
+        self._free_s = max(
+            self._free_s, time.monotonic()
+        )  # a pause is not made up for, a long sleep below is
         try:
             for at in range(0, len(view), piece):
                 part = view[at : at + piece]
@@ -71,7 +74,6 @@ class SerialTransport(StreamTransport):
                 if wait_s > 0:
                     time.sleep(wait_s)
                 self._port.write(part)
-                # a sleep that lasted too long is made up for; a pause is not
                 self._free_s = (
                     max(self._free_s, time.monotonic() - CATCH_UP_S) + len(part) / self._bytes_per_s
                 )
