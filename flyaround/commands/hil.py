@@ -160,7 +160,7 @@ def host(
         bool,
         typer.Option(
             "--closed-loop",
-            help="Fly on the poses: each frame is drawn of what they made the thrusters do (docs/hil.md).",
+            help="Fly on the poses: each frame is drawn of what they made the thrusters do (docs/hil_closed_loop.md).",
         ),
     ] = False,
     pose: Annotated[

@@ -72,7 +72,7 @@ class PoseNoise:
     """Errors of accepted poses, normal and without correlation; how often there is one.
 
     The defaults are the RMS errors of the estimator `svd` on Tango with the SPEED camera over 191 accepted poses of 200
-    feasible frames (``eval-black`` seed 2501, ``eval-earth`` seed 2502; docs/hil.md, "Closing the loop"); the share of
+    feasible frames (``eval-black`` seed 2501, ``eval-earth`` seed 2502; docs/hil_closed_loop.md); the share of
     wrong ones is that of docs/svd.md.
 
     Parameters

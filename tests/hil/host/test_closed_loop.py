@@ -1,0 +1,97 @@
+"""A closed loop from the command line; once with the real board, each frame drawn of what was flown."""
+
+from __future__ import annotations
+
+import csv
+import json
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from hil.host.ledger.frames_csv import read_ledger
+
+FLYAROUND = (sys.executable, "-m", "flyaround")
+
+
+def run(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*FLYAROUND, "hil", "host", *words], capture_output=True, text=True, check=False)
+
+
+def test_without_a_board_it_writes_figures_and_every_decision(tmp_path):
+    log = tmp_path / "log"
+    done = run(
+        "tango-vbar-closed-loop",
+        "--closed-loop",
+        "--pose",
+        "noisy",
+        "--seed",
+        "2",
+        "--log",
+        str(log),
+        "--json",
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)["closed_loop"]
+    assert told == json.loads((log / "summary.json").read_text())["closed_loop"]
+    assert told["outcome"] == "arrived"
+    assert told["pose"] == "noisy"
+    assert told["final_error_m"] < 0.2
+    assert told["final_error_deg"] < 2.0
+    assert 2.5 < told["min_range_m"] < 3.1
+    assert told["keep_out_violations"] == 0
+    assert told["delta_v_m_s"] > 0.1
+    rows = list(csv.DictReader((log / "closed_loop.csv").read_text().splitlines()))
+    assert (rows[0]["phase"], rows[-1]["phase"]) == ("acquire", "arrived")
+    assert rows[0]["reason"] == "no pose yet"
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--pose", "noisy"), "needs --closed-loop"),
+        (("--closed-loop", "--pose", "guess"), "unknown pose 'guess'"),
+        (("--closed-loop", "-n", "5"), "give --every instead of -n"),
+        (("--closed-loop", "--pose", "truth", "--every", "0.5"), "no multiple of the thrusters' period"),
+    ],
+)
+def test_mistakes_end_with_one_sentence(words, says):
+    done = run("tango-vbar-closed-loop", *words)
+    assert done.returncode == 2
+    assert says in " ".join(done.stderr.split())
+
+
+@pytest.mark.slow
+def test_the_real_board_brings_it_to_the_hold_point(tmp_path):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        url = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    log = tmp_path / "log"
+    board = subprocess.Popen([*FLYAROUND, "hil", "board", url], stderr=subprocess.DEVNULL)
+    try:
+        done = run(
+            "tango-vbar-closed-loop-tumble",
+            "--closed-loop",
+            "--truth",
+            "off",
+            "--listen",
+            url,
+            "--log",
+            str(log),
+            "--json",
+        )
+        assert done.returncode == 0, done.stderr
+    finally:
+        board.terminate()
+        board.wait()
+    told = json.loads(done.stdout)["closed_loop"]
+    assert (told["pose"], told["outcome"], told["keep_out_violations"]) == ("board", "arrived", 0)
+    assert told["final_error_m"] < 0.2
+    assert told["final_error_deg"] < 2.0
+    ledger = read_ledger(log)
+    assert len(ledger) > 200
+    # what was drawn is what was flown: the pictures' truth comes nearer as the thrusters had it
+    ranges = [sum(x * x for x in row.truth_t_m) ** 0.5 for row in ledger]
+    assert ranges[0] > 17.0
+    assert ranges[-1] < 3.5

@@ -1,0 +1,141 @@
+"""Makes the pictures of docs/hil_closed_loop.md: an approach in its corridor, its errors, and the forecast's.
+
+    python -m tools.docs.closed_loop LEDGER -o docs/images
+
+LEDGER is a folder of ``hil host --closed-loop --log``; the forecast is flown anew, without pictures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hil.host.closed_loop import LATENCY_S, STEPS_CSV
+from hil.navigation.attitude_forecast import ForecastError, forecast_errors
+from hil.navigation.closed_loop import ClosedLoopConfig, fly_closed_loop
+from hil.navigation.measurement import PoseNoise
+from hil.navigation.pose_sources import NoisyPoses
+from hil.navigation.relative_estimate import MotionModel, RelativeEstimate
+from simulator.reports.plots import BLUE, DIM, GREEN, ORANGE, VERMILION, figure_with_axes
+from simulator.scenario.flight import fly
+from simulator.scenario.load import load_scenario
+from simulator.targets.library import load_target
+
+HORIZONS_S = (0.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0)
+SCENARIOS = {"steady": "tango-vbar-closed-loop", "tumbling": "tango-vbar-closed-loop-tumble"}
+SPHERE_M, CORRIDOR_DEG, HOLD_M = 12.0, 15.0, 3.0
+SETTLED_S, RUNS = 60, 8
+
+
+def read_steps(folder: Path) -> dict[str, list[str]]:
+    """Columns of a run's ``closed_loop.csv``."""
+    with (folder / STEPS_CSV).open() as file:
+        rows = list(csv.DictReader(file))
+    return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+def numbers(column: list[str]) -> np.ndarray:
+    """A column with gaps as NaN."""
+    return np.array([float(cell) if cell else np.nan for cell in column])
+
+
+def approach_picture(steps: dict[str, list[str]]) -> Figure:
+    """The way in, beside the corridor and the sphere, and the errors along it."""
+    figure, (way, position, attitude) = figure_with_axes(1, 3, 3.6, width=13, widths=(1.2, 1, 1))
+    along, radial, across = (numbers(steps[f"{name}_m"]) for name in ("along_track", "radial", "cross_track"))
+    out = np.linspace(0, 19, 2)
+    for side in (-1, 1):
+        way.plot(out, side * out * np.tan(np.radians(CORRIDOR_DEG)), color=VERMILION, lw=1)
+    turn = np.linspace(np.radians(CORRIDOR_DEG), np.pi / 2, 60)
+    for side in (-1, 1):
+        way.plot(SPHERE_M * np.cos(turn), side * SPHERE_M * np.sin(turn), color=VERMILION, lw=1)
+    way.plot(along, radial, color=BLUE, label="radial")
+    way.plot(along, across, color=GREEN, label="cross-track")
+    way.plot([HOLD_M], [0], "o", color=ORANGE, label="hold point")
+    way.set(xlim=(0, 19), ylim=(-6, 6), xlabel="along-track [m]", ylabel="off the axis [m]")
+    way.legend(frameon=False, fontsize=8)
+    t = numbers(steps["t_s"])
+    error = np.sqrt(
+        sum(numbers(steps[f"{n}_error_m"]) ** 2 for n in ("radial", "along_track", "cross_track"))
+    )
+    two_curves(position, t, 1e3 * error, 1e3 * numbers(steps["position_sigma_m"]), "position [mm]")
+    two_curves(
+        attitude,
+        t,
+        numbers(steps["attitude_error_deg"]),
+        numbers(steps["attitude_sigma_deg"]),
+        "attitude [deg]",
+    )
+    return figure
+
+
+def two_curves(ax: Axes, t: np.ndarray, error: np.ndarray, sigma: np.ndarray, what: str) -> None:
+    """An error of the estimate and the largest sigma that the filter gives it."""
+    ax.plot(t, error, color=BLUE, label="error")
+    ax.plot(t, sigma, color=DIM, lw=1, label="sigma")
+    ax.set(xlabel="time [s]", ylabel=what, yscale="log")
+    ax.legend(frameon=False, fontsize=8)
+
+
+def forecasts() -> dict[tuple[str, str], list[ForecastError]]:
+    """Errors over the horizon, for each target's motion and each model of it."""
+    target = load_target("tango")
+    found = {}
+    for name, scenario in SCENARIOS.items():
+        flight = fly(load_scenario(scenario), target)
+        estimates: list[RelativeEstimate] = []
+        for seed in range(RUNS):
+            poses = NoisyPoses(PoseNoise(), LATENCY_S, seed)
+            config = ClosedLoopConfig(seed=seed)
+            result = fly_closed_loop(flight, target.mass.com_m, target.mass.inertia_kg_m2, poses, config)
+            estimates += [s.estimate for s in result.steps[SETTLED_S::5] if s.estimate is not None]
+        for model, inertia in (("rigid body", np.array(target.mass.inertia_kg_m2)), ("constant rate", None)):
+            motion = MotionModel(n_rad_s=flight.n_rad_s, inertia_kg_m2=inertia)
+            found[name, model] = forecast_errors(
+                estimates, flight.attitude, motion, HORIZONS_S, flight.duration_s
+            )
+    return found
+
+
+def forecast_picture(found: dict[tuple[str, str], list[ForecastError]]) -> Figure:
+    """Median and 95th percentile over the horizon, of the tumbling target."""
+    figure, (ax,) = figure_with_axes(1, 1, 3.4, width=6.5)
+    for model, colour in (("rigid body", BLUE), ("constant rate", VERMILION)):
+        errors = found["tumbling", model]
+        horizons = [e.horizon_s for e in errors]
+        ax.plot(horizons, [e.median_deg for e in errors], "o-", color=colour, label=f"{model}, median")
+        ax.plot(horizons, [e.p95_deg for e in errors], "--", color=colour, lw=1, label="95th percentile")
+    ax.set(yscale="log", xlabel="foretold ahead [s]", ylabel="attitude error [deg]")
+    ax.legend(frameon=False, fontsize=8)
+    return figure
+
+
+def save(figure: Figure, path: Path) -> None:
+    """As JPEG, which is smaller."""
+    data = BytesIO()
+    figure.savefig(data, format="jpeg", dpi=110, pil_kwargs={"quality": 88})
+    path.write_bytes(data.getvalue())
+
+
+def main() -> None:
+    """Write both pictures and print the forecast's table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("ledger", type=Path)
+    parser.add_argument("-o", "--out", type=Path, required=True)
+    given = parser.parse_args()
+    save(approach_picture(read_steps(given.ledger)), given.out / "closed_loop.jpg")
+    found = forecasts()
+    save(forecast_picture(found), given.out / "attitude_forecast.jpg")
+    for (name, model), errors in found.items():
+        cells = " | ".join(f"{e.median_deg:.2f} ({e.p95_deg:.2f})" for e in errors)
+        print(f"| {name}, {model} | {cells} |")
+
+
+if __name__ == "__main__":
+    main()
