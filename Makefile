@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow test-portable test-mutants test-starts lint bench validation docs docs-site schemas format system clean
+.PHONY: demo test test-slow test-portable test-mutants test-starts lint bench validation proof-latency docs docs-site schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -41,6 +41,11 @@ validation: $(STAMP) system
 	$(BIN)/python -m tools.validation.dynamics
 	$(BIN)/python -m tools.validation.camera
 	$(BIN)/python -m tools.validation.rendering
+
+# The camera's latency over SECONDS, as docs/validation/hil.md has it; wants a quiet machine.
+SECONDS ?= 60
+proof-latency: $(STAMP)
+	$(BIN)/python -m tools.validation.hil --seconds $(SECONDS)
 
 docs: $(STAMP) system
 	$(BIN)/python -m tools.docs.pictures

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import msgspec
+import numpy as np
 import typer
 from rich.text import Text
 
@@ -37,6 +38,7 @@ from hil.host.ledger.frames_csv import LedgerRow
 from hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary
 from hil.host.link_process.host_link import choose_pixel_format
 from hil.host.link_process.ipc import Compression, LinkConfig, PixelFormatName
+from hil.host.picture_frames import frames_of_folder, pictures_in
 from hil.host.plan_frames import frames_of_plan
 from hil.host.recording.ros_log import RosLog
 from hil.host.recording.space_packets import SpacePacketSink
@@ -58,6 +60,7 @@ if TYPE_CHECKING:
 
     from hil.host.recording.recorder import Recorder
     from simulator.frame import Frame
+    from simulator.scenario.plan import Plan
 
 ANY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - listened on at the user's wish
 
@@ -83,6 +86,21 @@ def host(
             help="lockstep: wait for each pose; realtime: paced by simulated time, after up to 15 s of warming up."
         ),
     ] = "lockstep",
+    latency_s: Annotated[
+        float,
+        typer.Option(
+            "--latency",
+            min=0.0,
+            help="realtime: seconds from the end of an exposure until the camera hands its picture over.",
+        ),
+    ] = 0.0,
+    source: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            help="Send the pictures of this folder or data set, in a loop, at the flight's times: nothing is drawn.",
+        ),
+    ] = None,
     truth: Annotated[
         str,
         typer.Option(help="separate: own endpoint, one port up; inline: with each frame; off: kept home."),
@@ -201,6 +219,10 @@ def host(
             scenario, "truth" if pose == "truth" else "noisy", every_s, seed, log, as_json=as_json
         )
         return
+    if latency_s and mode != "realtime":
+        raise UserError(
+            "--latency is a camera's that runs by itself: give --mode realtime with it, or leave it out"
+        )
     given = NO_FAULTS if faults is None else read_faults(faults)
     link = LinkConfig(
         url=listen,
@@ -225,23 +247,29 @@ def host(
     if closed_loop:
         told = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(every_s, plan))
         flown = BoardLoop.of(with_exposure_faults(plan, given), told, realtime=mode == "realtime")
+    if source is not None:
+        pictures_in(source)
     if log is not None:
         empty_folder(log, option="--log")
     config = RunConfig(
         link=link,
         log_dir=log,
         connect_timeout_s=wait_s or timeout_s or CONNECT_S,
+        deadline_s=_interval_s(plan) if mode == "realtime" else None,
+        latency_s=latency_s,
         target_name=plan.target.name,
         target_sha256=plan.target.sha256,
         recorders=_recorders(mcap, live, ccsds, log),
         closed_loop=None if flown is None else flown.figures,
     )
-    if flown is None:
+    if flown is not None:
+        drawn = flown.frames(device_index=gpu, realtime=mode == "realtime")
+    elif source is not None:
+        drawn = frames_of_folder(with_exposure_faults(plan, given), source)
+    else:
         drawn = frames_of_plan(
             with_exposure_faults(plan, given), device_index=gpu, workers=workers, warm_up=mode == "realtime"
         )
-    else:
-        drawn = flown.frames(device_index=gpu, realtime=mode == "realtime")
     n_frames = plan.n_frames if flown is None else flown.loop.most_pictures
     coded = with_time_code(drawn, faults=given) if time_code else drawn
     try:
@@ -280,6 +308,11 @@ def _one_of(value: str, kind: Any, option: str) -> Any:  # noqa: ANN401 - a Lite
     raise UserError(
         f"unknown {option[2:].replace('-', ' ')} '{value}' in {option}; choose {', '.join(get_args(kind))}"
     )
+
+
+def _interval_s(plan: Plan) -> float | None:
+    """From frame to frame, the middle of all."""
+    return float(np.median(np.diff(plan.times_s))) if plan.n_frames > 1 else None
 
 
 def _be_camera(
@@ -505,6 +538,12 @@ def summary_text(s: LedgerSummary, log: Path | None) -> Text:
         )
     if s.deadline_misses is not None:
         lines.append(f"later than the deadline of {s.deadline_ms:.0f} ms: {s.deadline_misses}")
+    if s.handover_error_ms_p99 is not None:
+        late = f"; {s.late} frame(s) were not drawn in time" if s.late else ""
+        lines.append(
+            f"handed over {s.latency_ms:g} ms after exposure, off by p99 {s.handover_error_ms_p99:.3g} ms, at most"
+            f" {s.handover_error_ms_max:.3g} ms{late}"
+        )
     if log is not None:
         lines.append(f"ledger: {log}; a page with plots: flyaround hil report {log}")
     return Text("\n").join(Text(line) if isinstance(line, str) else line for line in lines)

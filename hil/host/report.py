@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import msgspec
 
 from hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
-from hil.host.ledger.summary import RUN_JSON, SUMMARY_JSON, LedgerSummary, RunTerms, summarise
+from hil.host.ledger.summary import RUN_JSON, SUMMARY_JSON, LedgerSummary, RunTerms, percentile, summarise
 from hil.host.recording.chrome_trace import write_trace
 from hil.host.report_plots import draw_plots
 from simulator.errors import UserError
@@ -29,12 +29,16 @@ TRACE_JSON = "trace.json"
 MOST_BYTES = 1 << 24
 
 WRONG_LABEL = "accepted poses wrong"
+LATE_LABEL = "not drawn in time"
 
 CAPTIONS = {
     "latency": "From the first byte of the frame to the pose back, on the link process's monotonic clock.",
     "timeline": "Every frame in order; a red line is a frame without an answer, a red dot an accepted pose that is"
     " wrong.",
     "jitter": "Change from one answer to the next; in real time also how late frames left.",
+    "camera": "Age of mid-exposure when the estimator began; in real time also how far the camera was off its constant"
+    " latency, every frame.",
+    "drops": "Each stroke is a frame. Faults were asked for with --faults; what they did to the frame is its outcome.",
     "outcomes": "Each frame that was offered to the link has exactly one outcome.",
     "stages": "Medians do not add up to the median of the whole; link times rest on the clock offset.",
     "errors": "Against the truth as the host knows it; an accepted pose beyond 5 deg or 5 % of the range is wrong.",
@@ -53,7 +57,7 @@ def write_report(folder: Path) -> Path:
     """
     rows = read_ledger(folder)
     summary = _summary(folder, rows)
-    page = _page(summary, draw_plots(rows, summary.deadline_ms)).write(folder / REPORT_HTML)
+    page = _page(summary, rows, draw_plots(rows, summary.deadline_ms)).write(folder / REPORT_HTML)
     write_trace(rows, folder / TRACE_JSON)
     return page
 
@@ -128,13 +132,57 @@ def _ended(s: LedgerSummary) -> str:
     return s.ended.replace("_", " ") + (f": {s.board_gone}" if s.board_gone else "")
 
 
-def _page(s: LedgerSummary, plots: dict[str, bytes]) -> Page:
+def _drift(s: LedgerSummary) -> str:
+    if s.link.clock_drift_ppm is None or s.link.clock_drift_ppm_sigma is None:
+        return "\N{EN DASH}"
+    return f"{s.link.clock_drift_ppm:.3g} \N{PLUS-MINUS SIGN} {s.link.clock_drift_ppm_sigma:.2g} ppm"
+
+
+TIMES = (
+    ("end to end", "e2e_ms"),
+    ("staleness when used", "staleness_ms"),
+    ("camera's latency off by", "handover_error_ms"),
+    ("sent later than due", "send_lag_ms"),
+    ("drawing", "render_ms"),
+    ("link out", "uplink_ms"),
+    ("waiting on the board", "board_wait_ms"),
+    ("on the board", "board_total_ms"),
+    ("link back", "downlink_ms"),
+)
+
+
+def _times(rows: Sequence[LedgerRow]) -> Markup:
+    """Percentiles of every time of a frame, over the frames that have it."""
+    lines = []
+    for label, name in TIMES:
+        ms = [value for row in rows if (value := getattr(row, name)) is not None]
+        if ms:
+            shown = [percentile(ms, q) for q in (50, 95, 99, 100)]
+            lines.append((label, str(len(ms)), *(f"{value:.3f}" for value in shown)))
+    if not lines:
+        return markup()
+    return table(("time", "frames", "p50 [ms]", "p95 [ms]", "p99 [ms]", "max [ms]"), lines)
+
+
+def _faults(rows: Sequence[LedgerRow]) -> Markup:
+    """What became of the frames that were struck on purpose."""
+    names = sorted({name for row in rows for name in row.faults})
+    outcomes = sorted({row.outcome for row in rows if row.faults})
+    lines = []
+    for name in names:
+        struck = [row.outcome for row in rows if name in row.faults]
+        lines.append((name, str(len(struck)), *(str(struck.count(outcome)) for outcome in outcomes)))
+    return table(("fault on purpose", "frames", *outcomes), lines)
+
+
+def _page(s: LedgerSummary, rows: Sequence[LedgerRow], plots: dict[str, bytes]) -> Page:
     board = "no board" if s.board is None else f"{s.board.name}, method {s.board.method}"
     host = f"{s.machine.processor}, {s.machine.cpus} CPUs, {s.machine.system}"
     line = (
         f"{s.link.packets_sent} packets out, {s.link.packets_received} in, {s.link.packets_corrupt} damaged,"
         f" {s.link.protocol_mistakes} protocol mistake(s), {s.link.sessions} session(s),"
-        f" clock exchange {_text(s.link.clock_round_trip_ms, 'ms')} round trip"
+        f" clock exchange {_text(s.link.clock_round_trip_ms, 'ms')} round trip,"
+        f" offset within {_text(s.link.clock_offset_bound_ms, 'ms')}, drift {_drift(s)}"
     )
     files = [link(FRAMES_CSV)]
     if s.ended == "killed":
@@ -153,10 +201,13 @@ def _page(s: LedgerSummary, plots: dict[str, bytes]) -> Page:
             f" (causes: {causes}). Link: {line}."
         )
     )
+    page.add(_times(rows))
+    if any(row.faults for row in rows):
+        page.add(_faults(rows))
     page.add(element("br"), [plot(png, CAPTIONS[name], alt=name) for name, png in plots.items()])
     if s.stages:
-        rows = [(t.name, *(f"{ms:.3f}" for ms in (t.p50_ms, t.p99_ms, t.max_ms))) for t in s.stages]
-        page.add(table(("board stage", "p50 [ms]", "p99 [ms]", "max [ms]"), rows))
+        stages = [(t.name, *(f"{ms:.3f}" for ms in (t.p50_ms, t.p99_ms, t.max_ms))) for t in s.stages]
+        page.add(table(("board stage", "p50 [ms]", "p99 [ms]", "max [ms]"), stages))
     page.add(note("Rows: ", _dotted(*files)))
     return page
 
@@ -173,13 +224,24 @@ def _key_figures(s: LedgerSummary) -> Markup:
         (f"{s.declined}", "declined"),
         (f"{s.dropped_total}", "dropped"),
         (_text(s.e2e_ms_p50, "ms"), "latency p50"),
+        (_text(s.e2e_ms_p95, "ms"), "latency p95"),
         (_text(s.e2e_ms_p99, "ms"), "latency p99"),
         (_text(s.e2e_ms_max, "ms"), "latency max"),
         (_text(s.median_E_T_m, "m"), "median E_T, accepted"),
         (_text(s.median_E_R_deg, "deg"), "median E_R, accepted"),
     ]
     if s.deadline_misses is not None:
-        figures.insert(7, (f"{s.deadline_misses}", f"later than {_text(s.deadline_ms, 'ms')}"))
+        figures.insert(8, (f"{s.deadline_misses}", f"later than {_text(s.deadline_ms, 'ms')}"))
+    if s.staleness_ms_p50 is not None:
+        figures.append((_text(s.staleness_ms_p50, "ms"), "age when used, p50"))
+        figures.append((_text(s.staleness_ms_p99, "ms"), "age when used, p99"))
+    if s.handover_error_ms_p99 is not None:
+        figures.append(
+            (_text(s.handover_error_ms_p99, "ms"), f"off {_text(s.latency_ms, 'ms')} latency, p99")
+        )
+    if s.late:
+        figures.append((f"{s.late}", LATE_LABEL))
     if s.accepted_known:
         figures.append((f"{s.accepted_wrong} of {s.accepted_known}", WRONG_LABEL))
-    return key_figures(figures, bad=(WRONG_LABEL,) if s.accepted_wrong else ())
+    bad = [label for label, n in ((WRONG_LABEL, s.accepted_wrong), (LATE_LABEL, s.late)) if n]
+    return key_figures(figures, bad=bad)

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from hil.host.ledger.frames_csv import ACCEPTED, DECLINED
+from hil.host.ledger.frames_csv import ACCEPTED, DECLINED, DROPPED
 from simulator.reports.plots import DIM, INK, figure_with_axes, png
 
 if TYPE_CHECKING:
@@ -212,11 +212,64 @@ def plot_errors(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure
     return figure
 
 
+def plot_camera(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
+    """How old frames were when they were used, over the flight, and how well the camera kept its latency."""
+    stale = [(row.t_s, row.staleness_ms, kind_of(row)) for row in rows if row.staleness_ms is not None]
+    errors = np.array([abs(row.handover_error_ms) for row in rows if row.handover_error_ms is not None])
+    if not stale:
+        return None
+    figure, axes = figure_with_axes(1, 2 if len(errors) else 1, 3.2)
+    for kind in MARKERS:
+        chosen = [(t_s, ms) for t_s, ms, this in stale if this == kind]
+        if chosen:
+            axes[0].plot(*zip(*chosen, strict=True), "o", ms=3.5, color=outcome_colour(kind), label=kind)
+    axes[0].set(xlabel="simulated time [s]", ylabel="staleness [ms]")
+    axes[0].set_ylim(0, 1.08 * max(1e-3, *(ms for _, ms, _ in stale)))
+    axes[0].legend(fontsize=9, frameon=False)
+    _title(axes[0], f"Age when used: p50 {np.percentile([ms for _, ms, _ in stale], 50):.4g} ms")
+    if len(errors):
+        low = max(1e-4, float(errors[errors > 0].min(initial=1e-3)))
+        bins = np.geomspace(low, max(float(errors.max()), 10 * low) * 1.01, 41)
+        axes[1].hist(
+            errors.clip(low), bins=[float(edge) for edge in bins], color=BLUE, edgecolor="white", lw=0.4
+        )
+        axes[1].set(xlabel="handed over - (end of exposure + latency) [ms]", ylabel="frames", xscale="log")
+        axes[1].set_yscale("symlog", linthresh=1)
+        p99, worst = np.percentile(errors, 99), errors.max()
+        _title(axes[1], f"Camera's latency: p99 {p99:.3g}, max {worst:.3g} ms off")
+    return figure
+
+
+def plot_drops(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
+    """When frames were dropped, by cause, and what struck frames on purpose."""
+    causes = sorted({row.outcome for row in rows if row.outcome.startswith(DROPPED)})
+    faults = sorted({name for row in rows for name in row.faults})
+    if not causes and not faults:
+        return None
+    lines = [
+        *((name, RED, [r.t_s for r in rows if r.outcome == name]) for name in causes),
+        *((f"fault: {name}", ORANGE, [r.t_s for r in rows if name in r.faults]) for name in faults),
+    ]
+    figure, (ax,) = figure_with_axes(1, 1, 1.0 + 0.32 * len(lines))
+    for k, (_, colour, times) in enumerate(lines):
+        ax.plot(times, [k] * len(times), "|", ms=11, color=colour)
+    ax.set_yticks(range(len(lines)), [f"{name} ({len(times)})" for name, _, times in lines])
+    ax.set_ylim(len(lines) - 0.4, -0.6)
+    first, last = rows[0].t_s, rows[-1].t_s
+    ax.set_xlim(first - 0.02 * (last - first) - 1e-3, last + 0.02 * (last - first) + 1e-3)
+    ax.grid(visible=False, axis="y")
+    ax.set_xlabel("simulated time [s]")
+    _title(ax, "Drops and faults over the flight")
+    return figure
+
+
 PLOTS: dict[str, Callable[[Sequence[LedgerRow], float | None], Figure | None]] = {
     "latency": plot_latency,
     "timeline": plot_timeline,
     "jitter": plot_jitter,
+    "camera": plot_camera,
     "outcomes": plot_outcomes,
+    "drops": plot_drops,
     "stages": plot_stages,
     "errors": plot_errors,
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
@@ -39,7 +39,7 @@ logger = logging.getLogger(__name__)
 
 # frames handed to the link process and not yet sent: the renderer may run this far ahead
 N_SLOTS = 4
-# realtime: the first frame is due this long after it is ready
+# realtime: the first exposure begins this long after its picture is ready
 LEAD_NS = 20_000_000
 CONNECT_TIMEOUT_S = 60.0
 
@@ -113,7 +113,9 @@ def run_host(
         Ctrl-C, or SIGTERM where the program raises one of it; likewise.
     """
     check_access(config.link)
-    terms = with_truth_endpoint(config.link)
+    # one anchor for the run: the wall clock may be set meanwhile, intervals stay true
+    anchor_ns = time.time_ns() - time.monotonic_ns()
+    terms = replace(with_truth_endpoint(config.link), utc_minus_monotonic_ns=anchor_ns)
     run = BoardSink(terms, on_row, config.recorders, config.deadline_s, config.latency_s)
     with HostLink(terms) as link:
         # ports first, so that a taken one is reported before anything is drawn or written
@@ -227,8 +229,6 @@ class BoardSink:
         self.config = config
         self._deadline_ms = None if deadline_s is None else 1e3 * deadline_s
         self._latency_s = latency_s
-        # one anchor for the run: the wall clock may be set meanwhile, intervals stay true
-        self._utc_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
         self._last_t_s: float | None = None
         self._recorders = list(recorders)
         self.writer: LedgerWriter | None = None
@@ -261,7 +261,9 @@ class BoardSink:
         scene = frame.scene
         t_ns = round((scene.t_s + 0.5 * scene.exposure_s + self._latency_s) * 1e9)
         if self._origin_ns is None:
-            self._origin_ns = time.monotonic_ns() + LEAD_NS - t_ns
+            # the first exposure begins now, not in the past
+            start_ns = round((scene.t_s - 0.5 * scene.exposure_s) * 1e9)
+            self._origin_ns = time.monotonic_ns() + LEAD_NS - start_ns
         if self._deadline_ms is None and self._last_t_s is not None:
             self._deadline_ms = 1e3 * (scene.t_s - self._last_t_s)
         self._last_t_s = scene.t_s
@@ -418,7 +420,7 @@ class BoardSink:
 
     def _add(self, result: FrameResult) -> None:
         frame = self._open.pop(result.frame_id)
-        row = ledger_row(frame, result, self._utc_minus_monotonic_ns, self._deadline_ms)
+        row = ledger_row(frame, result, self.config.utc_minus_monotonic_ns, self._deadline_ms)
         self.rows.append(row)
         self._tell(lambda recorder: recorder.row(frame, row))
         if self.writer is not None:

@@ -37,6 +37,7 @@ class LinkConfig:
     compression, pixel_format : the host's wishes; auto takes what is quick on the line, and holds the image whole.
     max_misses : frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
     faults : those of the line are put between the board and the link.
+    utc_minus_monotonic_ns : of this machine's clocks, read once for a run.
     key : that boards and truth loggers must prove to have; None asks nobody.
     """
 
@@ -49,6 +50,7 @@ class LinkConfig:
     pixel_format: PixelFormatName = "auto"
     max_misses: int = 3
     faults: Faults = NO_FAULTS
+    utc_minus_monotonic_ns: int = 0
     key: bytes | None = field(default=None, repr=False)
 
 

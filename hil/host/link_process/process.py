@@ -6,7 +6,6 @@ import contextlib
 import os
 import signal
 import sys
-import time
 from collections import deque
 from dataclasses import replace
 from multiprocessing.connection import Connection, wait
@@ -272,7 +271,7 @@ class LinkServer:
                     job.readout.binning,
                     job.readout.roi_px,
                     job.camera_frame,
-                    *_in_utc(job.exposure_ns),
+                    *self._in_utc(job.exposure_ns),
                 )
             )
             for chunk in chunks(job.frame_id, data, ack.chunk_bytes):
@@ -283,6 +282,13 @@ class LinkServer:
             self._board.leave(str(error))
         self._pipe.send(SlotFree(job.slot))
         self._publish_truth(job)
+
+    def _in_utc(self, exposure_ns: tuple[int, int] | None) -> tuple[int, int]:
+        """Start and end of an exposure as nanoseconds of UTC since 1970, as the ledger has them; zeros if not known."""
+        if exposure_ns is None:
+            return 0, 0
+        start_ns, end_ns = exposure_ns
+        return start_ns + self._config.utc_minus_monotonic_ns, end_ns + self._config.utc_minus_monotonic_ns
 
     def _publish_truth(self, job: FrameJob) -> None:
         if self._truth is not None and job.truth is not None:
@@ -333,14 +339,6 @@ class LinkServer:
             self._truth.close(None if died else self._reason)
         with contextlib.suppress(OSError):  # the run may be gone
             self._pipe.send(Closed(self._board.counts))
-
-
-def _in_utc(exposure_ns: tuple[int, int] | None) -> tuple[int, int]:
-    """Start and end of an exposure as nanoseconds of UTC since 1970; zeros where it is not known."""
-    if exposure_ns is None:
-        return 0, 0
-    offset_ns = time.time_ns() - now_ns()
-    return exposure_ns[0] + offset_ns, exposure_ns[1] + offset_ns
 
 
 def main() -> None:

@@ -156,10 +156,10 @@ def test_injected_delay_shows():
 
 
 def test_jitter_is_spread_and_seeded():
-    _, rows = run(Jitter(most_ms=80.0), n=10)
-    _, again = run(Jitter(most_ms=80.0), n=10)
+    _, rows = run(Jitter(most_ms=200.0), n=8)
+    _, again = run(Jitter(most_ms=200.0), n=8)
     ms = np.array([row.e2e_ms for row in rows])
-    assert ms.max() - ms.min() > 25.0
+    assert ms.max() - ms.min() > 60.0
     assert np.corrcoef(ms, [row.e2e_ms for row in again])[0, 1] > 0.8
 
 

@@ -1,0 +1,151 @@
+"""How well the host keeps a camera's time: pictures in a loop, at a constant latency, to a board that answers at once.
+
+Each picture carries its frame number and time in a corner (`hil.corner_code`); the board reads it back, so that pixels
+and ledger are held against each other in every frame.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hil.board.agent import run_board
+from hil.corner_code import CodePlace, CornerCode, draw_code, read_code
+from hil.host.link_process.ipc import LinkConfig
+from hil.host.run import RunConfig, run_host
+from simulator.frame import NO_RADIANCE, Frame
+from simulator.scenario.recipes import plan_recipe
+from simulator.world.time.instant import nanoseconds_utc
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from hil.host.ledger.frames_csv import LedgerRow
+    from hil.host.ledger.summary import LedgerSummary
+
+    Pictures = Sequence[NDArray[np.uint8]]
+
+PLACE = CodePlace()
+EXPOSURE_S = 0.01
+
+
+class CodeReader:
+    """A board's estimator that does nothing but read the code; its reason says what it read."""
+
+    accepted, confidence = True, 1.0
+    q_camera_from_target_wxyz = (1.0, 0.0, 0.0, 0.0)
+    t_camera_from_target_m = (0.0, 0.0, 10.0)
+
+    def __init__(self, _camera: dict[str, Any]) -> None:
+        self.stages_ms: dict[str, float] = {}
+        self.reason = ""
+
+    def estimate(self, image: NDArray[np.uint8]) -> CodeReader:
+        """Read the corner."""
+        code = read_code(image, PLACE)
+        self.reason = "no code" if code is None else f"{code.frame_id} {code.time_ns}"
+        return self
+
+
+@dataclass(frozen=True, kw_only=True)
+class LatencyResult:
+    """What a run came to.
+
+    Parameters
+    ----------
+    handover_error_ms : size of (handed over - end of exposure - latency), each frame.
+    on_board_ms : frame whole at the board after end of exposure and latency, by the clock offset.
+    codes_agree : frames whose code, read from the pixels, says the ledger's number and time.
+    """
+
+    summary: LedgerSummary
+    rows: Sequence[LedgerRow]
+    handover_error_ms: NDArray[np.float64]
+    on_board_ms: NDArray[np.float64]
+    codes_agree: int
+
+
+def drawn_pictures(n: int, width_px: int, height_px: int, seed: int = 1) -> Pictures:
+    """Pictures of noise with a brighter square that moves: as incompressible as a sensor's."""
+    rng = np.random.default_rng(seed)
+    base = rng.normal(60, 8, (height_px + n, width_px)).clip(0, 255).astype(np.uint8)
+    return [np.ascontiguousarray(base[k : k + height_px]) for k in range(n)]
+
+
+def looped_frames(pictures: Pictures, n_frames: int, rate_hz: float) -> Iterator[Frame]:
+    """Frames of the pictures, again and again, each with its number and time in its corner."""
+    scene = plan_recipe("eval-black", 1).scene(0)
+    height, width = pictures[0].shape
+    camera = replace(scene.camera, width_px=width, height_px=height)
+    start_ns = nanoseconds_utc(scene.epoch_utc)
+    for k in range(n_frames):
+        # whole microseconds, as a frame's epoch has them
+        time_us = (start_ns + round(1e9 * k / rate_hz)) // 1000
+        epoch = datetime.fromtimestamp(time_us // 1_000_000, UTC).replace(microsecond=time_us % 1_000_000)
+        at = replace(
+            scene,
+            camera=camera,
+            frame_index=k,
+            t_s=k / rate_hz,
+            exposure_s=EXPOSURE_S,
+            epoch_utc=f"{epoch:%Y-%m-%dT%H:%M:%S.%f}Z",
+        )
+        code = CornerCode(k, 1000 * time_us)
+        image = draw_code(pictures[k % len(pictures)], code, PLACE, 255)
+        yield Frame(at, image, NO_RADIANCE, time_code_px=PLACE.box_px)
+
+
+def _board(url: str) -> None:
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    run_board(url, make_estimator=CodeReader, method="code reader")
+
+
+def measure_latency(
+    pictures: Pictures,
+    *,
+    seconds: float,
+    rate_hz: float = 30.0,
+    latency_s: float = 0.05,
+    log_dir: Path | None = None,
+) -> LatencyResult:
+    """Run host, link process and board process, each its own, over loopback TCP."""
+    rows: list[LedgerRow] = []
+    boards: list[Any] = []
+
+    def start_board(url: str, _truth_url: str | None) -> None:
+        boards.append(multiprocessing.get_context("spawn").Process(target=_board, args=(url,), daemon=True))
+        boards[0].start()
+
+    n_frames = max(2, round(seconds * rate_hz))
+    link = LinkConfig(
+        url="tcp://127.0.0.1:0", mode="realtime", truth="off", timeout_s=10.0, compression="raw"
+    )
+    config = RunConfig(link=link, latency_s=latency_s, deadline_s=1 / rate_hz, log_dir=log_dir)
+    summary = run_host(
+        looped_frames(pictures, n_frames, rate_hz), config, on_row=rows.append, on_listening=start_board
+    )
+    boards[0].join(10.0)
+    rows.sort(key=lambda row: row.frame_id)
+    agree = sum(row.reason == f"{row.frame_id} {nanoseconds_utc(row.epoch_utc)}" for row in rows)
+    # sending begins at send_lag after the frame was due, and the frame is whole at the board uplink later
+    on_board = [
+        row.send_lag_ms + row.uplink_ms
+        for row in rows
+        if row.send_lag_ms is not None and row.uplink_ms is not None
+    ]
+    errors = [abs(row.handover_error_ms) for row in rows if row.handover_error_ms is not None]
+    return LatencyResult(
+        summary=summary,
+        rows=rows,
+        handover_error_ms=np.array(errors),
+        on_board_ms=np.array(on_board),
+        codes_agree=agree,
+    )

@@ -1,0 +1,109 @@
+"""Pictures of a folder as frames of a camera: in a loop, with the numbers and times of a flight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from simulator.dataset.formats.native import read_png
+from simulator.errors import UserError
+from simulator.frame import NO_RADIANCE, Frame
+from simulator.labels.truth import Truth, read_truth
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from simulator.scenario.plan import Plan
+    from simulator.scene.state import SceneState
+
+# pictures up to this many bytes together stay decoded; those beyond are read again on each round
+KEPT_BYTES = 1 << 30
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture and what is known of it."""
+
+    path: Path
+    image: NDArray[np.unsignedinteger]
+    truth: Truth | None
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """The PNG files of a folder, or of the ``images`` of a data set, by name; masks and other layers left out.
+
+    Raises
+    ------
+    UserError
+        If there is none.
+    """
+    place = folder / "images" if (folder / "images").is_dir() else folder
+    # layers have a second suffix: 000000.mask.png
+    paths = sorted(path for path in place.glob("*.png") if "." not in path.stem) if place.is_dir() else []
+    if not paths:
+        raise UserError(
+            f"{folder} holds no .png pictures: name a folder of pictures or a data set with --from"
+        )
+    return paths
+
+
+def frames_of_folder(plan: Plan, folder: Path) -> Iterator[Frame]:
+    """Frames of a folder's pictures, again from the first after the last, until the plan has no more.
+
+    Each round has new frame numbers and times: those of the plan. A picture with a truth record beside it (a data
+    set's) brings its own camera, sensor, exposure and truth; one without takes the plan's, and its pose is not known.
+
+    Raises
+    ------
+    UserError
+        If a picture is not what the camera gives, or shows another target.
+    """
+    paths = pictures_in(folder)
+    kept: dict[int, Picture] = {}
+    kept_bytes = 0
+    for k in range(plan.n_frames):
+        j = k % len(paths)
+        picture = kept.get(j)
+        if picture is None:
+            picture = _read(paths[j])
+            if kept_bytes + picture.image.nbytes <= KEPT_BYTES:
+                kept[j] = picture
+                kept_bytes += picture.image.nbytes
+        yield _frame(plan.scene(k), picture)
+
+
+def _read(path: Path) -> Picture:
+    record = path.with_suffix(".json")
+    return Picture(path, read_png(path), read_truth(record) if record.is_file() else None)
+
+
+def _frame(flown: SceneState, picture: Picture) -> Frame:
+    truth = picture.truth
+    if truth is None:
+        scene = flown
+    else:
+        if truth.scene.target != flown.target:
+            raise UserError(
+                f"{picture.path} shows {truth.scene.target.name} and the scenario flies {flown.target.name}, or another"
+                " version of it: name a scenario of the same target"
+            )
+        scene = replace(truth.scene, epoch_utc=flown.epoch_utc, t_s=flown.t_s, frame_index=flown.frame_index)
+        truth = msgspec.structs.replace(
+            truth, epoch_utc=flown.epoch_utc, t_s=flown.t_s, frame_index=flown.frame_index, scene=scene
+        )
+    image, bits = picture.image, scene.sensor.bits
+    shape = (scene.camera.height_px, scene.camera.width_px)
+    if image.shape != shape or image.dtype.itemsize != (1 if bits <= 8 else 2):
+        height, width, *channels = image.shape
+        given = f"{width} x {height} px, {(channels or [1])[0]} channel(s), {8 * image.dtype.itemsize} bits"
+        wanted = f"{shape[1]} x {shape[0]} px, one channel, {bits} bits"
+        raise UserError(
+            f"{picture.path} has {given}, and the camera gives {wanted}: give the scenario the pictures' camera"
+        )
+    return Frame(scene, image, NO_RADIANCE, truth)

@@ -1,0 +1,69 @@
+"""The camera's constant latency: 300 pre-drawn pictures looped at 30 Hz; figures for docs/validation/hil.md.
+
+``make proof-latency SECONDS=600``: exit 1 where a goal is missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from hil.bench.camera_latency import drawn_pictures, measure_latency
+from hil.host.report import write_report
+
+P99_MS, P999_MS = 1.0, 5.0
+EDGES_MS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, np.inf)
+
+
+def main() -> int:
+    """Run, print, judge."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--rate", type=float, default=30.0)
+    parser.add_argument("--latency", type=float, default=0.05)
+    parser.add_argument("--size", type=int, default=1024)
+    parser.add_argument("--pictures", type=int, default=300)
+    parser.add_argument("--log", type=Path, default=None, help="keep the ledger and its report here")
+    given = parser.parse_args()
+    load_before = os.getloadavg()
+    pictures = drawn_pictures(given.pictures, given.size, given.size)
+    result = measure_latency(
+        pictures, seconds=given.seconds, rate_hz=given.rate, latency_s=given.latency, log_dir=given.log
+    )
+    s = result.summary
+    load = f"load {load_before[0]:.1f} before, {os.getloadavg()[0]:.1f} after"
+    drops = f"{s.dropped_total} dropped {s.dropped}"
+    print(
+        f"{given.size} x {given.size}, {given.rate:g} Hz, L = {1e3 * given.latency:g} ms, {given.seconds:g} s"
+    )
+    print(f"{s.machine.processor}, {s.machine.cpus} CPUs; {load}")
+    print(f"{s.sent} sent = {s.accepted} accepted + {s.declined} declined + {drops}; {s.late} late")
+    for name, ms in (
+        ("|handed over - (end + L)|", result.handover_error_ms),
+        ("whole on board - (end + L)", result.on_board_ms),
+    ):
+        p50, p95, p99, p999 = np.percentile(ms, [50, 95, 99, 99.9])
+        print(f"{name}: p50 {p50:.4f}, p95 {p95:.4f}, p99 {p99:.4f}, p99.9 {p999:.4f}, max {ms.max():.4f} ms")
+    print("| handover error from [ms] | to | frames |\n|---|---|---|")
+    counts, _ = np.histogram(result.handover_error_ms, EDGES_MS)
+    for low, high, n in zip(EDGES_MS, EDGES_MS[1:], counts, strict=False):
+        print(f"| {low:g} | {high:g} | {n} |")
+    answered = s.accepted + s.declined
+    print(f"code and ledger agree in {result.codes_agree} of {answered} answered frames")
+    c = s.link
+    drift = f"{c.clock_drift_ppm} +- {c.clock_drift_ppm_sigma} ppm"
+    print(f"clock: offset bound {c.clock_offset_bound_ms} ms, drift {drift}")
+    if given.log is not None:
+        print(f"report: {write_report(given.log)}")
+    p99, p999 = np.percentile(result.handover_error_ms, [99, 99.9])
+    good = p99 <= P99_MS and p999 <= P999_MS and result.codes_agree == answered
+    print("met" if good else "missed")
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
