@@ -15,6 +15,9 @@ import gi
 gi.require_version("Aravis", "0.8")
 from gi.repository import Aravis  # noqa: E402 - the version is asked for first
 
+PLAIN_BYTES = 100_000
+"""Pictures that the system's usual receive buffer holds; larger ones ask for a packet socket."""
+
 
 def say(what):
     """One line of JSON."""
@@ -46,6 +49,9 @@ def main():
     n = int(arguments[0]) if command in {"grab", "trigger"} else 1
     for text in arguments[1:]:
         set_feature(camera, text)
+    if camera.get_payload() < PLAIN_BYTES:
+        # before its filter is set, a packet socket hears what other programs say on this interface
+        camera.gv_set_stream_options(Aravis.GvStreamOption.PACKET_SOCKET_DISABLED)
     stream = camera.create_stream(None, None)
     size = camera.get_payload()
     for _ in range(20):
