@@ -248,6 +248,8 @@ def host(
         told = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(every_s, plan))
         flown = BoardLoop.of(with_exposure_faults(plan, given), told, realtime=mode == "realtime")
     if source is not None:
+        if closed_loop:
+            raise UserError("a closed loop draws what was flown: leave --from or --closed-loop out")
         pictures_in(source)
     if log is not None:
         empty_folder(log, option="--log")
@@ -255,7 +257,7 @@ def host(
         link=link,
         log_dir=log,
         connect_timeout_s=wait_s or timeout_s or CONNECT_S,
-        deadline_s=_interval_s(plan) if mode == "realtime" else None,
+        deadline_s=_interval_s(plan) if mode == "realtime" and flown is None else None,
         latency_s=latency_s,
         target_name=plan.target.name,
         target_sha256=plan.target.sha256,
