@@ -1,0 +1,152 @@
+"""Hosts and boards as processes of their own: to be killed, cut off, and weighed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 60.0
+
+# A host whose pictures are drawn before; what it is told comes as JSON. Its URL is the first line that it says.
+HOST = f"""
+import json, sys, time
+from pathlib import Path
+sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
+import numpy as np
+from hil_loop import made_frame
+from hil.host.link_process.ipc import LinkConfig
+from hil.host.run import RunConfig, run_host
+from simulator.errors import UserError
+told = json.loads(sys.argv[1])
+drawn = [np.random.default_rng(k).integers(0, 255, (told["size"],) * 2, np.uint8) for k in range(30)]
+def source():
+    for k in range(told["n"]):
+        if told["mode"] == "lockstep":
+            time.sleep(told["every_s"])
+        yield made_frame(k, drawn[k % len(drawn)], every_s=told["every_s"], t_m=(0.0, 0.0, float(k)))
+link = LinkConfig(url=told["url"], mode=told["mode"], truth="off", timeout_s=told["timeout_s"],
+                  max_misses=told["max_misses"])
+config = RunConfig(link=link, log_dir=Path(told["log"]), connect_timeout_s=60.0)
+try:
+    summary = run_host(source(), config, on_listening=lambda url, _: print(url, flush=True))
+except UserError as error:
+    print(error, file=sys.stderr)
+    sys.exit(2)
+sys.exit(0 if summary.ended == "completed" else 1)
+"""
+
+# A board that answers at once, once for each frame of each host until it is stopped.
+ECHO = f"""
+import sys
+sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
+from hil_loop import Instant
+from hil.board import agent
+agent.svd_factory = lambda model, method: (Instant, "", "")
+from hil.board.__main__ import run_and_exit
+run_and_exit("hil.board")
+"""
+
+
+def free_url() -> str:
+    """An address that nobody listens on."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return f"tcp://127.0.0.1:{free.getsockname()[1]}"
+
+
+@contextmanager
+def host_process(log: Path, **told):
+    """A running host and its URL."""
+    defaults = {"url": "tcp://127.0.0.1:0", "n": 10_000, "size": 64, "every_s": 0.02, "mode": "lockstep"}
+    defaults |= {"timeout_s": 20.0, "max_misses": 3, "log": str(log)}
+    with started([sys.executable, "-c", HOST, json.dumps(defaults | told)]) as process:
+        yield process, process.stdout.readline().strip()
+
+
+@contextmanager
+def echo_board(url: str, *more: str):
+    """A running board."""
+    with started([sys.executable, "-c", ECHO, url, "--model", "none", *more]) as process:
+        yield process
+
+
+@contextmanager
+def started(command):
+    """A process that does not outlive the test."""
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def children_of(pid: int) -> list[int]:
+    """Process ids."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError, ValueError):
+            if int(stat.read_text().rsplit(")", 1)[1].split()[1]) == pid:
+                found.append(int(stat.parent.name))
+    return found
+
+
+def kill_all(pids) -> None:
+    """As a loss of power does it: at once, nobody can say a last word."""
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    for pid in pids:
+        os.kill(pid, signal.SIGKILL)
+
+
+def resident_kib(pid: int) -> int:
+    """Memory that a process holds, less what it shares with files."""
+    text = Path(f"/proc/{pid}/status").read_text()
+    return sum(int(line.split()[1]) for line in text.splitlines() if line.startswith(("RssAnon", "RssShmem")))
+
+
+class Plug:
+    """A cable between boards and a host, which can be pulled: then nothing passes, and nobody is told."""
+
+    def __init__(self, host_url: str) -> None:
+        self._port = int(host_url.rsplit(":", 1)[1])
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.url = f"tcp://127.0.0.1:{self._server.getsockname()[1]}"
+        self.plugged = threading.Event()
+        self.plugged.set()
+        self._sockets: list[socket.socket] = []
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                board, _ = self._server.accept()
+                self.plugged.wait()
+                host = socket.create_connection(("127.0.0.1", self._port))
+                self._sockets += [board, host]
+                for one, other in ((board, host), (host, board)):
+                    threading.Thread(target=self._copy, args=(one, other), daemon=True).start()
+
+    def _copy(self, source: socket.socket, sink: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(65536):
+                self.plugged.wait()
+                sink.sendall(data)
+        self.plugged.wait()
+        for end in (source, sink):
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        """Let everybody go."""
+        self.plugged.set()
+        for one in (self._server, *self._sockets):
+            with suppress(OSError):
+                one.close()
