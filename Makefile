@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow test-portable test-mutants test-starts lint bench validation proof-latency docs docs-site schemas format system clean
+.PHONY: demo test test-slow soak test-portable test-mutants test-starts lint bench validation proof-latency docs docs-site schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -16,6 +16,10 @@ test: $(STAMP) system lint
 
 test-slow: $(STAMP) system
 	$(BIN)/pytest -q -m slow
+
+# An hour of frames to a board: memory flat, every frame accounted for.
+soak: $(STAMP) system
+	FLYAROUND_SOAK_S=3600 $(BIN)/pytest -q -rA tests/hil/host/test_soak.py -k memory
 
 # As on other processors: minutes for each factor; FACTORS="blas-prescott worst" runs some of them.
 test-portable: $(STAMP) system
