@@ -200,7 +200,13 @@ def host(
     serial:///dev/ttyUSB0?baud=921600 (its baud rate is 115200 unless given).
     """
     if listen.startswith(SCHEME):
-        _be_camera(scenario, listen, seed, gpu, others=(n, every_s, log, key, mcap, live, ccsds, faults))
+        _be_camera(
+            scenario,
+            listen,
+            seed,
+            gpu,
+            others=(n, every_s, log, key, mcap, live, ccsds, faults, time_code or None, closed_loop or None),
+        )
         return
     if mode not in {"lockstep", "realtime"}:
         raise UserError(f"unknown mode '{mode}' in --mode; choose lockstep or realtime")
