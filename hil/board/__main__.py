@@ -30,7 +30,7 @@ MOST_BYTES = 10_000_000
 RESTARTS = "; the agent starts anew"
 
 
-class Terminated(KeyboardInterrupt):
+class AgentTerminated(KeyboardInterrupt):
     """SIGTERM came: ended as by Ctrl-C, so that what is at work is cleaned up."""
 
 
@@ -55,7 +55,7 @@ def main(arguments: Optional[List[str]] = None, program: str = "hil.board") -> i
     except LinkError as error:
         sys.stderr.write(f"{error}\n")
         return ExitCode.MISTAKE
-    except Terminated:
+    except AgentTerminated:
         sys.stderr.write("terminated\n")
         return ExitCode.TERMINATED
     except KeyboardInterrupt:
@@ -191,7 +191,7 @@ def _start_anew(arguments: Optional[List[str]], program: str) -> NoReturn:
 @contextlib.contextmanager
 def _terminated_as_interrupted() -> Iterator[None]:
     def stop(_number: int, _frame: object) -> None:
-        raise Terminated
+        raise AgentTerminated
 
     try:
         before = signal.signal(signal.SIGTERM, stop)

@@ -27,7 +27,7 @@ KEPT_BYTES = 1 << 30
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class StoredPicture:
     """A picture and what is known of it."""
 
     path: Path
@@ -65,7 +65,7 @@ def frames_of_folder(plan: Plan, folder: Path) -> Iterator[Frame]:
         If a picture is not what the camera gives, or shows another target.
     """
     paths = pictures_in(folder)
-    kept: dict[int, Picture] = {}
+    kept: dict[int, StoredPicture] = {}
     kept_bytes = 0
     for k in range(plan.n_frames):
         j = k % len(paths)
@@ -78,12 +78,12 @@ def frames_of_folder(plan: Plan, folder: Path) -> Iterator[Frame]:
         yield _frame(plan.scene(k), picture)
 
 
-def _read(path: Path) -> Picture:
+def _read(path: Path) -> StoredPicture:
     record = path.with_suffix(".json")
-    return Picture(path, read_png(path), read_truth(record) if record.is_file() else None)
+    return StoredPicture(path, read_png(path), read_truth(record) if record.is_file() else None)
 
 
-def _frame(flown: SceneState, picture: Picture) -> Frame:
+def _frame(flown: SceneState, picture: StoredPicture) -> Frame:
     truth = picture.truth
     if truth is None:
         scene = flown

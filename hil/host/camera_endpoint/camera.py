@@ -6,7 +6,7 @@ import multiprocessing
 from typing import TYPE_CHECKING
 
 from hil.host.camera_endpoint.endpoint import serve_endpoint
-from hil.host.camera_endpoint.messages import Failed, FrameTaken, FrameWanted, Note, Opened
+from hil.host.camera_endpoint.messages import CameraFailed, FrameTaken, FrameWanted, Note, Opened
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def run_camera(
                 on_note(message.sentence)
             elif isinstance(message, Opened) and on_opened is not None:
                 on_opened()
-            elif isinstance(message, Failed):
+            elif isinstance(message, CameraFailed):
                 raise UserError(message.sentence)
     except (EOFError, BrokenPipeError, ConnectionResetError):
         raise UserError(_ENDED) from None

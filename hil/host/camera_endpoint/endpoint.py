@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from hil.host.camera_endpoint import gvcp
-from hil.host.camera_endpoint.gvcp import Command, RefusedError, Request, Status
-from hil.host.camera_endpoint.gvsp import Block, PixelFormat, Region, pixels_of
+from hil.host.camera_endpoint.gvcp import GvcpCommand, GvcpRequest, RefusedError, Status
+from hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat, pixels_of
 from hil.host.camera_endpoint.interface import open_socket
-from hil.host.camera_endpoint.messages import Failed, FrameTaken, FrameWanted, Note, Opened
+from hil.host.camera_endpoint.messages import CameraFailed, FrameTaken, FrameWanted, Note, Opened
 from hil.host.camera_endpoint.registers import (
     CONTINUOUS,
     DO_NOT_FRAGMENT,
@@ -55,7 +55,7 @@ def serve_endpoint(pipe: Connection, config: EndpointConfig) -> None:
     try:
         endpoint = CameraEndpoint(pipe, config)
     except UserError as error:
-        pipe.send(Failed(str(error)))
+        pipe.send(CameraFailed(str(error)))
         return
     try:
         pipe.send(Opened())
@@ -73,8 +73,8 @@ class _Due:
 
     request_id: int
     timestamp_ns: int
-    region: Region
-    pixel_format: PixelFormat
+    region: ReadoutRegion
+    pixel_format: StreamFormat
 
 
 class CameraEndpoint:
@@ -183,7 +183,7 @@ class CameraEndpoint:
         request = gvcp.parse_request(datagram)
         if request is None:
             return None
-        if request.command == Command.DISCOVERY:
+        if request.command == GvcpCommand.DISCOVERY:
             return gvcp.acknowledge(request, self._registers.discovery)
         now = time.monotonic()
         if peer == self._controller:
@@ -199,12 +199,12 @@ class CameraEndpoint:
         except RefusedError as refused:
             payload = struct.pack(">HH", 0, refused.index) if request.command in _WRITES else b""
             answer = gvcp.acknowledge(request, payload, refused.status)
-        if not request.wants_answer or request.command == Command.PACKET_RESEND:
+        if not request.wants_answer or request.command == GvcpCommand.PACKET_RESEND:
             answer = b""
         self._last = (now, peer, datagram, answer)
         return answer or None
 
-    def _carry_out(self, request: Request, peer: Peer) -> bytes:
+    def _carry_out(self, request: GvcpRequest, peer: Peer) -> bytes:
         """Do what a command says; the acknowledgement's payload.
 
         Raises
@@ -213,19 +213,19 @@ class CameraEndpoint:
             If it is not done.
         """
         registers, payload = self._registers, request.payload
-        if request.command == Command.PACKET_RESEND:
+        if request.command == GvcpCommand.PACKET_RESEND:
             # a receiver asks from its stream socket, so that the address alone can be compared
             if self._controller is not None and peer[0] == self._controller[0]:
                 self._stream.send_again(gvcp.parse_resend(payload))
             return b""
-        if request.command == Command.READ_REGISTER:
+        if request.command == GvcpCommand.READ_REGISTER:
             self._check_may_read(peer)
             return b"".join(registers.read(address, 4) for address in gvcp.read_addresses(payload))
-        if request.command == Command.READ_MEMORY:
+        if request.command == GvcpCommand.READ_MEMORY:
             self._check_may_read(peer)
             address, count = gvcp.read_span(payload)
             return struct.pack(">I", address) + registers.read(address, count)
-        if request.command == Command.WRITE_REGISTER:
+        if request.command == GvcpCommand.WRITE_REGISTER:
             pairs = gvcp.write_pairs(payload)
             for index, (address, value) in enumerate(pairs):
                 try:
@@ -233,7 +233,7 @@ class CameraEndpoint:
                 except RefusedError as refused:
                     raise RefusedError(refused.status, index) from refused
             return struct.pack(">HH", 0, len(pairs))
-        if request.command == Command.WRITE_MEMORY:
+        if request.command == GvcpCommand.WRITE_MEMORY:
             address, data = gvcp.write_span(payload)
             if len(data) == 4:
                 self._write(address, int.from_bytes(data, "big"), peer)
@@ -444,4 +444,4 @@ class CameraEndpoint:
         registers[Place.FRAMES_SENT] = registers[Place.FRAMES_SENT] + 1
 
 
-_WRITES = (Command.WRITE_REGISTER, Command.WRITE_MEMORY)
+_WRITES = (GvcpCommand.WRITE_REGISTER, GvcpCommand.WRITE_MEMORY)

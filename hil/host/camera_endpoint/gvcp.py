@@ -20,7 +20,7 @@ ACKNOWLEDGE = 0x01
 """Flag of a command that wants an answer."""
 
 
-class Command(IntEnum):
+class GvcpCommand(IntEnum):
     """What a controller may send; an acknowledgement is the number after its command's."""
 
     DISCOVERY = 0x0002
@@ -60,7 +60,7 @@ class RefusedError(Exception):
 
 
 @dataclass(frozen=True)
-class Request:
+class GvcpRequest:
     """One command as it came."""
 
     command: int
@@ -79,17 +79,17 @@ class ResendRequest:
     last: int
 
 
-def parse_request(datagram: bytes) -> Request | None:
+def parse_request(datagram: bytes) -> GvcpRequest | None:
     """The command in a datagram, or None where it is none: strangers' bytes are not answered."""
     if not HEADER.size <= len(datagram) <= MOST_BYTES:
         return None
     key, flags, command, length, request_id = HEADER.unpack_from(datagram)
     if key != KEY or length != len(datagram) - HEADER.size or request_id == 0:
         return None
-    return Request(command, request_id, datagram[HEADER.size :], bool(flags & ACKNOWLEDGE))
+    return GvcpRequest(command, request_id, datagram[HEADER.size :], bool(flags & ACKNOWLEDGE))
 
 
-def acknowledge(request: Request, payload: bytes = b"", status: Status = Status.SUCCESS) -> bytes:
+def acknowledge(request: GvcpRequest, payload: bytes = b"", status: Status = Status.SUCCESS) -> bytes:
     """The acknowledgement of a command."""
     return (
         struct.pack(">HHHH", status, (request.command + 1) & 0xFFFF, len(payload), request.request_id)

@@ -25,7 +25,7 @@ RESENT, UNAVAILABLE = 0x0100, 0x800C
 """Status of a packet that is sent again, and of one that is no longer there."""
 
 
-class PixelFormat(IntEnum):
+class StreamFormat(IntEnum):
     """Codes of the pixel format naming convention: bits that a pixel takes, and which one."""
 
     Mono8 = 0x01080001
@@ -42,17 +42,17 @@ class PixelFormat(IntEnum):
     @property
     def bytes_per_pixel(self) -> int:
         """What a pixel takes."""
-        return 1 if self is PixelFormat.Mono8 else 2
+        return 1 if self is StreamFormat.Mono8 else 2
 
 
-def formats_of(bits: int) -> tuple[PixelFormat, ...]:
+def formats_of(bits: int) -> tuple[StreamFormat, ...]:
     """Formats that a detector of so many bits has: its own, and eight bits."""
-    own = next(f for f in PixelFormat if f.bits >= bits)
-    return tuple(dict.fromkeys((own, PixelFormat.Mono8)))
+    own = next(f for f in StreamFormat if f.bits >= bits)
+    return tuple(dict.fromkeys((own, StreamFormat.Mono8)))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Region:
+class ReadoutRegion:
     """Part of the detector that is read, in pixels."""
 
     x: int
@@ -62,12 +62,12 @@ class Region:
 
 
 def pixels_of(
-    image: NDArray[np.unsignedinteger], bits: int, region: Region, pixel_format: PixelFormat
+    image: NDArray[np.unsignedinteger], bits: int, region: ReadoutRegion, pixel_format: StreamFormat
 ) -> bytes:
     """Bytes of a region of (H, W) digital numbers of ``bits`` bits, row by row, as a pixel format has them."""
     part = image[region.y : region.y + region.height, region.x : region.x + region.width]
     more = pixel_format.bits - bits
-    if pixel_format is PixelFormat.Mono8:
+    if pixel_format is StreamFormat.Mono8:
         return ((part >> -more) if more < 0 else (part << more)).astype(np.uint8).tobytes()
     return (part.astype("<u2") << more).astype("<u2").tobytes()
 
@@ -84,8 +84,8 @@ class Block:
 
     block_id: int
     timestamp_ns: int
-    pixel_format: PixelFormat
-    region: Region
+    pixel_format: StreamFormat
+    region: ReadoutRegion
     data: bytes
     packet_bytes: int
 

@@ -39,7 +39,7 @@ class Opened:
 
 
 @dataclass(frozen=True)
-class Failed:
+class CameraFailed:
     """The endpoint cannot listen; one sentence."""
 
     sentence: str

@@ -14,7 +14,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING
 
 from hil.host.camera_endpoint.gvcp import MOST_MEMORY_BYTES, RefusedError, Status
-from hil.host.camera_endpoint.gvsp import PixelFormat, Region, formats_of
+from hil.host.camera_endpoint.gvsp import ReadoutRegion, StreamFormat, formats_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -188,16 +188,16 @@ class Registers:
         return _as_float(self[place])
 
     @property
-    def region(self) -> Region:
+    def region(self) -> ReadoutRegion:
         """What is read of the detector."""
-        return Region(
+        return ReadoutRegion(
             x=self[Place.OFFSET_X], y=self[Place.OFFSET_Y], width=self[Place.WIDTH], height=self[Place.HEIGHT]
         )
 
     @property
-    def pixel_format(self) -> PixelFormat:
+    def pixel_format(self) -> StreamFormat:
         """How pixels are written."""
-        return PixelFormat(self[Place.PIXEL_FORMAT])
+        return StreamFormat(self[Place.PIXEL_FORMAT])
 
     @property
     def discovery(self) -> bytes:

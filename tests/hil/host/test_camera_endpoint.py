@@ -22,7 +22,7 @@ from hil.host.camera_endpoint import gvcp
 from hil.host.camera_endpoint.camera import run_camera
 from hil.host.camera_endpoint.endpoint import CameraEndpoint
 from hil.host.camera_endpoint.genicam_xml import OWN_NAME, read_xml, write_xml
-from hil.host.camera_endpoint.gvsp import Block, PixelFormat, Region, formats_of, pixels_of
+from hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat, formats_of, pixels_of
 from hil.host.camera_endpoint.interface import find_interface
 from hil.host.camera_endpoint.messages import EndpointConfig, FrameWanted, Note
 from hil.host.camera_endpoint.pictures import LoopedPictures, exposed_as
@@ -124,7 +124,7 @@ def as_float(value):
 
 def test_command_and_acknowledgement_by_their_bytes():
     request = gvcp.parse_request(bytes.fromhex("42 01 0080 0004 1234 00000a00"))
-    assert request == gvcp.Request(0x80, 0x1234, bytes.fromhex("00000a00"), wants_answer=True)
+    assert request == gvcp.GvcpRequest(0x80, 0x1234, bytes.fromhex("00000a00"), wants_answer=True)
     assert gvcp.read_addresses(request.payload) == (0xA00,)
     assert gvcp.acknowledge(request, b"\0\0\0\2").hex() == "000000810004123400000002"
     refused = gvcp.acknowledge(request, status=gvcp.Status.ACCESS_DENIED)
@@ -132,11 +132,11 @@ def test_command_and_acknowledgement_by_their_bytes():
 
 
 def test_picture_by_its_bytes():
-    region = Region(x=1, y=2, width=40, height=20)
+    region = ReadoutRegion(x=1, y=2, width=40, height=20)
     block = Block(
         block_id=0x0102,
         timestamp_ns=0x1122334455667788,
-        pixel_format=PixelFormat.Mono8,
+        pixel_format=StreamFormat.Mono8,
         region=region,
         data=bytes(range(200)) * 4,
         packet_bytes=576,
@@ -154,15 +154,15 @@ def test_picture_by_its_bytes():
 
 def test_pixel_formats_hold_the_detectors_numbers():
     image = (np.arange(64 * 64, dtype=np.uint16) % 4096).reshape(64, 64)
-    region = Region(x=8, y=4, width=16, height=32)
+    region = ReadoutRegion(x=8, y=4, width=16, height=32)
     part = image[4:36, 8:24]
-    twelve = np.frombuffer(pixels_of(image, 12, region, PixelFormat.Mono12), "<u2").reshape(32, 16)
+    twelve = np.frombuffer(pixels_of(image, 12, region, StreamFormat.Mono12), "<u2").reshape(32, 16)
     assert np.array_equal(twelve, part)
-    eight = np.frombuffer(pixels_of(image, 12, region, PixelFormat.Mono8), np.uint8).reshape(32, 16)
+    eight = np.frombuffer(pixels_of(image, 12, region, StreamFormat.Mono8), np.uint8).reshape(32, 16)
     assert np.array_equal(eight, part >> 4)
-    assert formats_of(8) == (PixelFormat.Mono8,)
-    assert formats_of(10) == (PixelFormat.Mono10, PixelFormat.Mono8)
-    assert formats_of(11) == (PixelFormat.Mono12, PixelFormat.Mono8)
+    assert formats_of(8) == (StreamFormat.Mono8,)
+    assert formats_of(10) == (StreamFormat.Mono10, StreamFormat.Mono8)
+    assert formats_of(11) == (StreamFormat.Mono12, StreamFormat.Mono8)
 
 
 # --- control ------------------------------------------------------------------------------------
@@ -256,7 +256,7 @@ def test_what_is_refused(endpoint):
         (Place.WIDTH, 8, gvcp.Status.INVALID_PARAMETER),
         (Place.WIDTH, SIZE[1] + 1, gvcp.Status.INVALID_PARAMETER),
         (Place.OFFSET_X, 1, gvcp.Status.INVALID_PARAMETER),
-        (Place.PIXEL_FORMAT, PixelFormat.Mono16, gvcp.Status.INVALID_PARAMETER),
+        (Place.PIXEL_FORMAT, StreamFormat.Mono16, gvcp.Status.INVALID_PARAMETER),
         (Place.EXPOSURE_TIME, as_float(float("nan")), gvcp.Status.INVALID_PARAMETER),
         (Place.EXPOSURE_TIME, as_float(-1.0), gvcp.Status.INVALID_PARAMETER),
         (Place.GAIN, as_float(float("inf")), gvcp.Status.INVALID_PARAMETER),
