@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Literal
 
 import msgspec
-import numpy as np
 
 from hil.host.ledger.frames_csv import LedgerRow, LedgerWriter, ledger_row
 from hil.host.ledger.summary import (
@@ -20,6 +19,7 @@ from hil.host.ledger.summary import (
     Board,
     ClosedLoopFigures,
     LedgerSummary,
+    LedgerTally,
     LinkTotals,
     RunTerms,
     summarise,
@@ -232,7 +232,7 @@ class BoardSink:
         self._last_t_s: float | None = None
         self._recorders = list(recorders)
         self.writer: LedgerWriter | None = None
-        self.rows: list[LedgerRow] = []
+        self.tally = LedgerTally()
         self.is_lost = False
         self._on_row = on_row
         self._open: dict[int, Frame] = {}  # handed over, outcome not yet known
@@ -307,11 +307,6 @@ class BoardSink:
                 self._recorders.remove(recorder)
                 logger.warning("%s stops: %s", type(recorder).__name__, error)
 
-    def interval_ms(self) -> float | None:
-        """Median time from frame to frame."""
-        times = sorted(row.t_s for row in self.rows)
-        return 1e3 * float(np.median(np.diff(times))) if len(times) > 1 else None
-
     def end(self, ended: Ended, config: RunConfig) -> LedgerSummary:
         """Goodbye to the board, and the books closed; in a bounded time where the run was broken off.
 
@@ -348,11 +343,11 @@ class BoardSink:
     def _summary(self, ended: Ended, config: RunConfig) -> LedgerSummary:
         deadline_ms = None if config.deadline_s is None else 1e3 * config.deadline_s
         if self.config.mode == "realtime" and deadline_ms is None:
-            deadline_ms = self.interval_ms()
+            deadline_ms = self.tally.interval_ms()
         board, counts = self.link.last_board, self.link.counts
         trip, bound = counts.clock_round_trip_ns, counts.clock_offset_bound_ns
         return summarise(
-            self.rows,
+            self.tally,
             started_utc=self._started_utc,
             ended=ended,
             board_gone=self.link.down_reason if ended in {"board_lost", "no_board"} else "",
@@ -421,7 +416,7 @@ class BoardSink:
     def _add(self, result: FrameResult) -> None:
         frame = self._open.pop(result.frame_id)
         row = ledger_row(frame, result, self.config.utc_minus_monotonic_ns, self._deadline_ms)
-        self.rows.append(row)
+        self.tally.add(row)
         self._tell(lambda recorder: recorder.row(frame, row))
         if self.writer is not None:
             self.writer.add(row)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+from array import array
 from collections import Counter
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -14,9 +15,10 @@ from hil.host.ledger.frames_csv import ACCEPTED, DECLINED, DROPPED
 from hil.link.packets.packet import PROTOCOL_VERSION
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from hil.host.ledger.frames_csv import LedgerRow
+    from simulator.runtime.arrays import FloatArray
 
 SUMMARY_JSON = "summary.json"
 RUN_JSON = "run.json"
@@ -157,6 +159,18 @@ class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
     machine: Machine
 
 
+_TALLIED = (
+    "t_s",
+    "e2e_ms",
+    "send_lag_ms",
+    "board_total_ms",
+    "render_ms",
+    "handover_error_ms",
+    "staleness_ms",
+)
+"""Columns whose distribution a summary tells."""
+
+
 def this_machine() -> Machine:
     """What the figures were measured on."""
     return Machine(
@@ -178,17 +192,53 @@ def _processor() -> str:
     return platform.processor() or "unknown"
 
 
-def percentile(values: Sequence[float], q: float) -> float | None:
+def percentile(values: Sequence[float] | FloatArray, q: float) -> float | None:
     """Percentile ``q`` by linear interpolation, None of nothing."""
     return float(np.percentile(np.asarray(values), q)) if len(values) else None
 
 
-def stage_times(rows: Sequence[LedgerRow]) -> list[StageTimes]:
-    """Distribution of each board stage, in the order in which stages first appear."""
-    by_stage: dict[str, list[float]] = {}
-    for row in rows:
+class LedgerTally:
+    """What a summary needs of each row, in some eighty bytes: a run of days must not fill the memory with its rows."""
+
+    def __init__(self, rows: Iterable[LedgerRow] = ()) -> None:
+        self.outcomes: Counter[str] = Counter()
+        self.columns: dict[str, array[float]] = {name: array("d") for name in _TALLIED}
+        self.accepted_columns: dict[str, array[float]] = {"E_T_m": array("d"), "E_R_deg": array("d")}
+        self.stages_ms: dict[str, array[float]] = {}
+        self.accepted_known = self.accepted_wrong = self.late = self.late_known = 0
+        for row in rows:
+            self.add(row)
+
+    def __len__(self) -> int:
+        return self.outcomes.total()
+
+    def add(self, row: LedgerRow) -> None:
+        """Take in one row."""
+        self.outcomes[row.outcome] += 1
+        for name, values in self.columns.items():
+            value = getattr(row, name)
+            if value is not None:
+                values.append(value)
         for name, ms in row.stages_ms.items():
-            by_stage.setdefault(name, []).append(ms)
+            self.stages_ms.setdefault(name, array("d")).append(ms)
+        self.late += row.late is True
+        self.late_known += row.late is not None
+        if row.outcome == ACCEPTED:
+            self.accepted_known += row.wrong is not None
+            self.accepted_wrong += row.wrong is True
+            for name, values in self.accepted_columns.items():
+                value = getattr(row, name)
+                if value is not None:
+                    values.append(value)
+
+    def interval_ms(self) -> float | None:
+        """Median time from frame to frame."""
+        times = np.sort(self.columns["t_s"])
+        return 1e3 * float(np.median(np.diff(times))) if len(times) > 1 else None
+
+
+def stage_times(stages_ms: Mapping[str, Sequence[float]]) -> list[StageTimes]:
+    """Distribution of each board stage, in the order in which stages first appear."""
     return [
         StageTimes(
             name=name,
@@ -196,11 +246,11 @@ def stage_times(rows: Sequence[LedgerRow]) -> list[StageTimes]:
             p99_ms=float(np.percentile(ms, 99)),
             max_ms=max(ms),
         )
-        for name, ms in by_stage.items()
+        for name, ms in stages_ms.items()
     ]
 
 
-def summarise(rows: Sequence[LedgerRow], **run: Any) -> LedgerSummary:  # noqa: ANN401 - fields of the summary
+def summarise(rows: Iterable[LedgerRow] | LedgerTally, **run: Any) -> LedgerSummary:  # noqa: ANN401 - its fields
     """The summary of a run's rows.
 
     Parameters
@@ -212,35 +262,31 @@ def summarise(rows: Sequence[LedgerRow], **run: Any) -> LedgerSummary:  # noqa: 
     AssertionError
         If the counts do not add up: a frame was lost from the books.
     """
-    outcomes = Counter(row.outcome for row in rows)
+    tally = rows if isinstance(rows, LedgerTally) else LedgerTally(rows)
+    outcomes, columns = tally.outcomes, tally.columns
     dropped = {
         name.removeprefix(DROPPED): n for name, n in sorted(outcomes.items()) if name.startswith(DROPPED)
     }
     dropped_total = sum(dropped.values())
-    if len(rows) != outcomes[ACCEPTED] + outcomes[DECLINED] + dropped_total:
-        raise AssertionError(f"the ledger does not add up: {dict(outcomes)} of {len(rows)} frames")
-    e2e = [row.e2e_ms for row in rows if row.e2e_ms is not None]
-    lag = [row.send_lag_ms for row in rows if row.send_lag_ms is not None]
-    board = [row.board_total_ms for row in rows if row.board_total_ms is not None]
-    render = [row.render_ms for row in rows if row.render_ms is not None]
-    handover = [abs(row.handover_error_ms) for row in rows if row.handover_error_ms is not None]
-    stale = [row.staleness_ms for row in rows if row.staleness_ms is not None]
-    accepted = [row for row in rows if row.outcome == ACCEPTED]
+    if len(tally) != outcomes[ACCEPTED] + outcomes[DECLINED] + dropped_total:
+        raise AssertionError(f"the ledger does not add up: {dict(outcomes)} of {len(tally)} frames")
+    e2e, lag, board = columns["e2e_ms"], columns["send_lag_ms"], columns["board_total_ms"]
+    handover, stale = np.abs(columns["handover_error_ms"]), columns["staleness_ms"]
     deadline_ms = run.get("deadline_ms")
     return LedgerSummary(
-        sent=len(rows),
+        sent=len(tally),
         accepted=outcomes[ACCEPTED],
         declined=outcomes[DECLINED],
         dropped=dropped,
         dropped_total=dropped_total,
-        accepted_known=sum(row.wrong is not None for row in accepted),
-        accepted_wrong=sum(row.wrong is True for row in accepted),
+        accepted_known=tally.accepted_known,
+        accepted_wrong=tally.accepted_wrong,
         e2e_ms_p50=percentile(e2e, 50),
         e2e_ms_p90=percentile(e2e, 90),
         e2e_ms_p99=percentile(e2e, 99),
         e2e_ms_max=percentile(e2e, 100),
         e2e_ms_p95=percentile(e2e, 95),
-        late=sum(row.late is True for row in rows) if any(row.late is not None for row in rows) else None,
+        late=tally.late if tally.late_known else None,
         handover_error_ms_p50=percentile(handover, 50),
         handover_error_ms_p99=percentile(handover, 99),
         handover_error_ms_p999=percentile(handover, 99.9),
@@ -253,11 +299,11 @@ def summarise(rows: Sequence[LedgerRow], **run: Any) -> LedgerSummary:  # noqa: 
         send_lag_ms_p99=percentile(lag, 99),
         board_total_ms_p50=percentile(board, 50),
         board_total_ms_p99=percentile(board, 99),
-        render_ms_p50=percentile(render, 50),
-        stages=stage_times(rows),
+        render_ms_p50=percentile(columns["render_ms"], 50),
+        stages=stage_times(tally.stages_ms),
         deadline_misses=None if deadline_ms is None else sum(ms > deadline_ms for ms in e2e),
-        median_E_T_m=percentile([r.E_T_m for r in accepted if r.E_T_m is not None], 50),
-        median_E_R_deg=percentile([r.E_R_deg for r in accepted if r.E_R_deg is not None], 50),
+        median_E_T_m=percentile(tally.accepted_columns["E_T_m"], 50),
+        median_E_R_deg=percentile(tally.accepted_columns["E_R_deg"], 50),
         machine=this_machine(),
         **run,
     )

@@ -30,10 +30,6 @@ def tell(sentence):
     sys.stdout.write(sentence + "\n")
 
 
-@pytest.mark.xfail(
-    reason="the host keeps a ledger row of 3.6 kB for every frame until the run's end: +6.6 % in three minutes",
-    strict=False,
-)
 def test_memory_of_every_process_stays_flat(tmp_path):
     log, weights = tmp_path / "log", {}
     with host_process(log, n=round(SOAK_S / EVERY_S), **REALTIME) as (host, url), echo_board(url) as board:
