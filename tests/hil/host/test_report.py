@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.commands.hil import board_url, listening_text, summary_text
+from flyaround.commands.hil_host import board_url, listening_text, summary_text
 from hil.host.ledger.frames_csv import COLUMNS, LedgerRow, LedgerWriter, pose_errors, read_ledger
 from hil.host.ledger.summary import RUN_JSON, RunTerms, summarise, this_machine
 from hil.host.link_process.ipc import LinkConfig
