@@ -34,6 +34,7 @@ from hil.host.plan_frames import frames_of_plan
 from hil.host.recording.ros_log import RosLog
 from hil.host.recording.space_packets import SpacePacketSink
 from hil.host.run import RunConfig, run_host
+from hil.host.serial_time import serial_advice
 from hil.host.time_code import with_time_code
 from hil.host.truth_policy import check_access
 from hil.link.security import read_key
@@ -236,7 +237,7 @@ def host(
         every_s=every_s,
         seed=seed,
     )
-    choose_pixel_format(plan.scene(0).sensor.bits, () if plan.bands == "mono" else (3,), link.pixel_format)
+    _warn_of_a_slow_line(link, plan)
     flown = None
     if closed_loop:
         told = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(every_s, plan))
@@ -309,6 +310,25 @@ def _one_of(value: str, kind: Any, option: str) -> Any:  # noqa: ANN401 - a Lite
 def _interval_s(plan: Plan) -> float | None:
     """From frame to frame, the middle of all."""
     return float(np.median(np.diff(plan.times_s))) if plan.n_frames > 1 else None
+
+
+def _warn_of_a_slow_line(link: LinkConfig, plan: Plan) -> None:
+    """Say before anything is drawn how long a frame takes on a serial line.
+
+    Raises
+    ------
+    UserError
+        If no pixel format holds the pictures.
+    """
+    scene = plan.scene(0)
+    pixel_format = choose_pixel_format(
+        scene.sensor.bits, () if plan.bands == "mono" else (3,), link.pixel_format
+    )
+    size_px = scene.camera.width_px, scene.camera.height_px
+    every_s = _interval_s(plan) if link.mode == "realtime" else None
+    advice = serial_advice(link, size_px, scene.sensor.bits, pixel_format, every_s)
+    if advice is not None:
+        say(f"flyaround: {advice}", stderr=True)
 
 
 def _be_camera(

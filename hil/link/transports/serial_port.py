@@ -93,11 +93,6 @@ class SerialTransport(StreamTransport):
             raise LinkClosed(f"{self.name} cannot be read ({error}): is it still plugged in?") from error
 
 
-def line_time_s(packet_bytes: int, baud: int) -> float:
-    """How long bytes take on a line of this rate, framing left out."""
-    return packet_bytes * BITS_PER_BYTE / baud
-
-
 class _SharedPort:
     """The listener's port as one session sees it: closing the session keeps the port open."""
 

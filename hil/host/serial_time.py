@@ -1,0 +1,70 @@
+"""How long one frame takes on a serial line, told before the run begins, with what would make it shorter."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.link.packets.enums import PixelFormat
+from hil.link.packets.messages import FrameChunk, FrameHeader
+from hil.link.packets.packet import OVERHEAD_BYTES
+from hil.link.packets.pixels import pixels_bytes
+from hil.link.transports.serial_port import BITS_PER_BYTE, SerialTransport
+from hil.link.transports.url import parse_url
+
+if TYPE_CHECKING:
+    from hil.host.link_process.ipc import LinkConfig
+
+ZSTD_NOISY = 2.3
+"""How much shorter zstd makes a noisy picture."""
+PATIENCE_S = 1.0
+
+
+def line_time_s(image_bytes: int, baud: int) -> float:
+    """How long a frame takes on a line of this rate: start and stop bits, packets and framing included."""
+    whole, rest = divmod(image_bytes, SerialTransport.chunk_bytes)
+    line_bytes = _line_bytes(FrameHeader.LAYOUT.size)
+    line_bytes += whole * _line_bytes(FrameChunk.LAYOUT.size + SerialTransport.chunk_bytes)
+    line_bytes += _line_bytes(FrameChunk.LAYOUT.size + rest) if rest else 0
+    return line_bytes * BITS_PER_BYTE / baud
+
+
+def _line_bytes(payload_bytes: int) -> int:
+    """A packet on the line at its longest: COBS adds one byte in 254 and one more, a zero stands on either side."""
+    packet_bytes = OVERHEAD_BYTES + payload_bytes
+    return packet_bytes + packet_bytes // 254 + 1 + 2
+
+
+def serial_advice(
+    link: LinkConfig, size_px: tuple[int, int], bits: int, pixel_format: PixelFormat, every_s: float | None
+) -> str | None:
+    """What a user should know of frames on a serial line; None for any other line.
+
+    Parameters
+    ----------
+    link : its URL, compression and timeout.
+    size_px : width and height of the pictures. bits : of a number of theirs. pixel_format : how they are sent.
+    every_s : from frame to frame of a run in real time; None where the host waits for each pose.
+    """
+    scheme, _, baud = parse_url(link.url)
+    if scheme != "serial":
+        return None
+    width_px, height_px = size_px
+    took_s = line_time_s(pixels_bytes(width_px, height_px, pixel_format), baud)
+    packed = link.compression in ("auto", "zstd")
+    frame = f"a frame of {width_px} x {height_px} px as {pixel_format.name}"
+    text = f"{frame} takes {took_s:.3g} s on a line of {baud} baud"
+    if packed:
+        text += f", about {took_s / ZSTD_NOISY:.2g} s with zstd where it is noisy"
+    least_s = took_s / ZSTD_NOISY if packed else took_s
+    if least_s > link.timeout_s:
+        text += f": longer than the {link.timeout_s:g} s that a pose may take, so that frames are dropped (--timeout)"
+    elif every_s is not None and least_s > every_s:
+        text += f": longer than the {every_s:g} s from frame to frame, so that some are never sent"
+    elif least_s < PATIENCE_S:
+        return text
+    helps = ["a smaller read-out (roi_px, binning under [sensor]) or camera", "a faster line or a network"]
+    if not packed:
+        helps.insert(0, "--encoding zstd")
+    if pixel_format is PixelFormat.Mono16 and bits <= PixelFormat.Mono12p.depth_bits:
+        helps.insert(0, "--pixel-format Mono12p")
+    return f"{text}. What helps: {', '.join(helps)}"
