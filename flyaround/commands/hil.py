@@ -1,4 +1,4 @@
-"""hil: the group of commands, and those of the board, its bundle, the key and the report."""
+"""hil: the group of commands, and those of the bundle, the key and the report."""
 
 from __future__ import annotations
 
@@ -6,48 +6,19 @@ import json
 import os
 import secrets
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
 
 from flyaround.commands.display import display, display_calibrate, display_match
-from flyaround.commands.estimation import check_method
+from flyaround.commands.hil_board import board
 from flyaround.commands.hil_camera import camera
 from flyaround.commands.hil_host import host
 from flyaround.commands.terminal import say
-from hil.board.agent import run_board
-from hil.board.svd import METHODS
 from hil.host.bundle import write_bundle
 from hil.host.report import write_report
-from hil.link.security import read_key
 from simulator.errors import UserError
-from simulator.targets.board_model.write import write_board_model
 from simulator.targets.library import load_target
-
-
-def board(
-    url: Annotated[
-        str,
-        typer.Argument(help="The host: tcp://HOST:PORT, udp://HOST:PORT or serial:///DEVICE?baud=N."),
-    ],
-    target: Annotated[str, typer.Option(help="Target name.")] = "tango",
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
-    key: Annotated[Path | None, typer.Option(help="File with the key that the host asks for.")] = None,
-) -> None:
-    """The board's side, on this machine: connect, estimate, answer; exit 1 where the host went without a goodbye.
-
-    The URL is the host's address, such as tcp://192.168.1.10:5600, or this end of a serial line, such as
-    serial:///dev/ttyUSB0?baud=921600.
-    """
-    check_method(method)
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / f"{target}.board.json"
-        write_board_model(load_target(target), path)
-        summary = run_board(url, str(path), method=method, key=None if key is None else read_key(str(key)))
-    say(f"{summary.frames} frames, {summary.accepted} accepted: {summary.ended}", stderr=True)
-    if not summary.goodbye:
-        raise typer.Exit(1)
 
 
 def bundle(

@@ -9,25 +9,19 @@ import argparse
 import contextlib
 import json
 import logging
-import math
-import os
 import signal
 import sys
 from typing import Iterator, List, NoReturn, Optional
 
-from hil.board.agent import SILENCE_S, BoardAgent, bundled_models, svd_factory
+from hil.board.agent import bundled_models, svd_factory
 from hil.board.files import read_bounded
-from hil.board.frame_server import BoardSummary
-from hil.board.service import WATCHDOG_S, ExitCode, ServiceManager, program_path, systemd_unit
+from hil.board.options import add_agent_options, make_agent
+from hil.board.service import WATCHDOG_S, ExitCode, program_path, systemd_unit
+from hil.board.serving import NoSessionError, exit_at_once, exit_code, serve_sessions
 from hil.link.errors import LinkError
-from hil.link.security import read_key
 
 # of a camera file: thousands of times what one takes
 MOST_BYTES = 10_000_000
-
-
-# of a line in which the agent says that it is started anew by itself
-RESTARTS = "; the agent starts anew"
 
 
 class AgentTerminated(KeyboardInterrupt):
@@ -40,10 +34,11 @@ def main(arguments: Optional[List[str]] = None, program: str = "hil.board") -> i
     Exit code 0: the host ended the session in order; 1: it vanished; 2: a mistake in what was given; 3: the watchdog
     stopped the estimator; 4: no session could be had; 130 and 143: stopped by Ctrl-C, by SIGTERM.
     """
-    options = _options(arguments, program)
+    given = sys.argv[1:] if arguments is None else arguments
+    options = _options(given, program)
     logging.basicConfig(level=logging.INFO if options.verbose else logging.WARNING)
     if options.systemd_unit:
-        sys.stdout.write(_unit(sys.argv[1:] if arguments is None else arguments, options))
+        sys.stdout.write(_unit(given, options))
         return ExitCode.ORDERLY
     try:
         with _terminated_as_interrupted():
@@ -51,10 +46,10 @@ def main(arguments: Optional[List[str]] = None, program: str = "hil.board") -> i
                 answer = _answer(options.image, options.camera, options.model, options.method)
                 sys.stdout.write(answer + "\n")
                 return ExitCode.ORDERLY
-            return _serve(options, arguments, program)
+            return _serve(options, given, program)
     except LinkError as error:
         sys.stderr.write(f"{error}\n")
-        return ExitCode.MISTAKE
+        return ExitCode.NO_SESSION if isinstance(error, NoSessionError) else ExitCode.MISTAKE
     except AgentTerminated:
         sys.stderr.write("terminated\n")
         return ExitCode.TERMINATED
@@ -65,127 +60,50 @@ def main(arguments: Optional[List[str]] = None, program: str = "hil.board") -> i
 
 def run_and_exit(program: str) -> NoReturn:
     """The program from its start to its end."""
-    code = main(program=program)
-    sys.stdout.flush()
-    sys.stderr.flush()
-    # an estimator that is stuck in compiled code would be met by what the interpreter takes down at its end
-    os._exit(code)
+    exit_at_once(main(program=program))
 
 
-def _options(arguments: Optional[List[str]], program: str) -> argparse.Namespace:
+def _options(arguments: List[str], program: str) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog=program, description=main.__doc__)
     parser.add_argument(
-        "url", nargs="?", help="the host: tcp://HOST:PORT, udp://HOST:PORT or serial:///dev/ttyS0?baud=921600"
+        "url", nargs="?", help="The host: tcp://HOST:PORT, udp://HOST:PORT or serial:///dev/ttyS0?baud=921600"
     )
     names = ", ".join(bundled_models())
     parser.add_argument(
         "--model",
         required=True,
-        help="board model file, e.g. tango.board.json"
+        help="Board model file, e.g. tango.board.json"
         + (f"; or one that is built in: {names}" if names else ""),
     )
-    parser.add_argument("--method", default="svd", help="estimator (default: svd)")
-    parser.add_argument("--timeout", type=float, default=60.0, help="seconds to wait for the host")
-    parser.add_argument("--key", help="file with the key that the host asks for")
-    parser.add_argument("--window", type=int, default=2, help="frames held at once")
+    add_agent_options(parser)
     parser.add_argument(
-        "--reconnect", action="store_true", help="after a session meet the next host, until stopped"
+        "--systemd-unit", action="store_true", help="Print a unit that runs this as a service, and end."
     )
-    parser.add_argument(
-        "--watchdog",
-        type=_seconds,
-        default=math.inf,
-        metavar="S",
-        help="decline a frame that the estimator does not come back from for S seconds, and end with code 3;"
-        " with --reconnect start anew",
-    )
-    parser.add_argument(
-        "--silence",
-        type=_seconds,
-        default=SILENCE_S,
-        metavar="S",
-        help=f"take a host that says nothing for S seconds for gone (default: {SILENCE_S:g})",
-    )
-    parser.add_argument(
-        "--systemd-unit", action="store_true", help="print a unit that runs this as a service, and end"
-    )
-    parser.add_argument("--image", help="estimate one PNG instead of meeting a host")
-    parser.add_argument("--camera", help="CAMERA.json of the image")
-    parser.add_argument("-v", "--verbose", action="store_true", help="say what happens")
+    parser.add_argument("--image", help="Estimate one PNG instead of meeting a host.")
+    parser.add_argument("--camera", help="CAMERA.json of the image.")
+    parser.add_argument("-v", "--verbose", action="store_true", help="Say what happens.")
     options = parser.parse_args(arguments)
     if (options.url is None) == (options.image is None):
         parser.error("give the host's URL, or --image and --camera")
     return options
 
 
-def _seconds(text: str) -> float:
-    seconds = float(text)
-    if not seconds > 0:
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
-    return seconds
-
-
 def _unit(given: List[str], options: argparse.Namespace) -> str:
     words = [word for word in given if word != "--systemd-unit"]
     if not options.reconnect:
         words.append("--reconnect")
-    if math.isinf(options.watchdog):
+    if options.watchdog is None:
         words += ["--watchdog", f"{WATCHDOG_S:g}"]
     return systemd_unit(program_path(sys.argv[0]), words, options.url or "")
 
 
-def _serve(options: argparse.Namespace, arguments: Optional[List[str]], program: str) -> int:
+def _serve(options: argparse.Namespace, given: List[str], program: str) -> int:
     """Meet the host, once or until stopped; the exit code."""
-    manager = ServiceManager()
-    agent = BoardAgent(
-        options.url,
-        options.model,
-        options.method,
-        connect_timeout_s=options.timeout,
-        window=options.window,
-        key=None if options.key is None else read_key(options.key),
-        watchdog_s=options.watchdog,
-        silence_s=options.silence,
-    )
-    manager.beat_while(lambda: agent.is_well)
-    manager.tell("READY=1")
-    try:
-        if options.reconnect:
-            summary = agent.serve_until_stopped(lambda sentence: _say(sentence, manager))
-            _say(summary.ended + RESTARTS, manager)
-            _start_anew(arguments, program)
-        try:
-            summary = agent.serve()
-        except LinkError as error:
-            sys.stderr.write(f"{error}\n")
-            return ExitCode.NO_SESSION
-    finally:
-        manager.tell("STOPPING=1")
-        manager.close()
-    return _told(summary)
-
-
-def _say(sentence: str, manager: ServiceManager) -> None:
-    sys.stderr.write(sentence + "\n")
-    sys.stderr.flush()
-    manager.tell(f"STATUS={sentence}")
-
-
-def _told(summary: BoardSummary) -> int:
-    sys.stdout.write(f"{summary.ended}: {summary.accepted} of {summary.frames} poses accepted\n")
-    if summary.hung:
-        return ExitCode.WATCHDOG
-    return ExitCode.ORDERLY if summary.goodbye else ExitCode.HOST_VANISHED
-
-
-def _start_anew(arguments: Optional[List[str]], program: str) -> NoReturn:
-    """Run the program once more in its own process: a thread that is stuck ends with what ran before."""
-    given = sys.argv[1:] if arguments is None else arguments
     start = [sys.argv[0]] if program.endswith(".pyz") else ["-m", program]
-    # from Python 3.10 on with the options of the interpreter, too
-    words = getattr(sys, "orig_argv", [sys.executable, *start, *given])
-    sys.stdout.flush()
-    os.execv(sys.executable, [sys.executable, *words[1:]])  # noqa: S606 - itself
+    agent = make_agent(options.url, options.model, vars(options))
+    summary = serve_sessions(agent, reconnect=options.reconnect, start=[*start, *given])
+    sys.stdout.write(f"{summary.ended}: {summary.accepted} of {summary.frames} poses accepted\n")
+    return exit_code(summary)
 
 
 @contextlib.contextmanager

@@ -5,13 +5,13 @@ from __future__ import annotations
 import socket
 import struct
 import threading
-import time
 from dataclasses import fields, replace
 from functools import cache
 
 import msgspec
 import numpy as np
 import pytest
+from estimators import Instant
 
 from hil.board.agent import run_board
 from hil.host.ledger.summary import LedgerSummary
@@ -99,28 +99,6 @@ def frames(n: int, *, every_s: float = 0.05):
         image = np.full((48, 64), k % 256, np.uint8)
         q = (0.0, 0.0, 0.0, 1.0) if k == 1 else (1.0, 0.0, 0.0, 0.0)
         yield made_frame(k, image, every_s=every_s, q=q, t_m=(0.0, 0.123456789, float(k)), mark=MARK)
-
-
-class Estimate:
-    """Accepts at once; a subclass of nothing, as a user's own would be."""
-
-    accepted, reason, confidence = True, "", 1.0
-    q_camera_from_target_wxyz = (1.0, 0.0, 0.0, 0.0)
-    t_camera_from_target_m = (0.0, 0.0, 1.0)
-
-    def __init__(self) -> None:
-        self.stages_ms: dict[str, float] = {}
-
-
-class Instant:
-    """Answers after the next of its ``sleeps``, at once when there is none left."""
-
-    def __init__(self, _camera) -> None:
-        self.sleeps: list[float] = []
-
-    def estimate(self, _image):
-        time.sleep(self.sleeps.pop(0) if self.sleeps else 0.0)
-        return Estimate()
 
 
 class Loop:

@@ -47,7 +47,7 @@ sys.exit(0 if summary.ended == "completed" else 1)
 ECHO = f"""
 import sys
 sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
-from hil_loop import Instant
+from estimators import Instant
 from hil.board import agent
 agent.svd_factory = lambda model, method: (Instant, "", "")
 from hil.board.__main__ import run_and_exit

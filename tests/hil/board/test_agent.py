@@ -13,8 +13,9 @@ import time
 from pathlib import Path
 
 import pytest
+from estimators import Instant, Stuck
 from hand_made_host import HandMadeHost, hand_made_host, in_thread
-from hil_loop import Estimate, Instant, Loop, adds_up, frames
+from hil_loop import Loop, adds_up, frames
 
 from hil.board import agent as agent_module
 from hil.board.__main__ import main
@@ -24,22 +25,6 @@ from hil.link.packets.messages import Bye, PoseMessage, TimeSyncReply
 
 ROOT = Path(__file__).parents[3]
 PATIENCE_S = 60.0
-
-
-class Stuck:
-    """Does not come back from pictures of level 7, and says the level as the range of others."""
-
-    released = threading.Event()
-
-    def __init__(self, _camera) -> None:
-        pass
-
-    def estimate(self, image):
-        if image[0, 0] == 7:
-            self.released.wait(PATIENCE_S)
-        estimate = Estimate()
-        estimate.t_camera_from_target_m = (0.0, 0.0, float(image[0, 0]))
-        return estimate
 
 
 @pytest.fixture(autouse=True)
@@ -54,7 +39,7 @@ def _release():
 
 def test_the_watchdog_declines_the_frame_and_clocks_are_answered_meanwhile():
     with hand_made_host() as host:
-        thread, ended = in_thread(lambda: run_board(host.url, make_estimator=Stuck, watchdog_s=1.0))
+        thread, ended = in_thread(lambda: run_board(host.url, make_estimator=Stuck, watchdog_s=0.4))
         host.meet()
         host.send_frame(1, level=3)
         assert host.pose().t_camera_from_target_m == (0.0, 0.0, 3.0)
@@ -66,8 +51,8 @@ def test_the_watchdog_declines_the_frame_and_clocks_are_answered_meanwhile():
         assert all(isinstance(reply, TimeSyncReply) for reply in heard)
         pose = host.pose()
         assert (pose.frame_id, pose.accepted) == (2, False)
-        assert pose.reason == "the watchdog stopped the estimator, which took longer than 1 s"
-        assert pose.end_ns - pose.start_ns >= 1_000_000_000
+        assert pose.reason == "the watchdog stopped the estimator, which took longer than 0.4 s"
+        assert pose.end_ns - pose.start_ns >= 400_000_000
         assert "watchdog" in host.hear(Bye).reason
         thread.join(PATIENCE_S)
     (summary,) = ended
@@ -120,7 +105,7 @@ def test_a_board_that_lost_its_host_meets_the_next_and_brings_nothing_along():
         pauses.append(seconds)
         if Stuck.released.is_set() and len(sentences) >= 3:
             raise StopAgent
-        time.sleep(seconds)
+        time.sleep(0.2 * seconds)
 
     def until_stopped(url):
         agent = BoardAgent(url, make_estimator=Slow, connect_timeout_s=0.1)
@@ -228,19 +213,17 @@ def test_a_bad_url_is_a_mistake_and_is_not_tried_again(stub, capsys, url):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-@pytest.mark.parametrize("word", ["0", "-1", "nan", "soon"])
+@pytest.mark.parametrize("word", ["0", "-1", "nan"])
 def test_a_watchdog_needs_a_time(stub, capsys, word):
-    with pytest.raises(SystemExit) as caught:
-        stub("tcp://127.0.0.1:1", "--watchdog", word)
-    assert caught.value.code == 2
-    assert "--watchdog" in capsys.readouterr().err
+    assert stub("tcp://127.0.0.1:1", "--watchdog", word) == ExitCode.MISTAKE
+    assert capsys.readouterr().err == f"--watchdog {word} cannot be: give seconds above 0\n"
 
 
 # The program in a process of its own, with the estimator of this file.
 PROGRAM = f"""
 import sys
-sys.path[:0] = [{str(ROOT / "tests" / "harness")!r}, {str(Path(__file__).parent)!r}]
-from test_agent import Stuck
+sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
+from estimators import Stuck
 from hil.board import agent
 agent.svd_factory = lambda model, method: (Stuck, "tango", "")
 from hil.board.__main__ import run_and_exit

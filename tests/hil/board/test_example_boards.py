@@ -60,7 +60,7 @@ def ended(process):
     return process.returncode, said, wrong
 
 
-def spots(n, *, every_s=0.05):
+def spots(n, *, every_s=0.02):
     """A bright spot that wanders over black; the third picture is dark."""
     for k in range(n):
         image = np.zeros((48, 64), np.uint8)

@@ -14,8 +14,9 @@ import time
 from pathlib import Path
 
 import pytest
+from estimators import Estimate
 from hand_made_host import in_thread
-from hil_loop import Estimate, Instant, Loop, adds_up, frames
+from hil_loop import Instant, Loop, adds_up, frames
 from hil_processes import PATIENCE_S, Plug, children_of, echo_board, free_url, host_process, kill_all
 
 from hil.board.agent import BoardAgent, run_board

@@ -1,0 +1,74 @@
+"""hil board: the board's side on this machine, with the options of the bundle's agent."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from flyaround.commands.estimation import check_method
+from flyaround.commands.terminal import say
+from hil.board.options import AGENT_OPTIONS, make_agent
+from hil.board.service import ExitCode
+from hil.board.serving import NoSessionError, exit_at_once, exit_code, serve_sessions
+from simulator.targets.board_model.write import write_board_model
+from simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def with_agent_options(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with the table's options in place of its ``**given``."""
+    signature = inspect.signature(command, eval_str=True)
+    own = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
+    table = [
+        inspect.Parameter(
+            option.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=option.default,
+            annotation=Annotated[
+                option.kind if option.default is not None else option.kind | None,
+                typer.Option(option.flag, help=option.text, metavar=option.unit or None),
+            ],
+        )
+        for option in AGENT_OPTIONS
+    ]
+    command.__annotations__ = {p.name: p.annotation for p in (*own, *table)}
+    vars(command)["__signature__"] = signature.replace(parameters=[*own, *table])
+    return command
+
+
+@with_agent_options
+def board(
+    url: Annotated[
+        str,
+        typer.Argument(help="The host: tcp://HOST:PORT, udp://HOST:PORT or serial:///DEVICE?baud=N."),
+    ],
+    target: Annotated[str, typer.Option(help="Target name.")] = "tango",
+    **given: Any,  # noqa: ANN401 - the table's
+) -> None:
+    """The board's side, on this machine: connect, estimate, answer; the exit code tells how it ended.
+
+    The URL is the host's address, such as tcp://192.168.1.10:5600, or this end of a serial line, such as
+    serial:///dev/ttyUSB0?baud=921600. Exit code 0: the host said goodbye; 1: it vanished; 2: a mistake in what was
+    given; 3: the watchdog stopped the estimator; 4: no session could be had.
+    """
+    check_method(given["method"])
+    with TemporaryDirectory() as folder:  # read once, and not needed any more
+        path = Path(folder) / f"{target}.board.json"
+        write_board_model(load_target(target), path)
+        agent = make_agent(url, str(path), given)
+    try:
+        summary = serve_sessions(agent, reconnect=given["reconnect"], start=[])
+    except NoSessionError as error:
+        say(f"flyaround: {error}", stderr=True)
+        raise typer.Exit(ExitCode.NO_SESSION) from error
+    say(f"{summary.frames} frames, {summary.accepted} accepted: {summary.ended}", stderr=True)
+    if summary.hung:
+        exit_at_once(ExitCode.WATCHDOG)
+    if exit_code(summary):
+        raise typer.Exit(exit_code(summary))

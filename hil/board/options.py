@@ -1,0 +1,99 @@
+"""What a board's agent is told: one table for ``board.pyz`` and ``flyaround hil board``, and the agent made of it."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Any, Dict, NamedTuple, Tuple
+
+from hil.board.agent import SILENCE_S, BoardAgent
+from hil.link.errors import LinkError
+from hil.link.security import read_key
+
+MOST_WINDOW = 64
+
+
+class AgentOption(NamedTuple):
+    """An option of the command line, whichever program reads it.
+
+    Parameters
+    ----------
+    flag : as it is typed. kind : str, int, float, or bool for one without a value.
+    default : None where it is left out for good. text : what it is for. unit : what the value is called in help.
+    """
+
+    flag: str
+    kind: type
+    default: Any
+    text: str
+    unit: str = ""
+
+    @property
+    def name(self) -> str:
+        """As an argument of a function."""
+        return self.flag[2:].replace("-", "_")
+
+
+AGENT_OPTIONS: Tuple[AgentOption, ...] = (
+    AgentOption("--method", str, "svd", "Estimator: svd, or another of docs/svd_methods.md."),
+    AgentOption(
+        "--timeout", float, 60.0, "Seconds to try to reach the host, and to wait for its first word.", "S"
+    ),
+    AgentOption("--key", str, None, "File with the key that the host asks for.", "FILE"),
+    AgentOption("--window", int, 2, "Frames held at once, the one in work included.", "N"),
+    AgentOption("--reconnect", bool, False, "After a session meet the next host, until stopped."),
+    AgentOption(
+        "--watchdog",
+        float,
+        None,
+        "Decline a frame that the estimator does not come back from for S seconds, and end with code 3;"
+        " with --reconnect start anew.",
+        "S",
+    ),
+    AgentOption("--silence", float, SILENCE_S, "Take a host that says nothing for S seconds for gone.", "S"),
+)
+
+
+def add_agent_options(parser: argparse.ArgumentParser) -> None:
+    """The table, to a parser of the standard library."""
+    for option in AGENT_OPTIONS:
+        if option.kind is bool:
+            parser.add_argument(option.flag, action="store_true", help=option.text)
+            continue
+        default = "" if option.default is None else f" (default: {option.default})"
+        parser.add_argument(
+            option.flag,
+            type=option.kind,
+            default=option.default,
+            metavar=option.unit or option.name.upper(),
+            help=option.text + default,
+        )
+
+
+def make_agent(url: str, model_path: str, given: Dict[str, Any]) -> BoardAgent:
+    """The agent that the options describe.
+
+    Parameters
+    ----------
+    url : the host's. model_path : board model file, or a bundled one's name. given : values by `AgentOption.name`.
+
+    Raises
+    ------
+    LinkError
+        If a value, the URL, the model, the method, the key or the kernels cannot be used: one sentence.
+    """
+    for name in ("timeout", "watchdog", "silence"):
+        if given[name] is not None and not given[name] > 0:
+            raise LinkError(f"--{name} {given[name]:g} cannot be: give seconds above 0")
+    if not 1 <= given["window"] <= MOST_WINDOW:
+        raise LinkError(f"--window {given['window']} cannot be: give 1 to {MOST_WINDOW} frames")
+    return BoardAgent(
+        url,
+        model_path,
+        given["method"],
+        connect_timeout_s=given["timeout"],
+        window=given["window"],
+        key=None if given["key"] is None else read_key(given["key"]),
+        watchdog_s=math.inf if given["watchdog"] is None else given["watchdog"],
+        silence_s=given["silence"],
+    )

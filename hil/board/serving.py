@@ -1,0 +1,76 @@
+"""An agent at work until it is done: one session or one after the other, watched by whoever started it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import List, NoReturn
+
+from hil.board.agent import BoardAgent
+from hil.board.frame_server import BoardSummary
+from hil.board.service import ExitCode, ServiceManager
+from hil.link.errors import LinkError
+
+# of a line in which the agent says that it is started anew by itself
+RESTARTS = "; the agent starts anew"
+
+
+class NoSessionError(LinkError):
+    """A session could not be had: nobody listens, the host refuses, or its terms cannot be kept."""
+
+
+def serve_sessions(agent: BoardAgent, *, reconnect: bool, start: List[str]) -> BoardSummary:
+    """Meet the host once; or one after the other until stopped, and this program anew where the estimator is stuck.
+
+    Parameters
+    ----------
+    start : words that start this program once more, after the interpreter's name.
+
+    Raises
+    ------
+    NoSessionError
+        If the one session could not be had.
+    """
+    manager = ServiceManager()
+    manager.beat_while(lambda: agent.is_well)
+    manager.tell("READY=1")
+    try:
+        if reconnect:
+            summary = agent.serve_until_stopped(lambda sentence: _say(sentence, manager))
+            _say(summary.ended + RESTARTS, manager)
+            _start_anew(start)
+        try:
+            return agent.serve()
+        except LinkError as error:
+            raise NoSessionError(str(error)) from error
+    finally:
+        manager.tell("STOPPING=1")
+        manager.close()
+
+
+def exit_code(summary: BoardSummary) -> ExitCode:
+    """How a session ended."""
+    if summary.hung:
+        return ExitCode.WATCHDOG
+    return ExitCode.ORDERLY if summary.goodbye else ExitCode.HOST_VANISHED
+
+
+def exit_at_once(code: int) -> NoReturn:
+    """End without what the interpreter takes down at its end, which an estimator stuck in compiled code would meet."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def _say(sentence: str, manager: ServiceManager) -> None:
+    sys.stderr.write(sentence + "\n")
+    sys.stderr.flush()
+    manager.tell(f"STATUS={sentence}")
+
+
+def _start_anew(start: List[str]) -> NoReturn:
+    """Run the program once more in its own process: a thread that is stuck ends with what ran before."""
+    # from Python 3.10 on with the options of the interpreter, too
+    words = getattr(sys, "orig_argv", [sys.executable, *start])
+    sys.stdout.flush()
+    os.execv(sys.executable, [sys.executable, *words[1:]])  # noqa: S606 - itself
