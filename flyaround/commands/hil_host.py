@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import msgspec
-import numpy as np
 import typer
 from rich.text import Text
 
@@ -16,26 +15,24 @@ from flyaround.commands.scenario_argument import load_flown
 from flyaround.commands.terminal import progress_bar, say
 from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
 from hil.host.closed_loop import (
-    BoardLoop,
     fly_without_pictures,
     frame_every,
     summary_without_pictures,
     write_steps,
     write_summary,
 )
-from hil.host.faults.camera_faults import with_camera_faults, with_exposure_faults
-from hil.host.faults.definitions import NO_FAULTS, read_faults
+from hil.host.faults.definitions import NO_FAULTS, Faults, read_faults
+from hil.host.flight_run import FlightOptions, FlightRun, interval_s
 from hil.host.ledger.frames_csv import LedgerRow
 from hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary
 from hil.host.link_process.host_link import choose_pixel_format
 from hil.host.link_process.ipc import Compression, LinkConfig, PixelFormatName
-from hil.host.picture_frames import frames_of_folder, pictures_in
-from hil.host.plan_frames import frames_of_plan
+from hil.host.picture_frames import pictures_in
+from hil.host.pose_link import PoseLink
 from hil.host.recording.ros_log import RosLog
 from hil.host.recording.space_packets import SpacePacketSink
-from hil.host.run import RunConfig, run_host
+from hil.host.run import RunConfig
 from hil.host.serial_time import serial_advice
-from hil.host.time_code import with_time_code
 from hil.host.truth_policy import check_access
 from hil.link.security import read_key
 from hil.link.transports.url import parse_url
@@ -45,10 +42,7 @@ from simulator.runtime.files import empty_folder
 from simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
     from hil.host.recording.recorder import Recorder
-    from simulator.frame import Frame
     from simulator.scenario.plan import Plan
 
 ANY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - listened on at the user's wish
@@ -210,8 +204,9 @@ def host(
     if pose != "board" and not closed_loop:
         raise UserError(f"--pose {pose} needs --closed-loop")
     if closed_loop and pose != "board":
+        given = NO_FAULTS if faults is None else read_faults(faults)
         _fly_without_pictures(
-            scenario, "truth" if pose == "truth" else "noisy", every_s, seed, log, as_json=as_json
+            scenario, "truth" if pose == "truth" else "noisy", every_s, seed, log, given, as_json=as_json
         )
         return
     if latency_s and mode != "realtime":
@@ -238,52 +233,28 @@ def host(
         seed=seed,
     )
     _warn_of_a_slow_line(link, plan)
-    flown = None
-    if closed_loop:
-        told = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(every_s, plan))
-        flown = BoardLoop.of(with_exposure_faults(plan, given), told, realtime=mode == "realtime")
+    told = (
+        None if not closed_loop else ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(every_s, plan))
+    )
     if source is not None:
         if closed_loop:
             raise UserError("a closed loop draws what was flown: leave --from or --closed-loop out")
         pictures_in(source)
+    options = FlightOptions(
+        closed_loop=told, source=source, time_code=time_code, workers=workers, device_index=gpu
+    )
+    config = RunConfig(
+        link=link, log_dir=log, connect_timeout_s=wait_s or timeout_s or CONNECT_S, latency_s=latency_s
+    )
+    flight = FlightRun(plan, config, options)
     if log is not None:
         empty_folder(log, option="--log")
-    config = RunConfig(
-        link=link,
-        log_dir=log,
-        connect_timeout_s=wait_s or timeout_s or CONNECT_S,
-        deadline_s=_interval_s(plan) if mode == "realtime" and flown is None else None,
-        latency_s=latency_s,
-        target_name=plan.target.name,
-        target_sha256=plan.target.sha256,
-        recorders=_recorders(mcap, live, ccsds, log),
-        closed_loop=None if flown is None else flown.figures,
-    )
-    if flown is not None:
-        drawn = flown.frames(device_index=gpu, realtime=mode == "realtime")
-    elif source is not None:
-        drawn = frames_of_folder(with_exposure_faults(plan, given), source)
-    else:
-        drawn = frames_of_plan(
-            with_exposure_faults(plan, given), device_index=gpu, workers=workers, warm_up=mode == "realtime"
-        )
-    n_frames = plan.n_frames if flown is None else flown.loop.most_pictures
-    coded = with_time_code(drawn, faults=given) if time_code else drawn
-    try:
-        summary = _stream(
-            with_camera_faults(coded, given),
-            config,
-            n_frames,
-            as_json=as_json,
-            on_row=None if flown is None else flown.poses.take,
-        )
-    finally:
-        if flown is not None and log is not None and log.is_dir():
-            write_steps(log, flown.loop.steps)
+    recorders = _recorders(mcap, live, ccsds, log)
+    summary = _stream(flight, config, recorders, plan.target.name, as_json=as_json)
     if summary.ended != "completed":
         # what was sent is in the ledger; a script must not take a run without a board for a whole one
         say(
-            f"flyaround: the board left after {summary.sent} of {n_frames} frames ({summary.board_gone}) and"
+            f"flyaround: the board left after {summary.sent} of {flight.n_frames} frames ({summary.board_gone}) and"
             f" did not come back within {link.timeout_s:g} s: start it again, and this run with it",
             stderr=True,
         )
@@ -307,11 +278,6 @@ def _one_of(value: str, kind: Any, option: str) -> Any:  # noqa: ANN401 - a Lite
     )
 
 
-def _interval_s(plan: Plan) -> float | None:
-    """From frame to frame, the middle of all."""
-    return float(np.median(np.diff(plan.times_s))) if plan.n_frames > 1 else None
-
-
 def _warn_of_a_slow_line(link: LinkConfig, plan: Plan) -> None:
     """Say before anything is drawn how long a frame takes on a serial line.
 
@@ -325,7 +291,7 @@ def _warn_of_a_slow_line(link: LinkConfig, plan: Plan) -> None:
         scene.sensor.bits, () if plan.bands == "mono" else (3,), link.pixel_format
     )
     size_px = scene.camera.width_px, scene.camera.height_px
-    every_s = _interval_s(plan) if link.mode == "realtime" else None
+    every_s = interval_s(plan) if link.mode == "realtime" else None
     advice = serial_advice(link, size_px, scene.sensor.bits, pixel_format, every_s)
     if advice is not None:
         say(f"flyaround: {advice}", stderr=True)
@@ -350,15 +316,17 @@ def _fly_without_pictures(
     every_s: float | None,
     seed: int | None,
     log: Path | None,
+    faults: Faults,
     *,
     as_json: bool,
 ) -> None:
     """A closed loop that needs no board and draws nothing."""
     plan = plan_flight(load_flown(scenario, "hil host"), n=1, seed=seed)
     told = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(every_s, plan))
+    link = PoseLink.without_pictures(faults)
     if log is not None:
         empty_folder(log, option="--log")
-    result = fly_without_pictures(plan, told, pose)
+    result = fly_without_pictures(plan, told, pose, link)
     summary = summary_without_pictures(result, pose, plan.seed)
     if log is not None:
         write_steps(log, result.steps)
@@ -374,24 +342,17 @@ def _exit_unless_arrived(summary: LedgerSummary) -> None:
 
 
 def _stream(
-    frames: Iterable[Frame],
-    config: RunConfig,
-    n_frames: int,
-    *,
-    as_json: bool,
-    on_row: Callable[[LedgerRow], None] | None = None,
+    flight: FlightRun, config: RunConfig, recorders: tuple[Recorder, ...], target: str, *, as_json: bool
 ) -> LedgerSummary:
     """Run the host with a progress bar; its summary, printed also where the run is interrupted."""
     ends: list[LedgerSummary] = []
     done = 0
     with progress_bar("frames to the board", quiet=as_json) as progress:
 
-        def count(row: LedgerRow) -> None:
+        def count(_row: LedgerRow) -> None:
             nonlocal done
-            if on_row is not None:
-                on_row(row)
             done += 1
-            progress(done, n_frames)
+            progress(done, flight.n_frames)
 
         def end(summary: LedgerSummary) -> None:
             if summary.ended in {"completed", "board_lost", "interrupted"}:
@@ -399,10 +360,10 @@ def _stream(
 
         def listening(url: str, truth_url: str | None) -> None:
             keyed = config.link.key is not None
-            say(listening_text(url, truth_url, config.target_name, keyed=keyed), stderr=True)
+            say(listening_text(url, truth_url, target, keyed=keyed), stderr=True)
 
         try:
-            run_host(frames, config, on_row=count, on_listening=listening, on_end=end)
+            flight.run(recorders=recorders, on_row=count, on_listening=listening, on_end=end)
         finally:
             for summary in ends:
                 _print_summary(summary, config.log_dir, as_json=as_json)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import time
-from collections import deque
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 
 from hil.host.ledger.frames_csv import ACCEPTED, LedgerRow
 from hil.host.ledger.summary import SUMMARY_JSON, ClosedLoopFigures, LedgerSummary, summarise
+from hil.host.pose_link import LinkedPoses, PoseLink, PoseQueue
 from hil.navigation.closed_loop import (
     ClosedLoop,
     ClosedLoopConfig,
@@ -55,9 +55,6 @@ COLUMNS = (
     "delta_v_m_s",
     "violation",
 )
-# from mid-exposure to a pose of the truth: what `svd` takes for a picture of 1920 x 1200 on a slow core
-LATENCY_S = 0.3
-
 PoseFrom = Literal["board", "truth", "noisy"]
 
 
@@ -68,14 +65,14 @@ class BoardPoses:
 
     Parameters
     ----------
-    latency_s : in lockstep, which stops the flight's clock for the board, the age at which a pose counts as there.
-        None takes it as soon as its row comes, as in real time.
+    link : in lockstep, which stops the flight's clock for the board, when a pose counts as there. None takes it as soon
+        as its row comes, as in real time.
     """
 
-    def __init__(self, noise: PoseNoise, latency_s: float | None) -> None:
-        self._noise, self._latency_s = noise, latency_s
+    def __init__(self, noise: PoseNoise, link: PoseLink | None) -> None:
+        self._noise = noise
         self._looks: dict[int, Snapshot] = {}
-        self._waiting: deque[PoseMeasurement] = deque()
+        self._queue = PoseQueue(link)
 
     def note(self, frame: int, snapshot: Snapshot) -> None:
         """Remember what a picture was taken of: when, and where the camera looked."""
@@ -87,23 +84,18 @@ class BoardPoses:
         if snapshot is None or row.outcome != ACCEPTED or row.q_wxyz is None or row.t_m is None:
             return
         q, t = np.array(row.q_wxyz), np.array(row.t_m)
-        self._waiting.append(
-            PoseMeasurement(
-                t_s=snapshot.t_s,
-                q_camera_from_target_wxyz=q / np.linalg.norm(q),
-                t_camera_from_target_m=t,
-                q_camera_from_eci_wxyz=snapshot.q_camera_from_eci_wxyz,
-                covariance=self._noise.covariance(t),
-            )
+        pose = PoseMeasurement(
+            t_s=snapshot.t_s,
+            q_camera_from_target_wxyz=q / np.linalg.norm(q),
+            t_camera_from_target_m=t,
+            q_camera_from_eci_wxyz=snapshot.q_camera_from_eci_wxyz,
+            covariance=self._noise.covariance(t),
         )
+        self._queue.put(row.frame_id, pose)
 
     def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
         """Poses that are there by ``t_s``."""
-        late = self._latency_s
-        ready = []
-        while self._waiting and (late is None or self._waiting[0].t_s + late <= t_s + 1e-9):
-            ready.append(self._waiting.popleft())
-        return ready
+        return self._queue.arrived(t_s)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -120,8 +112,14 @@ class BoardLoop:
     seed: int
 
     @staticmethod
-    def of(plan: Plan, config: ClosedLoopConfig, *, realtime: bool) -> BoardLoop:
+    def of(
+        plan: Plan, config: ClosedLoopConfig, *, realtime: bool, link: PoseLink | None = None
+    ) -> BoardLoop:
         """The loop of a plan's flight.
+
+        Parameters
+        ----------
+        link : in lockstep, of the poses; None: each is there after the usual latency.
 
         Raises
         ------
@@ -129,7 +127,7 @@ class BoardLoop:
             If the flight has no path or no thrusters.
         """
         check_closed_loop(plan.flight, f"scenario {plan.scenario_name}")
-        poses = BoardPoses(PoseNoise(), None if realtime else LATENCY_S)
+        poses = BoardPoses(PoseNoise(), None if realtime else link or PoseLink())
         mass = plan.target.mass
         loop = ClosedLoop(plan.flight, mass.com_m, mass.inertia_kg_m2, poses.arrived, config)
         return BoardLoop(plan=plan, loop=loop, poses=poses, seed=config.seed)
@@ -175,9 +173,16 @@ class BoardLoop:
 
 
 def fly_without_pictures(
-    plan: Plan, config: ClosedLoopConfig, pose: Literal["truth", "noisy"]
+    plan: Plan,
+    config: ClosedLoopConfig,
+    pose: Literal["truth", "noisy"],
+    link: PoseLink | None = None,
 ) -> ClosedLoopResult:
     """A closed loop on the truth, or on the truth with the errors of the estimator; nothing is drawn or sent.
+
+    Parameters
+    ----------
+    link : from a picture to its pose; None: each is there after the usual latency.
 
     Raises
     ------
@@ -186,9 +191,11 @@ def fly_without_pictures(
     """
     check_closed_loop(plan.flight, f"scenario {plan.scenario_name}")
     noise = PoseNoise()
-    source = TruePoses(noise, LATENCY_S) if pose == "truth" else NoisyPoses(noise, LATENCY_S, config.seed)
+    source = TruePoses(noise, 0.0) if pose == "truth" else NoisyPoses(noise, 0.0, config.seed)
     mass = plan.target.mass
-    return fly_closed_loop(plan.flight, mass.com_m, mass.inertia_kg_m2, source, config)
+    return fly_closed_loop(
+        plan.flight, mass.com_m, mass.inertia_kg_m2, LinkedPoses(source, link or PoseLink()), config
+    )
 
 
 def summary_without_pictures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> LedgerSummary:

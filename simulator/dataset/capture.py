@@ -12,14 +12,13 @@ from simulator.dataset.card import CARD_NAME, CardTarget, DatasetCard, describe_
 from simulator.dataset.clipping import ClippingSummary, summarise_clipping
 from simulator.dataset.formats.native import is_whole
 from simulator.dataset.formats.speed import export_speed
-from simulator.dataset.lock import NAME as LOCK
-from simulator.dataset.lock import only_capture
 from simulator.dataset.writer import CheckAndEncode, DatasetWriter
 from simulator.errors import UserError
 from simulator.labels.request import LAYERS, LabelRequest
 from simulator.labels.truth import FlowLabel
 from simulator.loop import open_frames, run_frames
 from simulator.runtime.files import empty_folder
+from simulator.runtime.folder_lock import lock_name, only_writer
 from simulator.scenario.plan import FramePlan
 
 if TYPE_CHECKING:
@@ -119,8 +118,8 @@ def capture(
     folder = Path(folder)
     labels = _possible(plan, labels)
     empty_folder(folder, resume=True)
-    with only_capture(folder):
-        if not resume and any(path.name != LOCK for path in folder.iterdir()):
+    with only_writer(folder, "capture"):
+        if not resume and any(path.name != lock_name("capture") for path in folder.iterdir()):
             empty_folder(folder, resume=False)
         return _capture(plan, folder, formats, labels, workers, device_index, progress, resume=resume)
 
@@ -222,7 +221,7 @@ def _card(plan: CapturePlan, formats: tuple[str, ...], labels: tuple[str, ...]) 
 def _same_plan(folder: Path, card: DatasetCard) -> DatasetCard:
     """The card to go on with: refuses to mix two plans or two renderers, keeps the formats there were."""
     if not (folder / CARD_NAME).is_file():
-        if any(path.name != LOCK for path in folder.iterdir()):
+        if any(path.name != lock_name("capture") for path in folder.iterdir()):
             raise UserError(
                 f"{folder} is not empty and has no {CARD_NAME} to go on from; name a new folder with -o"
             )

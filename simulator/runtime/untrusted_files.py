@@ -6,10 +6,12 @@ the depth of a text is measured before it is parsed.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import stat
 from pathlib import Path, PureWindowsPath
+from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -134,3 +136,21 @@ def refuse_dotted(data: bytes, where: str) -> None:
     """
     if _DOTTED.search(data):
         raise UserError(f"{where} has a key of more than 16 dots, which no such file has")
+
+
+def refuse_not_finite(value: Any, where: str, key: str = "") -> None:  # noqa: ANN401 - a document is anything
+    """Look for NaN and infinity in a document of TOML or JSON: they would pass the bounds of a typed file.
+
+    Raises
+    ------
+    UserError
+        With the key.
+    """
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            refuse_not_finite(inner, where, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, list):
+        for k, inner in enumerate(value):
+            refuse_not_finite(inner, where, f"{key}[{k}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise UserError(f"{where}: key {key} is {value}, allowed: a finite number")

@@ -16,7 +16,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hil.host.closed_loop import LATENCY_S, STEPS_CSV
+from hil.host.closed_loop import STEPS_CSV
+from hil.host.pose_link import LATENCY_S
 from hil.navigation.attitude_forecast import ForecastError, forecast_errors
 from hil.navigation.closed_loop import ClosedLoopConfig, fly_closed_loop
 from hil.navigation.measurement import PoseNoise

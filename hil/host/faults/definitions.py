@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 
 from simulator.errors import UserError
-from simulator.runtime.untrusted_files import read_regular
+from simulator.runtime.untrusted_files import read_regular, refuse_not_finite
 from simulator.runtime.validation_errors import explain
 
 if TYPE_CHECKING:
@@ -214,14 +214,26 @@ def read_faults(path: Path) -> Faults:
         raise UserError(f"{path} cannot be read ({error.strerror}): name a faults file") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise UserError(f"{path} is no TOML file: {error}") from error
+    refuse_not_finite(document, str(path))
     try:
         faults = msgspec.convert(document, Faults)
     except msgspec.ValidationError as error:
         raise UserError(f"{path}: {explain(str(error), document, Faults)}") from error
+    check_times(faults, str(path))
+    return faults
+
+
+def check_times(faults: Faults, where: str) -> None:
+    """Refuse a fault that ends before it starts.
+
+    Raises
+    ------
+    UserError
+        With its times.
+    """
     for fault in (*faults.camera, *faults.line):
         if not math.isfinite(fault.start_s + fault.end_s) or fault.end_s <= fault.start_s:
             raise UserError(
-                f"{path}: a fault {fault.name!r} ends at {fault.end_s:g} s and starts at {fault.start_s:g} s; "
+                f"{where}: a fault {fault.name!r} ends at {fault.end_s:g} s and starts at {fault.start_s:g} s; "
                 "write an end_s above its start_s"
             )
-    return faults

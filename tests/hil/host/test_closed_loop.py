@@ -47,6 +47,29 @@ def test_without_a_board_it_writes_figures_and_every_decision(tmp_path):
     assert rows[0]["reason"] == "no pose yet"
 
 
+def test_faults_of_the_line_delay_and_lose_poses_without_a_board(tmp_path):
+    def flown(text: str) -> tuple[subprocess.CompletedProcess[str], list[dict[str, str]]]:
+        faults, log = tmp_path / "faults.toml", tmp_path / f"log{len(text)}"
+        faults.write_text(text)
+        done = run(
+            "tango-vbar-closed-loop",
+            *("--closed-loop", "--pose", "truth", "--faults", str(faults), "--log", str(log)),
+        )
+        table = log / "closed_loop.csv"
+        return done, list(csv.DictReader(table.read_text().splitlines())) if table.exists() else []
+
+    late, rows = flown('[[line]]\nkind = "delay"\ndelay_ms = 2000.0\n')
+    assert late.returncode == 0, late.stderr
+    # the fifth, of 4 s, is there at the first decision after 6.3 s, and from then on the newest is three seconds old
+    assert [row["pose_age_s"] for row in rows[:9]] == [*[""] * 7, "3", "3"]
+    lost, rows = flown('[[line]]\nkind = "drop"\nchance = 1.0\nstart_s = 100.0\nend_s = 110.0\n')
+    assert lost.returncode == 0, lost.stderr
+    assert {row["phase"] for row in rows[106:111]} == {"hold"}
+    refused, _ = flown('[[camera]]\nkind = "frozen"\n')
+    assert refused.returncode == 2
+    assert "'frozen' needs pictures" in " ".join(refused.stderr.split())
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [

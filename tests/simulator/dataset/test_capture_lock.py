@@ -8,16 +8,16 @@ from types import SimpleNamespace
 import pytest
 
 from simulator.dataset import capture as capturing
-from simulator.dataset import lock
-from simulator.dataset.lock import NAME, only_capture
 from simulator.errors import UserError
+from simulator.runtime import folder_lock
+from simulator.runtime.folder_lock import lock_name, only_writer
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs locks of files")
 HOLD = """
 import sys, time
 from pathlib import Path
-from simulator.dataset.lock import only_capture
-with only_capture(Path(sys.argv[1])):
+from simulator.runtime.folder_lock import only_writer
+with only_writer(Path(sys.argv[1]), "capture"):
     print("locked", flush=True)
     time.sleep(100)
 """
@@ -30,14 +30,14 @@ def test_a_second_capture_into_a_folder_is_refused_in_one_sentence_and_a_dead_on
             with pytest.raises(UserError, match="another capture is writing into"):
                 capturing.capture(SimpleNamespace(), tmp_path, resume=resume)
         first.kill()
-    assert (tmp_path / NAME).exists()  # as a killed one leaves it
-    with only_capture(tmp_path):
+    assert (tmp_path / lock_name("capture")).exists()  # as a killed one leaves it
+    with only_writer(tmp_path, "capture"):
         pass
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_a_killed_capture_left_alone_is_an_empty_folder(tmp_path, monkeypatch):
-    (tmp_path / NAME).write_text("")
+    (tmp_path / lock_name("capture")).write_text("")
     monkeypatch.setattr(capturing, "_capture", lambda *_, **__: "drawn")
     assert capturing.capture(SimpleNamespace(), tmp_path) == "drawn"
     (tmp_path / "mine.txt").write_text("")
@@ -51,20 +51,20 @@ def test_a_full_disk_is_said_as_one(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
     with monkeypatch.context() as patch:
-        patch.setattr(lock.os, "open", full)
-        with pytest.raises(UserError, match="no space left on its disk"), only_capture(tmp_path):
+        patch.setattr(folder_lock.os, "open", full)
+        with pytest.raises(UserError, match="no space left on its disk"), only_writer(tmp_path, "capture"):
             pass
 
 
 RACE = """
 import sys, time
 from pathlib import Path
-from simulator.dataset.lock import only_capture
+from simulator.runtime.folder_lock import only_writer
 from simulator.errors import UserError
 folder, got, until = Path(sys.argv[1]), 0, time.monotonic() + 20
 while got < 150 and time.monotonic() < until:
     try:
-        with only_capture(folder):
+        with only_writer(folder, "capture"):
             (folder / "alone").mkdir()  # fails where another is within
             (folder / "alone").rmdir()
             got += 1

@@ -1,4 +1,4 @@
-"""One capture at a time in a folder: two would draw the same frames twice, or mix two plans."""
+"""One writer at a time in a folder: two would do the same work twice, or mix two plans."""
 
 from __future__ import annotations
 
@@ -16,23 +16,25 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-NAME = ".capture.lock"
-
 
 @contextmanager
-def only_capture(folder: Path) -> Iterator[None]:
-    """Within, no other capture writes into ``folder``.
+def only_writer(folder: Path, what: str) -> Iterator[None]:
+    """Within, no other command of this kind writes into ``folder``.
 
     A file in it is locked, which the system undoes when the process ends, however it ends: one that was left behind is
     no obstacle. Where a disk has no locks, as some network disks, nobody is kept out.
 
+    Parameters
+    ----------
+    what : the command: ``capture``.
+
     Raises
     ------
     UserError
-        If another capture is writing there.
+        If another is writing there.
     """
-    path = folder / NAME
-    file = _locked(path)
+    path = folder / lock_name(what)
+    file = _locked(path, what)
     try:
         yield
     finally:
@@ -43,7 +45,12 @@ def only_capture(folder: Path) -> Iterator[None]:
             os.close(file)
 
 
-def _locked(path: Path) -> int | None:
+def lock_name(what: str) -> str:
+    """Of the file that is locked."""
+    return f".{what}.lock"
+
+
+def _locked(path: Path, what: str) -> int | None:
     """The lock file, open and locked; ``None`` where there are no locks."""
     if sys.platform == "win32":
         return None
@@ -57,7 +64,7 @@ def _locked(path: Path) -> int | None:
         except BlockingIOError:
             os.close(file)
             raise UserError(
-                f"another capture is writing into {path.parent}; wait until it ends, or name another folder with -o"
+                f"another {what} is writing into {path.parent}; wait until it ends, or name another folder with -o"
             ) from None
         except OSError:  # a disk without locks
             return file

@@ -1,0 +1,134 @@
+"""One flight through the host as its options ask for it: frames of its plan, of a folder, or of a closed loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.host.closed_loop import BoardLoop, write_steps
+from hil.host.faults.camera_faults import with_camera_faults, with_exposure_faults
+from hil.host.picture_frames import frames_of_folder
+from hil.host.plan_frames import frames_of_plan
+from hil.host.pose_link import PoseLink
+from hil.host.run import RunConfig, run_host
+from hil.host.time_code import with_time_code
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from hil.host.ledger.frames_csv import LedgerRow
+    from hil.host.ledger.summary import LedgerSummary
+    from hil.host.recording.recorder import Recorder
+    from hil.navigation.closed_loop import ClosedLoopConfig
+    from simulator.scenario.plan import Plan
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightOptions:
+    """What is asked of a flight besides its link.
+
+    Parameters
+    ----------
+    closed_loop : fly on the poses, so told; None follows the plan.
+    pose_link : of a closed loop in lockstep: when poses count as there; None: at their usual age, and later where
+        the line's faults delay them.
+    source : a folder whose pictures are sent instead of drawn ones.
+    time_code : drawn into a corner. workers, device_index : of the drawing.
+    """
+
+    closed_loop: ClosedLoopConfig | None = None
+    pose_link: PoseLink | None = None
+    source: Path | None = None
+    time_code: bool = False
+    workers: int = 1
+    device_index: int | None = None
+
+
+class FlightRun:
+    """A flight that is ready to be sent.
+
+    Parameters
+    ----------
+    plan : of the flight. config : of the run; its target, and what a closed loop adds, are filled in.
+
+    Raises
+    ------
+    UserError
+        If a closed loop is asked of a flight without path or thrusters.
+    """
+
+    def __init__(self, plan: Plan, config: RunConfig, options: FlightOptions) -> None:
+        self._options = options
+        self._faults, self._realtime = config.link.faults, config.link.mode == "realtime"
+        self._plan = with_exposure_faults(plan, self._faults)
+        self._loop: BoardLoop | None = None
+        if options.closed_loop is not None:
+            self._loop = BoardLoop.of(
+                self._plan,
+                options.closed_loop,
+                realtime=self._realtime,
+                link=options.pose_link or PoseLink.in_lockstep(self._faults),
+            )
+        self.n_frames = plan.n_frames if self._loop is None else self._loop.loop.most_pictures
+        self._config = replace(
+            config,
+            deadline_s=interval_s(plan) if self._realtime and self._loop is None else None,
+            target_name=plan.target.name,
+            target_sha256=plan.target.sha256,
+            closed_loop=None if self._loop is None else self._loop.figures,
+        )
+
+    def run(
+        self,
+        *,
+        recorders: tuple[Recorder, ...] = (),
+        on_row: Callable[[LedgerRow], None] | None = None,
+        on_listening: Callable[[str, str | None], None] | None = None,
+        on_end: Callable[[LedgerSummary], None] | None = None,
+    ) -> LedgerSummary:
+        """Send it, as `run_host` does; a closed loop's decisions are written beside the ledger.
+
+        Parameters
+        ----------
+        recorders : told each frame and its outcome, besides.
+        """
+        options, loop, log_dir = self._options, self._loop, self._config.log_dir
+        if loop is not None:
+            frames = loop.frames(device_index=options.device_index, realtime=self._realtime)
+        elif options.source is not None:
+            frames = frames_of_folder(self._plan, options.source)
+        else:
+            frames = frames_of_plan(
+                self._plan,
+                device_index=options.device_index,
+                workers=options.workers,
+                warm_up=self._realtime,
+            )
+        if options.time_code:
+            frames = with_time_code(frames, faults=self._faults)
+
+        def take(row: LedgerRow) -> None:
+            if loop is not None:
+                loop.poses.take(row)
+            if on_row is not None:
+                on_row(row)
+
+        try:
+            return run_host(
+                with_camera_faults(frames, self._faults),
+                replace(self._config, recorders=recorders),
+                on_row=take,
+                on_listening=on_listening,
+                on_end=on_end,
+            )
+        finally:
+            if loop is not None and log_dir is not None and log_dir.is_dir():
+                write_steps(log_dir, loop.loop.steps)
+
+
+def interval_s(plan: Plan) -> float | None:
+    """From frame to frame, the middle of all."""
+    return float(np.median(np.diff(plan.times_s))) if plan.n_frames > 1 else None

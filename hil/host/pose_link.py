@@ -1,0 +1,132 @@
+"""When a pose is there, by the flight's clock: a link's latency, and what the line's faults do to it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.host.faults.definitions import Delay, Drop, Jitter
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.host.faults.definitions import Faults, LineFault
+    from hil.navigation.measurement import PoseMeasurement, Snapshot
+    from hil.navigation.pose_sources import PoseSource
+
+# from mid-exposure to a pose: what `svd` takes for a picture of 1920 x 1200 on a slow core
+LATENCY_S = 0.3
+ACTING = (Delay, Jitter, Drop)
+"""Faults of the line that a link of poses knows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseLink:
+    """From a picture to its pose in the filter, where no clock but the flight's runs.
+
+    Parameters
+    ----------
+    latency_s : from mid-exposure to the pose, without faults.
+    faults : delays, jitters and drops of the line; a drop's chance is that of a picture. Others are left out.
+    seed : of what is drawn, for each picture by its number alone.
+    """
+
+    latency_s: float = LATENCY_S
+    faults: tuple[LineFault, ...] = ()
+    seed: int = 0
+
+    @staticmethod
+    def in_lockstep(faults: Faults) -> PoseLink:
+        """Of a board in lockstep: what delays the line makes; what it loses is lost there."""
+        late = tuple(fault for fault in faults.line if isinstance(fault, Delay | Jitter))
+        return PoseLink(faults=late, seed=faults.seed)
+
+    @staticmethod
+    def without_pictures(faults: Faults) -> PoseLink:
+        """Of poses that need no board.
+
+        Raises
+        ------
+        UserError
+            If there is a fault that only a picture or a line could have.
+        """
+        for fault in (*faults.camera, *faults.line):
+            if not isinstance(fault, ACTING):
+                raise UserError(
+                    f"a fault {fault.name!r} needs pictures and a line: fly on a board's poses, or leave it out; "
+                    "without pictures there are delay, jitter and drop"
+                )
+        return PoseLink(faults=faults.line, seed=faults.seed)
+
+    def delay_s(self, number: int, t_s: float) -> float | None:
+        """How long after its exposure at ``t_s`` the pose of a picture is there; None where it is lost."""
+        delay_s = self.latency_s
+        for k, fault in enumerate(self.faults):
+            if not isinstance(fault, ACTING) or not fault.acts(t_s):
+                continue
+            drawn = np.random.default_rng([self.seed, 2, k, number]).random()
+            if isinstance(fault, Delay):
+                delay_s += 1e-3 * fault.delay_ms
+            elif isinstance(fault, Jitter):
+                delay_s += 1e-3 * fault.most_ms * drawn
+            elif drawn < fault.chance:
+                return None
+        return delay_s
+
+
+class PoseQueue:
+    """Poses on their way over a link, which keeps their order.
+
+    Parameters
+    ----------
+    link : their delays; None hands each on as it comes.
+    """
+
+    def __init__(self, link: PoseLink | None) -> None:
+        self._link = link
+        self._waiting: deque[tuple[float, PoseMeasurement]] = deque()
+        self._last_s = -np.inf
+
+    def put(self, number: int, pose: PoseMeasurement) -> None:
+        """A pose sets out: of the picture of that number."""
+        if self._link is None:
+            self._waiting.append((-np.inf, pose))
+            return
+        delay_s = self._link.delay_s(number, pose.t_s)
+        if delay_s is not None:
+            self._last_s = max(self._last_s, pose.t_s + delay_s)
+            self._waiting.append((self._last_s, pose))
+
+    def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
+        """Poses that are there by ``t_s`` and were not handed out before."""
+        ready = []
+        while self._waiting and self._waiting[0][0] <= t_s + 1e-9:
+            ready.append(self._waiting.popleft()[1])
+        return ready
+
+
+class LinkedPoses:
+    """A source of poses that come at once, seen over a link.
+
+    Parameters
+    ----------
+    source : looks, and answers at once.
+    """
+
+    def __init__(self, source: PoseSource, link: PoseLink) -> None:
+        self._source, self._queue, self._number = source, PoseQueue(link), 0
+
+    def look(self, snapshot: Snapshot) -> None:
+        """The camera exposes a picture of this moment."""
+        self._source.look(snapshot)
+        for pose in self._source.arrived(snapshot.t_s):
+            self._queue.put(self._number, pose)
+        self._number += 1
+
+    def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
+        """Poses that are there by ``t_s``."""
+        return self._queue.arrived(t_s)
