@@ -15,6 +15,7 @@ import struct
 import sys
 import time
 import zlib
+from contextlib import suppress
 
 import numpy as np
 
@@ -46,7 +47,8 @@ class Line:
         )
         packet += struct.pack("<I", zlib.crc32(packet))
         self.sequence = (self.sequence + 1) & 0xFFFFFFFF
-        self.socket.sendall(struct.pack("<I", len(packet)) + packet)
+        with suppress(OSError):  # gone: its last word may have come already, and the next hear() tells
+            self.socket.sendall(struct.pack("<I", len(packet)) + packet)
 
     def say_error(self, code: int, frame_id: int, text: str) -> None:
         """Tell the host what is wrong."""

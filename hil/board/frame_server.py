@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import queue
@@ -295,6 +296,11 @@ class FrameServer:
         finally:
             self._over.set()
 
+    def _say(self, message: Message) -> None:
+        """Tell the host something, where it still listens: whether it said goodbye lies in what is yet to be read."""
+        with contextlib.suppress(LinkClosed):
+            self._link.send(message)
+
     def _take(self, message: Message) -> bool:
         """Handle one message; False ends the session. Truth, where it is sent along, is not looked at."""
         at_ns = now_ns()
@@ -306,7 +312,7 @@ class FrameServer:
                 self._newest = complete[0].frame_id
                 self._arrive(_Arrival(complete[0], complete[1], at_ns))
         elif isinstance(message, TimeSyncRequest):
-            self._link.send(answer_time_sync(message, at_ns, self._newest))
+            self._say(answer_time_sync(message, at_ns, self._newest))
         elif isinstance(message, Bye):
             self._goodbye, self._ended = True, f"the host ended the session ({message.reason})"
             return False
@@ -322,25 +328,25 @@ class FrameServer:
         frame_id = arrival.header.frame_id
         text = f"frame {frame_id} came while {self._room} others waited: the window is {self._room}"
         self._warn(text)
-        self._link.send(ErrorMessage(ErrorCode.BUSY, text, frame_id))
+        self._say(ErrorMessage(ErrorCode.BUSY, text, frame_id))
 
     def _damaged(self, error: PacketError) -> None:
         """A packet was damaged: the frame in work cannot become whole."""
         self._warn(str(error))
         self._assembler.abandon()
         if not self._assembler.has_lost:
-            self._link.send(ErrorMessage(ErrorCode.CORRUPT, str(error), NO_FRAME))
+            self._say(ErrorMessage(ErrorCode.CORRUPT, str(error), NO_FRAME))
 
     def _mistaken(self, mistake: ProtocolMistake) -> None:
         """The host sent what the protocol does not allow: it alone can mend that."""
         self._warn(str(mistake))
         about = mistake.frame_id
         if about is None:
-            self._link.send(ErrorMessage(ErrorCode.OTHER, str(mistake), NO_FRAME))
+            self._say(ErrorMessage(ErrorCode.OTHER, str(mistake), NO_FRAME))
             return
         if about == self._assembler.frame_id:
             self._assembler.abandon()
-        self._link.send(ErrorMessage(ErrorCode.FORMAT, str(mistake), about))
+        self._say(ErrorMessage(ErrorCode.FORMAT, str(mistake), about))
 
     def _warn(self, sentence: str) -> None:
         self._logged += 1
@@ -352,7 +358,7 @@ class FrameServer:
     def _report_lost(self) -> None:
         for frame_id in self._assembler.lost():
             text = f"frame {frame_id} lost a packet on the line"
-            self._link.send(ErrorMessage(ErrorCode.INCOMPLETE, text, frame_id))
+            self._say(ErrorMessage(ErrorCode.INCOMPLETE, text, frame_id))
 
 
 def _numbers(values: Any) -> Any:  # noqa: ANN401 - any sequence of numbers, or None

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from estimators import Instant, Stuck
-from hand_made_host import HandMadeHost, hand_made_host, in_thread
+from hand_made_host import HandMadeHost, hand_made_host, in_thread, leave_with_a_goodbye
 from hil_loop import Loop, adds_up, frames
 
 from hil.board import agent as agent_module
@@ -148,6 +148,15 @@ def test_a_board_that_lost_its_host_meets_the_next_and_brings_nothing_along():
     # the same reason again and again is said once
     assert sum("nobody listens" in sentence for sentence in sentences) <= 2
     assert "the run is over" in sentences[-1]
+
+
+def test_a_goodbye_is_heard_though_the_host_hears_nothing_any_more():
+    with hand_made_host() as host:
+        thread, ended = in_thread(lambda: run_board(host.url, make_estimator=Instant))
+        host.meet()
+        leave_with_a_goodbye(host)
+        thread.join(PATIENCE_S)
+    assert ended[0].goodbye, ended[0].ended
 
 
 def test_a_host_that_says_nothing_any_more_is_gone():

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hand_made_host import hand_made_host
+from hand_made_host import hand_made_host, leave_with_a_goodbye
 from hil_loop import CAMERA, Loop, Proxy, adds_up, flip_first, made_frame
 
 from hil.link.packets.packet import PacketType
@@ -117,6 +117,11 @@ def test_an_example_board_outlives_damage(command, kind):
 
 
 def test_an_example_board_tells_its_end_by_its_code(command):
+    with hand_made_host() as host:
+        process = started(command, host.url)
+        host.meet()
+        leave_with_a_goodbye(host)
+        assert ended(process)[0] == 0
     with hand_made_host() as host:
         process = started(command, host.url)
         host.meet()

@@ -98,7 +98,9 @@ def test_the_board_of_a_host_that_ends_meets_the_next_one(tmp_path, how):
     assert took < BUSY_S
     assert board.returncode == 143
     assert outcomes(tmp_path / "second") == ["accepted"] * 5
-    assert "the host" in said.splitlines()[0]
+    # before the first host listened, it may have said so
+    met = [line for line in said.splitlines() if "nobody listens" not in line]
+    assert "the host" in met[0]
 
 
 @pytest.mark.slow
