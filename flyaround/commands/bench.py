@@ -12,6 +12,7 @@ from rich.table import Table
 from flyaround.commands.terminal import progress_bar, terminal
 from hil.bench.estimator_time import bench_estimator
 from hil.bench.link_latency import bench_link
+from simulator.bench.combinations import bench_combinations, goals_of
 from simulator.bench.parts import bench_capture, bench_sensor, bench_world
 from simulator.bench.scaling import bench_scaling
 from simulator.bench.scenes import BENCH_SCENES, bench_scenes
@@ -38,12 +39,23 @@ def bench(
             min=1, max=64, help="Instead: frames a second of 1, 2, 4 ... so many processes that draw at once."
         ),
     ] = None,
+    everything: Annotated[
+        bool,
+        typer.Option(
+            "--all",
+            help="Instead: every built-in scenario x camera x mono and RGB, with labels and capture, and the goals; "
+            "half an hour.",
+        ),
+    ] = False,
     gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Frame cost per scene beside a reference pass of the same run."""
-    if scaling and processes is not None:
-        raise UserError("--scaling and --processes are two benches; ask for one of them")
+    if scaling + (processes is not None) + everything > 1:
+        raise UserError("--scaling, --processes and --all are three benches; ask for one of them")
+    if everything:
+        _bench_combinations(tuple(scene or ()), gpu, as_json=as_json)
+        return
     if scaling:
         _bench_scaling(gpu, as_json=as_json)
         return
@@ -108,6 +120,40 @@ def _bench_scaling(gpu: int | None, *, as_json: bool) -> None:
                 "" if power is None else f"power {power:.2f}",
             )
         terminal().print(table)
+
+
+def _bench_combinations(scenarios: tuple[str, ...], gpu: int | None, *, as_json: bool) -> None:
+    with progress_bar("bench", quiet=as_json) as progress:
+        machine, costs = bench_combinations(scenarios, device_index=gpu, progress=progress)
+    goals = goals_of(costs)
+    if as_json:
+        document = {
+            "schema": "flyaround.combinations",
+            "version": 1,
+            "machine": asdict(machine),
+            "combinations": [asdict(c) for c in costs],
+            "goals": [{**asdict(g), "met": g.met} for g in goals],
+        }
+        typer.echo(json.dumps(document, indent=1))
+        return
+    columns = ("frame_ms", "render_ms", "sensor_ms", "labels_ms", "capture_ms", "reference_ms")
+    table = Table("scenario", "camera", "bands", *(name.removesuffix("_ms") for name in columns))
+    for c in costs:
+        name = f"{c.scenario} {c.variant}".strip()
+        table.add_row(name, c.camera, c.bands, *(f"{getattr(c, key):.1f}" for key in columns))
+    console = terminal()
+    console.print(f"{machine.gl_renderer}, {machine.threads} threads; medians in ms")
+    console.print(table)
+    table = Table("goal", "measured", "at most", "", "worst")
+    for g in goals:
+        table.add_row(
+            g.name,
+            f"{g.measured:.2f} {g.unit}",
+            f"{g.limit:g} {g.unit}",
+            "met" if g.met else "missed",
+            g.worst,
+        )
+    console.print(table)
 
 
 def _bench_throughput(processes: int, scenes: tuple[str, ...], gpu: int | None, *, as_json: bool) -> None:
