@@ -11,6 +11,10 @@ import typer
 
 from flyaround.commands.estimation import check_method
 from flyaround.commands.terminal import say
+from hil.board.agent import describe_board, svd_factory
+from hil.board.gige.camera import SCHEME
+from hil.board.gige.camera_board import run_camera_board
+from hil.board.gige.options import CAMERA_OPTIONS, TITLE, camera_board_options, check_options
 from hil.board.options import AGENT_OPTIONS, make_agent
 from hil.board.service import ExitCode
 from hil.board.serving import NoSessionError, exit_at_once, exit_code, serve_sessions
@@ -20,9 +24,11 @@ from simulator.targets.library import load_target
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from hil.board.frame_server import BoardSummary
+
 
 def with_agent_options(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with the table's options in place of its ``**given``."""
+    """The command with the tables' options in place of its ``**given``."""
     signature = inspect.signature(command, eval_str=True)
     own = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
     table = [
@@ -32,10 +38,13 @@ def with_agent_options(command: Callable[..., None]) -> Callable[..., None]:
             default=option.default,
             annotation=Annotated[
                 option.kind if option.default is not None else option.kind | None,
-                typer.Option(option.flag, help=option.text, metavar=option.unit or None),
+                typer.Option(
+                    option.flag, help=option.text, metavar=option.unit or None, rich_help_panel=panel
+                ),
             ],
         )
-        for option in AGENT_OPTIONS
+        for panel, options in ((None, AGENT_OPTIONS), (TITLE, CAMERA_OPTIONS))
+        for option in options
     ]
     command.__annotations__ = {p.name: p.annotation for p in (*own, *table)}
     vars(command)["__signature__"] = signature.replace(parameters=[*own, *table])
@@ -46,27 +55,45 @@ def with_agent_options(command: Callable[..., None]) -> Callable[..., None]:
 def board(
     url: Annotated[
         str,
-        typer.Argument(help="The host: tcp://HOST:PORT, udp://HOST:PORT or serial:///DEVICE?baud=N."),
+        typer.Argument(
+            help="The host: tcp://HOST:PORT, udp://HOST:PORT or serial:///DEVICE?baud=N; or a camera: gige://ADDRESS."
+        ),
     ],
     target: Annotated[str, typer.Option(help="Target name.")] = "tango",
-    **given: Any,  # noqa: ANN401 - the table's
+    **given: Any,  # noqa: ANN401 - the tables'
 ) -> None:
     """The board's side, on this machine: connect, estimate, answer; the exit code tells how it ended.
 
     The URL is the host's address, such as tcp://192.168.1.10:5600, or this end of a serial line, such as
     serial:///dev/ttyUSB0?baud=921600. Exit code 0: the host said goodbye; 1: it vanished; 2: a mistake in what was
     given; 3: the watchdog stopped the estimator; 4: no session could be had.
+
+    With gige://ADDRESS the board reads a camera on the network through Aravis: that of hil camera, or a real one. A
+    camera takes no poses: they are written to a file, and sent to a host by --answer.
     """
+    check_options(url, given)
     check_method(given["method"])
     with TemporaryDirectory() as folder:  # read once, and not needed any more
         path = Path(folder) / f"{target}.board.json"
         write_board_model(load_target(target), path)
-        agent = make_agent(url, str(path), given)
+        if url.startswith(SCHEME):
+            make, name, sha256 = svd_factory(path, given["method"])
+        else:
+            agent = make_agent(url, str(path), given)
+    if url.startswith(SCHEME):
+        hello = describe_board(name, sha256, given["method"], compiled=True)
+        _told(run_camera_board(url, camera_board_options(given), make, hello))
+        return
     try:
         summary = serve_sessions(agent, reconnect=given["reconnect"], start=[])
     except NoSessionError as error:
         say(f"flyaround: {error}", stderr=True)
         raise typer.Exit(ExitCode.NO_SESSION) from error
+    _told(summary)
+
+
+def _told(summary: BoardSummary) -> None:
+    """How it ended, in a sentence and by the exit code."""
     say(f"{summary.frames} frames, {summary.accepted} accepted: {summary.ended}", stderr=True)
     if summary.hung:
         exit_at_once(ExitCode.WATCHDOG)

@@ -1,6 +1,7 @@
 """``python -m hil.board URL --model FILE``: the board's agent, with nothing but argparse.
 
-Also ``--image FILE --camera FILE``: one answer as JSON, to see that a board can do it at all.
+With ``gige://ADDRESS --camera FILE`` the board reads a camera on the network instead. Also ``--image FILE --camera
+FILE``: one answer as JSON, to see that a board can do it at all.
 """
 
 from __future__ import annotations
@@ -13,15 +14,14 @@ import signal
 import sys
 from typing import Iterator, List, NoReturn, Optional
 
-from hil.board.agent import bundled_models, svd_factory
-from hil.board.files import read_bounded
-from hil.board.options import add_agent_options, make_agent
+from hil.board.agent import bundled_models, describe_board, svd_factory
+from hil.board.gige.camera import SCHEME
+from hil.board.gige.camera_board import read_camera, run_camera_board
+from hil.board.gige.options import CAMERA_OPTIONS, TITLE, camera_board_options, check_options
+from hil.board.options import add_options, make_agent
 from hil.board.service import WATCHDOG_S, ExitCode, program_path, systemd_unit
 from hil.board.serving import NoSessionError, exit_at_once, exit_code, serve_sessions
 from hil.link.errors import LinkError
-
-# of a camera file: thousands of times what one takes
-MOST_BYTES = 10_000_000
 
 
 class AgentTerminated(KeyboardInterrupt):
@@ -37,15 +37,19 @@ def main(arguments: Optional[List[str]] = None, program: str = "hil.board") -> i
     given = sys.argv[1:] if arguments is None else arguments
     options = _options(given, program)
     logging.basicConfig(level=logging.INFO if options.verbose else logging.WARNING)
-    if options.systemd_unit:
-        sys.stdout.write(_unit(given, options))
-        return ExitCode.ORDERLY
     try:
         with _terminated_as_interrupted():
+            if options.url is not None:
+                check_options(options.url, vars(options))
+            if options.systemd_unit:
+                sys.stdout.write(_unit(given, options))
+                return ExitCode.ORDERLY
             if options.image is not None:
                 answer = _answer(options.image, options.camera, options.model, options.method)
                 sys.stdout.write(answer + "\n")
                 return ExitCode.ORDERLY
+            if options.url.startswith(SCHEME):
+                return _serve_camera(options)
             return _serve(options, given, program)
     except LinkError as error:
         sys.stderr.write(f"{error}\n")
@@ -66,7 +70,10 @@ def run_and_exit(program: str) -> NoReturn:
 def _options(arguments: List[str], program: str) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog=program, description=main.__doc__)
     parser.add_argument(
-        "url", nargs="?", help="The host: tcp://HOST:PORT, udp://HOST:PORT or serial:///dev/ttyS0?baud=921600"
+        "url",
+        nargs="?",
+        help="The host: tcp://HOST:PORT, udp://HOST:PORT or serial:///dev/ttyS0?baud=921600; or a camera:"
+        " gige://ADDRESS",
     )
     names = ", ".join(bundled_models())
     parser.add_argument(
@@ -75,12 +82,12 @@ def _options(arguments: List[str], program: str) -> argparse.Namespace:
         help="Board model file, e.g. tango.board.json"
         + (f"; or one that is built in: {names}" if names else ""),
     )
-    add_agent_options(parser)
+    add_options(parser)
+    add_options(parser.add_argument_group(TITLE), CAMERA_OPTIONS)
     parser.add_argument(
         "--systemd-unit", action="store_true", help="Print a unit that runs this as a service, and end."
     )
-    parser.add_argument("--image", help="Estimate one PNG instead of meeting a host.")
-    parser.add_argument("--camera", help="CAMERA.json of the image.")
+    parser.add_argument("--image", help="Estimate one PNG, taken with --camera, instead of meeting a host.")
     parser.add_argument("-v", "--verbose", action="store_true", help="Say what happens.")
     options = parser.parse_args(arguments)
     if (options.url is None) == (options.image is None):
@@ -103,6 +110,17 @@ def _serve(options: argparse.Namespace, given: List[str], program: str) -> int:
     agent = make_agent(options.url, options.model, vars(options))
     summary = serve_sessions(agent, reconnect=options.reconnect, start=[*start, *given])
     sys.stdout.write(f"{summary.ended}: {summary.accepted} of {summary.frames} poses accepted\n")
+    return exit_code(summary)
+
+
+def _serve_camera(options: argparse.Namespace) -> int:
+    """Read a camera until it is enough; the exit code."""
+    told = camera_board_options(vars(options))
+    make, name, sha256 = svd_factory(options.model, options.method)
+    hello = describe_board(name, sha256, options.method, compiled=True)
+    summary = run_camera_board(options.url, told, make, hello)
+    # the standard output may be the poses'
+    sys.stderr.write(f"{summary.ended}: {summary.accepted} of {summary.frames} poses accepted\n")
     return exit_code(summary)
 
 
@@ -138,8 +156,8 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
         raise LinkError("--image needs the camera it was taken with: name its file with --camera")
     make, _, _ = svd_factory(model, method)
     try:
-        estimator = make(json.loads(read_bounded(camera, MOST_BYTES).decode("utf-8")))
-    except (OSError, ValueError, RecursionError) as error:
+        estimator = make(read_camera(camera))
+    except ValueError as error:
         raise LinkError(
             f"camera {camera} cannot be used ({error}): give the camera object of a truth record"
         ) from error

@@ -8,12 +8,14 @@ import math
 import platform
 import random
 import time
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 
+from hil.board.answering import BoardEstimator
 from hil.board.errors import KernelError
-from hil.board.frame_server import BoardEstimator, BoardSummary, FrameServer
+from hil.board.frame_server import BoardSummary, FrameServer
 from hil.link.errors import LinkError
 from hil.link.packets.enums import GREY_FORMATS, format_mask
 from hil.link.packets.images import check_terms, supported_encodings
@@ -75,6 +77,27 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
     return make, model.name, model.sha256
 
 
+def describe_board(model_name: str, model_sha256: str, method: str, *, compiled: bool) -> Hello:
+    """What this board says of itself.
+
+    Parameters
+    ----------
+    compiled : whether its estimator is the SVD one, whose kernels are named, too.
+    """
+    runs_on = ""
+    if compiled:
+        from hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - needs OpenCV
+
+        runs_on = f", kernels {describe_backend().split()[0]}"
+    return Hello(
+        encodings=supported_encodings(),
+        model_name=model_name,
+        model_sha256=model_sha256,
+        method=method,
+        board=f"{platform.node()} {platform.machine()} Python {platform.python_version()}{runs_on}",
+    )
+
+
 def bundled_models() -> List[str]:
     """Names of the board models that came with this program: a bundle has some, a checkout none."""
     names = [item.name for item in _models().iterdir()] if _models().is_dir() else []
@@ -129,26 +152,17 @@ class BoardAgent:
         takes_colour: bool = False,
     ) -> None:
         parse_url(url)
-        runs_on = ""
+        compiled = make_estimator is None
         if make_estimator is None:
             if model_path is None:
                 raise LinkError("the board needs a model file: name one with --model")
             make_estimator, model_name, model_sha256 = svd_factory(model_path, method)
-            from hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - needs OpenCV
-
-            runs_on = f", kernels {describe_backend().split()[0]}"
         self._url, self._make, self._key = url, make_estimator, key
         self._timeout_s, self._watchdog_s, self._silence_s = connect_timeout_s, watchdog_s, silence_s
         self._server: Optional[FrameServer] = None
-        self._hello = Hello(
-            encodings=supported_encodings(),
-            window=window,
-            model_name=model_name,
-            model_sha256=model_sha256,
-            method=method,
-            board=f"{platform.node()} {platform.machine()} Python {platform.python_version()}{runs_on}",
-            pixel_formats=format_mask(PixelFormat if takes_colour else GREY_FORMATS),
-        )
+        hello = describe_board(model_name, model_sha256, method, compiled=compiled)
+        formats = format_mask(PixelFormat if takes_colour else GREY_FORMATS)
+        self._hello = replace(hello, window=window, pixel_formats=formats)
 
     @property
     def is_well(self) -> bool:

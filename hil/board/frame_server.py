@@ -8,8 +8,9 @@ import math
 import queue
 import threading
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Iterable, Optional, Protocol
+from typing import Optional
 
+from hil.board.answering import BoardEstimator, estimated_pose
 from hil.link.clock import answer_time_sync, now_ns
 from hil.link.errors import LinkClosed, PacketError, ProtocolMistake
 from hil.link.packets.images import FrameAssembler
@@ -39,45 +40,6 @@ LAST_WAIT_S = 1.0
 
 # how often the line is looked at for a stop, and the estimator for its time, at least [s]
 LOOK_S = 0.5
-
-
-class Estimate(Protocol):
-    """What an estimator returns; ``hil.board.svd.PoseResult`` is one."""
-
-    @property
-    def accepted(self) -> bool:
-        """Whether the estimator stands by the pose."""
-
-    @property
-    def reason(self) -> str:
-        """Why it was accepted or declined."""
-
-    @property
-    def q_camera_from_target_wxyz(self) -> Optional[Iterable[float]]:
-        """(4,) unit quaternion, or None."""
-
-    @property
-    def t_camera_from_target_m(self) -> Optional[Iterable[float]]:
-        """(3,) [m], or None."""
-
-    @property
-    def confidence(self) -> float:
-        """0 to 1."""
-
-    @property
-    def stages_ms(self) -> Dict[str, float]:
-        """Duration of each stage, in order [ms]."""
-
-
-class BoardEstimator(Protocol):
-    """What the agent runs on each frame."""
-
-    def estimate(self, image: Any) -> Estimate:  # noqa: ANN401 - (H, W) uint8; an estimator may take more
-        """Pose of the target in an (H, W) image.
-
-        One that follows the target from frame to frame has an attribute ``keeps_state`` that is true, and is given
-        ``t_s``, the time of mid-exposure [s], as well.
-        """
 
 
 @dataclass(frozen=True)
@@ -233,40 +195,14 @@ class FrameServer:
         self._link.send(Credit(pose.frame_id, self._terms.window))
 
     def _answer(self, arrival: _Arrival, start_ns: int) -> PoseMessage:
-        frame_id = arrival.header.frame_id
-        try:
-            result = self._look(arrival)
-            end_ns = now_ns()
-            pose = PoseMessage(
-                frame_id,
-                bool(result.accepted),
-                str(result.reason),
-                _numbers(result.q_camera_from_target_wxyz),
-                _numbers(result.t_camera_from_target_m),
-                float(result.confidence),
-                tuple((name, float(ms)) for name, ms in result.stages_ms.items()),
-                arrival.receive_ns,
-                start_ns,
-                end_ns,
-            )
-            pose.encode()  # an accepted pose that is missing or not finite is found here
-            return pose
-        except Exception as error:  # noqa: BLE001 - whatever it raises, the next frame is another chance
-            logger.warning("frame %d: the estimator failed: %r", frame_id, error)
-            return PoseMessage(
-                frame_id,
-                accepted=False,
-                reason=f"the estimator failed: {type(error).__name__}: {error}",
-                receive_ns=arrival.receive_ns,
-                start_ns=start_ns,
-                end_ns=now_ns(),
-            )
-
-    def _look(self, arrival: _Arrival) -> Estimate:
-        if getattr(self._estimator, "keeps_state", False):
-            estimate: Callable[..., Estimate] = self._estimator.estimate
-            return estimate(arrival.image, t_s=arrival.header.t_s)
-        return self._estimator.estimate(arrival.image)
+        return estimated_pose(
+            self._estimator,
+            arrival.image,
+            arrival.header.frame_id,
+            t_s=arrival.header.t_s,
+            receive_ns=arrival.receive_ns,
+            start_ns=start_ns,
+        )
 
     # --- receiving --------------------------------------------------------------------------
 
@@ -359,7 +295,3 @@ class FrameServer:
         for frame_id in self._assembler.lost():
             text = f"frame {frame_id} lost a packet on the line"
             self._say(ErrorMessage(ErrorCode.INCOMPLETE, text, frame_id))
-
-
-def _numbers(values: Any) -> Any:  # noqa: ANN401 - any sequence of numbers, or None
-    return None if values is None else tuple(float(x) for x in values)

@@ -54,9 +54,9 @@ AGENT_OPTIONS: Tuple[AgentOption, ...] = (
 )
 
 
-def add_agent_options(parser: argparse.ArgumentParser) -> None:
-    """The table, to a parser of the standard library."""
-    for option in AGENT_OPTIONS:
+def add_options(parser: argparse._ActionsContainer, table: Tuple[AgentOption, ...] = AGENT_OPTIONS) -> None:
+    """A table, to a parser of the standard library or a group of it."""
+    for option in table:
         if option.kind is bool:
             parser.add_argument(option.flag, action="store_true", help=option.text)
             continue

@@ -1,0 +1,109 @@
+"""A line of its own for poses: to the host whose camera the board reads, so that its ledger gets them."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from typing import Any, Dict, Optional
+
+from hil.link.clock import answer_time_sync, now_ns
+from hil.link.errors import LinkClosed, LinkError, PacketError
+from hil.link.packets.messages import (
+    NO_FRAME,
+    Bye,
+    Credit,
+    ErrorCode,
+    ErrorMessage,
+    Hello,
+    PoseMessage,
+    TimeSyncRequest,
+)
+from hil.link.packets.packet import PacketType
+from hil.link.security import prove_to_host
+from hil.link.session import Link, greet_host
+from hil.link.transports.url import connect
+
+logger = logging.getLogger(__name__)
+
+LOOK_S = 0.5
+
+
+class AnswerLine:
+    """A session with a host, as any board has one, in which pictures come another way.
+
+    Parameters
+    ----------
+    url : where the host takes poses. hello : what this board is. key : shared with the host.
+    timeout_s : how long to try to reach it, and to wait for its first word.
+    silence_s : a host that says nothing for so long is gone.
+
+    Raises
+    ------
+    LinkError
+        If the host cannot be reached or refuses: one sentence.
+    """
+
+    def __init__(
+        self, url: str, hello: Hello, key: Optional[bytes], timeout_s: float, silence_s: float
+    ) -> None:
+        self._silence_ns = silence_s * 1e9
+        self.ended = ""
+        """Why the session is over, one sentence; empty while it goes on."""
+        self.goodbye = False
+        self._newest = NO_FRAME
+        line = connect(url, timeout_s)
+        try:
+            self._link = Link(line if key is None else prove_to_host(line, key))
+            self._terms = greet_host(self._link, hello, timeout_s)
+        except LinkError:
+            line.close()
+            raise
+        self._link.accepts = self._link.accepts - {PacketType.TRUTH}
+        self._stop = threading.Event()
+        self._listener = threading.Thread(target=self._listen, name="answer line", daemon=True)
+        self._listener.start()
+
+    @property
+    def camera(self) -> Dict[str, Any]:
+        """The camera JSON object that the host names."""
+        return self._terms.camera
+
+    def send(self, pose: PoseMessage) -> None:
+        """One answer; earlier pictures without one get none."""
+        self._newest = pose.frame_id
+        try:
+            self._link.send(pose)
+            self._link.send(Credit(pose.frame_id, self._terms.window))
+        except LinkClosed as error:
+            self.ended = self.ended or f"the host went away without a goodbye ({error})"
+
+    def close(self, reason: str) -> None:
+        """Say goodbye."""
+        self._stop.set()
+        self._link.close(reason)
+        self._listener.join(2.0)
+
+    def _listen(self) -> None:
+        heard_ns = now_ns()
+        while not self._stop.is_set() and not self.ended:
+            try:
+                message = self._link.recv(LOOK_S)
+            except PacketError as error:
+                logger.warning("%s", error)
+                continue
+            except LinkClosed as error:
+                self.ended = self.ended or f"the host went away without a goodbye ({error})"
+                return
+            if message is not None:
+                heard_ns = now_ns()
+            elif now_ns() - heard_ns > self._silence_ns:
+                self.ended = f"the host said nothing for {self._silence_ns * 1e-9:g} s"
+            if isinstance(message, TimeSyncRequest):
+                try:
+                    self._link.send(answer_time_sync(message, heard_ns, self._newest))
+                except LinkClosed:
+                    continue  # the next recv says why
+            elif isinstance(message, Bye):
+                self.goodbye, self.ended = True, f"the host ended the session ({message.reason})"
+            elif isinstance(message, ErrorMessage) and message.code != ErrorCode.CORRUPT:
+                self.ended = f"the host ended the session: {message.text}"

@@ -1,0 +1,160 @@
+"""Aravis's C library through ctypes: the few calls that a camera is set, triggered and read with.
+
+Any interpreter can have it, also one in a virtual environment, where Aravis's Python binding would have to be compiled.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+from ctypes import POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_uint64, c_void_p
+from functools import lru_cache
+from typing import Any, Dict, Tuple
+
+from hil.link.errors import LinkError
+
+NAMES = ("libaravis-0.8.so.0", "libaravis-0.8.0.dylib")
+ABSENT = (
+    "a gige:// camera is read with Aravis 0.8, whose library is not here: apt-get install libaravis-0.8-0"
+    " (on macOS: brew install aravis)"
+)
+
+# arv_camera_gv_set_stream_options
+NO_PACKET_SOCKET = 1
+# ArvBufferStatus
+SUCCESS = 0
+
+# result and arguments; where the last one is GERROR the call says by it why it failed
+GERROR = POINTER(c_void_p)
+CALLS: Dict[str, Tuple[Any, ...]] = {
+    "arv_camera_new": (c_void_p, c_char_p, GERROR),
+    "arv_camera_get_device": (c_void_p, c_void_p),
+    "arv_camera_is_gv_device": (c_int, c_void_p),
+    "arv_gv_device_is_controller": (c_int, c_void_p),
+    "arv_camera_get_vendor_name": (c_char_p, c_void_p, GERROR),
+    "arv_camera_get_model_name": (c_char_p, c_void_p, GERROR),
+    "arv_camera_get_sensor_size": (None, c_void_p, POINTER(c_int), POINTER(c_int), GERROR),
+    "arv_camera_get_region": (None, c_void_p, *([POINTER(c_int)] * 4), GERROR),
+    "arv_camera_set_region": (None, c_void_p, c_int, c_int, c_int, c_int, GERROR),
+    "arv_camera_get_pixel_format": (c_uint, c_void_p, GERROR),
+    "arv_camera_get_pixel_format_as_string": (c_char_p, c_void_p, GERROR),
+    "arv_camera_set_pixel_format_from_string": (None, c_void_p, c_char_p, GERROR),
+    "arv_camera_set_exposure_time": (None, c_void_p, c_double, GERROR),
+    "arv_camera_set_gain": (None, c_void_p, c_double, GERROR),
+    "arv_camera_set_frame_rate": (None, c_void_p, c_double, GERROR),
+    "arv_camera_set_trigger": (None, c_void_p, c_char_p, GERROR),
+    "arv_camera_clear_triggers": (None, c_void_p, GERROR),
+    "arv_camera_software_trigger": (None, c_void_p, GERROR),
+    "arv_camera_gv_set_packet_size": (None, c_void_p, c_int, GERROR),
+    "arv_camera_gv_auto_packet_size": (c_uint, c_void_p, GERROR),
+    "arv_camera_gv_set_stream_options": (None, c_void_p, c_int),
+    "arv_camera_get_payload": (c_uint, c_void_p, GERROR),
+    "arv_camera_create_stream": (c_void_p, c_void_p, c_void_p, c_void_p, GERROR),
+    "arv_camera_start_acquisition": (None, c_void_p, GERROR),
+    "arv_camera_stop_acquisition": (None, c_void_p, GERROR),
+    "arv_buffer_new_allocate": (c_void_p, c_size_t),
+    "arv_buffer_get_status": (c_int, c_void_p),
+    "arv_buffer_get_data": (c_void_p, c_void_p, POINTER(c_size_t)),
+    "arv_buffer_get_image_width": (c_int, c_void_p),
+    "arv_buffer_get_image_height": (c_int, c_void_p),
+    "arv_buffer_get_image_x": (c_int, c_void_p),
+    "arv_buffer_get_image_y": (c_int, c_void_p),
+    "arv_buffer_get_image_pixel_format": (c_uint, c_void_p),
+    "arv_buffer_get_frame_id": (c_uint64, c_void_p),
+    "arv_buffer_get_timestamp": (c_uint64, c_void_p),
+    "arv_stream_push_buffer": (None, c_void_p, c_void_p),
+    "arv_stream_timeout_pop_buffer": (c_void_p, c_void_p, c_uint64),
+    "arv_stream_get_info_uint64_by_name": (c_uint64, c_void_p, c_char_p),
+    "g_object_unref": (None, c_void_p),
+    "g_error_free": (None, c_void_p),
+}
+
+
+class _Error(ctypes.Structure):
+    """GLib's GError."""
+
+    _fields_ = (("domain", ctypes.c_uint32), ("code", c_int), ("message", c_char_p))
+
+
+class AravisError(LinkError):
+    """What Aravis says of a call that failed."""
+
+
+class Aravis:
+    """The library, by the names of its functions.
+
+    Raises
+    ------
+    LinkError
+        If it is not installed, or lacks one of them: one sentence.
+    """
+
+    def __init__(self) -> None:
+        library = _load()
+        self._functions: Dict[str, Any] = {}
+        for name, (result, *arguments) in CALLS.items():
+            try:
+                function = getattr(library, name)
+            except AttributeError:
+                raise LinkError(f"Aravis's library lacks {name}: install Aravis 0.8.20 or later") from None
+            function.restype, function.argtypes = result, arguments
+            self._functions[name] = function
+
+    def __call__(self, name: str, *arguments: Any) -> Any:  # noqa: ANN401 - what the function returns
+        """Call a function; its error, where it has one, is raised.
+
+        Raises
+        ------
+        AravisError
+            If the function reports one.
+        """
+        function = self._functions[name]
+        if CALLS[name][-1] is not GERROR:
+            return function(*arguments)
+        error = c_void_p()
+        result = function(*arguments, byref(error))
+        if error.value:
+            said = ctypes.cast(error, POINTER(_Error)).contents.message or b"it does not say why"
+            self._functions["g_error_free"](error)
+            raise AravisError(" ".join(said.decode("utf-8", "replace").split()))
+        return result
+
+    def sensor_size(self, camera: int) -> Tuple[int, int]:
+        """Width and height of a camera's detector [px]."""
+        width, height = c_int(), c_int()
+        self("arv_camera_get_sensor_size", camera, byref(width), byref(height))
+        return width.value, height.value
+
+    def region(self, camera: int) -> Tuple[int, int, int, int]:
+        """X, y, width, height of what a camera reads [px]."""
+        x, y, width, height = (c_int() for _ in range(4))
+        self("arv_camera_get_region", camera, byref(x), byref(y), byref(width), byref(height))
+        return x.value, y.value, width.value, height.value
+
+    def buffer_bytes(self, buffer: int) -> bytes:
+        """A copy of what a buffer holds."""
+        size = c_size_t()
+        data = self("arv_buffer_get_data", buffer, byref(size))
+        return ctypes.string_at(data, size.value) if data else b""
+
+
+@lru_cache(maxsize=1)
+def load_aravis() -> Aravis:
+    """The library, loaded once.
+
+    Raises
+    ------
+    LinkError
+        As of `Aravis`.
+    """
+    return Aravis()
+
+
+def _load() -> ctypes.CDLL:
+    found = ctypes.util.find_library("aravis-0.8")
+    for name in (*NAMES, *([found] if found else [])):
+        try:
+            return ctypes.CDLL(name)
+        except OSError:
+            continue
+    raise LinkError(ABSENT)

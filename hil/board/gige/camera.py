@@ -1,0 +1,382 @@
+"""A GigE Vision camera as a board reads it: set by its features, its newest frame, triggers where they are wanted."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from dataclasses import dataclass, replace
+from typing import Any, Callable, Optional, Tuple
+
+import numpy as np
+
+from hil.board.gige.aravis import NO_PACKET_SOCKET, SUCCESS, AravisError, load_aravis
+from hil.link.clock import now_ns
+from hil.link.errors import LinkError
+from hil.link.packets.enums import PixelFormat
+from hil.link.packets.pixels import Image, pixels_bytes, unpack_pixels
+
+SCHEME = "gige://"
+# of the naming convention's codes those that lie as one of the link's formats does: numbers in words of two bytes
+WORDS = (0x01100005, 0x01100025)  # Mono12, Mono14
+GREY = (*(int(f) for f in PixelFormat if f.channels == 1), *WORDS)
+N_BUFFERS = 8
+# packets thrown away before anything came: a few are other programs'
+DEAF_PACKETS = 64
+POP_US = 100_000
+# block identifiers of 16 bits go from 1 to this, and on from 1
+MOST_BLOCK_ID = 0xFFFF
+# larger pictures than any that the link takes are not taken from a camera either
+MOST_PAYLOAD_BYTES = 1 << 27
+
+
+@dataclass(frozen=True)
+class CameraSettings:
+    """What a camera is told before it streams; None leaves a feature as it is.
+
+    Parameters
+    ----------
+    exposure_us, gain_db, rate_hz : in the camera's own limits.
+    roi_px : x, y, width, height of the part that is read.
+    pixel_format : by its GenICam name, such as Mono8.
+    packet_bytes : of the stream's packets, headers of IP and UDP included; 0: the largest that the line carries.
+    software_trigger : a picture for each trigger, else the camera runs freely.
+    packet_socket : read the stream by a packet socket, which holds more, where this program may (root).
+    """
+
+    exposure_us: Optional[float] = None
+    gain_db: Optional[float] = None
+    rate_hz: Optional[float] = None
+    roi_px: Optional[Tuple[int, int, int, int]] = None
+    pixel_format: Optional[str] = None
+    packet_bytes: Optional[int] = None
+    software_trigger: bool = False
+    packet_socket: bool = True
+
+
+@dataclass(frozen=True)
+class CameraFrame:
+    """A picture as the camera gave it.
+
+    Parameters
+    ----------
+    number : since acquisition started, from 0, as the camera counts.
+    image : (H, W) uint8 or uint16. roi_px : x, y, width, height of the part of the detector that it is.
+    camera_time_ns : the camera's own time stamp. received_ns : this machine's monotonic clock.
+    skipped : whole frames since the last one taken, which this one took the place of.
+    """
+
+    number: int
+    image: Image
+    roi_px: Tuple[int, int, int, int]
+    camera_time_ns: int
+    received_ns: int
+    skipped: int = 0
+
+
+class GigeCamera:
+    """A camera under this program's control; close it, so that the next may have it.
+
+    Parameters
+    ----------
+    address : IPv4 address, host name, or one of Aravis's names of devices.
+
+    Raises
+    ------
+    LinkError
+        If Aravis is not here, no camera answers, another program controls it, or a setting is refused: one sentence.
+    """
+
+    def __init__(self, address: str, settings: CameraSettings) -> None:
+        self._aravis = load_aravis()
+        self._address, self._settings = address, settings
+        self._stream: Optional[int] = None
+        self._reader: Optional[threading.Thread] = None
+        self._stop = threading.Event()
+        self._there = threading.Condition()
+        self._newest: Optional[CameraFrame] = None
+        self._arrived = 0
+        self._deaf_starts = 0
+        self._heard = False  # whether the stream has brought a whole picture
+        self._count = _BlockCount()
+        self.damaged = 0
+        """Frames that came with packets missing, which nobody estimates from."""
+        try:
+            self._camera = self._aravis("arv_camera_new", address.encode() or None)
+        except AravisError as error:
+            raise LinkError(
+                f"no camera at {SCHEME}{address} ({error}): check its address, and that it allows this machine"
+            ) from error
+        try:
+            self._check_controls()
+            self._set()
+            self._check_format()
+            self.sensor_px: Tuple[int, int] = self._aravis.sensor_size(self._camera)
+        except AravisError as error:
+            self._unref()
+            raise LinkError(f"camera {address}: {error}") from error
+        except LinkError:
+            self._unref()
+            raise
+
+    @property
+    def name(self) -> str:
+        """Maker and model."""
+        said = (self._aravis(f"arv_camera_get_{what}_name", self._camera) for what in ("vendor", "model"))
+        return " ".join((text or b"").decode("utf-8", "replace") for text in said).strip()
+
+    @property
+    def roi_px(self) -> Tuple[int, int, int, int]:
+        """X, y, width, height of the part of the detector that is read.
+
+        Raises
+        ------
+        LinkError
+            If the camera does not say.
+        """
+        try:
+            return self._aravis.region(self._camera)
+        except AravisError as error:
+            raise LinkError(f"camera {self._address} does not say what it reads: {error}") from error
+
+    def start(self) -> None:
+        """Stream, or stream anew.
+
+        Raises
+        ------
+        LinkError
+            If the camera refuses, or sends pictures of a size that none should have.
+        """
+        self.stop()
+        arv = self._aravis
+        try:
+            if not self._settings.packet_socket or self._deaf_starts > 1:
+                arv("arv_camera_gv_set_stream_options", self._camera, NO_PACKET_SOCKET)
+            payload = arv("arv_camera_get_payload", self._camera)
+            if not 0 < payload <= MOST_PAYLOAD_BYTES:
+                raise LinkError(
+                    f"camera {self._address} announces pictures of {payload} bytes; at most"
+                    f" {MOST_PAYLOAD_BYTES >> 20} MiB are taken: choose a smaller --roi"
+                )
+            self._stream = arv("arv_camera_create_stream", self._camera, None, None)
+            for _ in range(N_BUFFERS):
+                arv("arv_stream_push_buffer", self._stream, arv("arv_buffer_new_allocate", payload))
+            self._stop.clear()
+            self._newest, self._arrived, self._heard, self._count = None, 0, False, _BlockCount()
+            self._reader = threading.Thread(target=self._read, args=(self._stream,), daemon=True)
+            self._reader.start()
+            arv("arv_camera_start_acquisition", self._camera)
+        except AravisError as error:
+            self.stop()
+            raise LinkError(f"camera {self._address} does not stream: {error}") from error
+
+    @property
+    def deaf(self) -> bool:
+        """Whether the stream leaves out the camera's packets, so that it has to be begun anew.
+
+        Before its filter is set, a packet socket hears what other programs say. Aravis takes that for pictures, too:
+        where one's number seems to be among the next hundred, the true ones up to it count as late and are thrown away.
+        """
+        return (
+            self._stream is not None and not self._heard and self._counted("n_ignored_packets") > DEAF_PACKETS
+        )
+
+    def mend(self) -> bool:
+        """Begin a stream anew that is `deaf`, from the second time on without a packet socket; whether it was."""
+        if not self.deaf:
+            return False
+        self._deaf_starts += 1
+        self.start()
+        return True
+
+    def trigger(self) -> None:
+        """Ask for a picture.
+
+        Raises
+        ------
+        LinkError
+            If the camera does not take it.
+        """
+        try:
+            self._aravis("arv_camera_software_trigger", self._camera)
+        except AravisError as error:
+            raise LinkError(f"camera {self._address} takes no trigger: {error}") from error
+
+    def frame(self, timeout_s: float) -> Optional[CameraFrame]:
+        """The newest whole frame, once; None after ``timeout_s``."""
+        with self._there:
+            self._there.wait_for(lambda: self._newest is not None, timeout_s)
+            taken, self._newest = self._newest, None
+            skipped, self._arrived = self._arrived - 1, 0
+            return None if taken is None else replace(taken, skipped=skipped)
+
+    def stop(self) -> None:
+        """End the stream; nothing where there is none."""
+        self._stop.set()
+        if self._reader is not None:
+            self._reader.join()
+            self._reader = None
+        if self._stream is not None:
+            with contextlib.suppress(AravisError):  # it may be gone
+                self._aravis("arv_camera_stop_acquisition", self._camera)
+            self._aravis("g_object_unref", self._stream)
+            self._stream = None
+
+    def close(self) -> None:
+        """End the stream and give control back."""
+        self.stop()
+        self._unref()
+
+    def _unref(self) -> None:
+        if self._camera:
+            self._aravis("g_object_unref", self._camera)
+            self._camera = None
+
+    def _check_controls(self) -> None:
+        if not self._aravis("arv_camera_is_gv_device", self._camera):
+            raise LinkError(f"the camera {self._address} is no GigE Vision camera")
+        if not self._aravis(
+            "arv_gv_device_is_controller", self._aravis("arv_camera_get_device", self._camera)
+        ):
+            raise LinkError(f"another program controls the camera {self._address}: stop it first")
+
+    def _set(self) -> None:
+        wanted = self._settings
+        settings: Tuple[Tuple[str, Any, Callable[[Any], Any]], ...] = (
+            (
+                "pixel_format",
+                wanted.pixel_format,
+                lambda v: self._do("set_pixel_format_from_string", v.encode()),
+            ),
+            ("roi", wanted.roi_px, self._set_region),
+            ("rate", wanted.rate_hz, lambda v: self._do("set_frame_rate", v)),
+            ("exposure", wanted.exposure_us, lambda v: self._do("set_exposure_time", v)),
+            ("gain", wanted.gain_db, lambda v: self._do("set_gain", v)),
+            ("packet_size", wanted.packet_bytes, self._set_packet_bytes),
+        )
+        for name, value, set_it in settings:
+            if value is not None:
+                try:
+                    set_it(value)
+                except AravisError as error:
+                    said = f"--{name.replace('_', '-')} {value}"
+                    raise LinkError(f"camera {self._address} refuses {said}: {error}") from error
+        if wanted.software_trigger:
+            self._do("set_trigger", b"Software")
+        else:
+            self._do("clear_triggers")
+
+    def _check_format(self) -> None:
+        code = self._do("get_pixel_format")
+        if code not in GREY:
+            name = (self._do("get_pixel_format_as_string") or b"").decode("utf-8", "replace")
+            raise LinkError(
+                f"camera {self._address} sends {name or hex(code)}, and the estimator takes grey pixels: choose"
+                " --pixel-format Mono8, Mono10, Mono12, Mono12p, Mono14 or Mono16, of those that the camera has"
+            )
+
+    def _do(self, call: str, *arguments: Any) -> Any:  # noqa: ANN401 - the call's result
+        return self._aravis(f"arv_camera_{call}", self._camera, *arguments)
+
+    def _set_region(self, roi_px: Tuple[int, int, int, int]) -> None:
+        x, y, width, height = roi_px
+        self._do("set_region", x, y, width, height)
+        read = self._aravis.region(self._camera)
+        if read != roi_px:
+            raise LinkError(
+                f"camera {self._address} reads {read} instead of --roi {roi_px} (x, y, width, height): choose one"
+                " that fits its detector and its steps"
+            )
+
+    def _set_packet_bytes(self, packet_bytes: int) -> None:
+        if packet_bytes:
+            self._do("gv_set_packet_size", packet_bytes)
+        else:
+            self._do("gv_auto_packet_size")
+
+    # --- the reader's thread -----------------------------------------------------------------
+
+    def _read(self, stream: int) -> None:
+        """Take every frame off the stream at once, so that the newest is new when somebody asks for it."""
+        arv = self._aravis
+        while not self._stop.is_set():
+            buffer = arv("arv_stream_timeout_pop_buffer", stream, POP_US)
+            if not buffer:
+                continue
+            frame = self._frame_of(buffer) if arv("arv_buffer_get_status", buffer) == SUCCESS else None
+            arv("arv_stream_push_buffer", stream, buffer)
+            with self._there:
+                if frame is None:
+                    self.damaged += 1
+                    continue
+                self._heard = True
+                self._newest = frame
+                self._arrived += 1
+                self._there.notify()
+
+    def _frame_of(self, buffer: int) -> Optional[CameraFrame]:
+        arv, at_ns = self._aravis, now_ns()
+        x, y, width, height = (
+            arv(f"arv_buffer_get_image_{what}", buffer) for what in ("x", "y", "width", "height")
+        )
+        image = grey_image(
+            arv.buffer_bytes(buffer), width, height, arv("arv_buffer_get_image_pixel_format", buffer)
+        )
+        if image is None:
+            return None
+        number = self._count.number(arv("arv_buffer_get_frame_id", buffer))
+        stamp = arv("arv_buffer_get_timestamp", buffer)
+        return CameraFrame(number, image, (x, y, width, height), stamp, at_ns)
+
+    def _counted(self, name: str) -> int:
+        """A count that Aravis keeps of the stream."""
+        return int(self._aravis("arv_stream_get_info_uint64_by_name", self._stream, name.encode()))
+
+
+def parse_roi(text: str) -> Tuple[int, int, int, int]:
+    """X, y, width, height as they are written: 0,0,640,480.
+
+    Raises
+    ------
+    LinkError
+        If they are not four whole numbers, or no part of a detector.
+    """
+    try:
+        x, y, width, height = (int(part) for part in text.split(","))
+    except ValueError:
+        raise LinkError(f"--roi {text} is not X,Y,WIDTH,HEIGHT: write four whole numbers of pixels") from None
+    if x < 0 or y < 0 or width < 1 or height < 1:
+        raise LinkError(
+            f"--roi {text} is no part of a detector: X and Y from 0 on, WIDTH and HEIGHT from 1 on"
+        )
+    return x, y, width, height
+
+
+class _BlockCount:
+    """Numbers that go on where a camera's block identifiers begin again."""
+
+    def __init__(self) -> None:
+        self._last = 0
+        self._before = 0
+
+    def number(self, block_id: int) -> int:
+        """Counted from 0, of the next block's identifier."""
+        if block_id < self._last and block_id <= MOST_BLOCK_ID:
+            self._before += MOST_BLOCK_ID
+        self._last = block_id
+        return self._before + block_id - 1
+
+
+def grey_image(data: bytes, width_px: int, height_px: int, code: int) -> Optional[Image]:
+    """(H, W) image, uint8 or uint16, from a buffer's bytes; None where they are too few or of another kind.
+
+    Parameters
+    ----------
+    code : of the pixel format naming convention.
+    """
+    if code not in GREY or width_px < 1 or height_px < 1:
+        return None
+    lies_as = PixelFormat.Mono16 if code in WORDS else PixelFormat(code)
+    size = pixels_bytes(width_px, height_px, lies_as)
+    if len(data) < size:
+        return None
+    return np.ascontiguousarray(unpack_pixels(data[:size], width_px, height_px, lies_as))

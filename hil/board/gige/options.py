@@ -1,0 +1,105 @@
+"""What a board at a camera is told: a table beside that of the link's agent, and the options made of both."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, Tuple
+
+from hil.board.gige.camera import SCHEME, CameraSettings, parse_roi
+from hil.board.gige.camera_board import CameraBoardOptions
+from hil.board.options import AGENT_OPTIONS, AgentOption
+from hil.link.errors import LinkError
+from hil.link.security import read_key
+
+TITLE = f"A camera on the network, {SCHEME}ADDRESS"
+CAMERA_OPTIONS: Tuple[AgentOption, ...] = (
+    AgentOption(
+        "--camera",
+        str,
+        None,
+        "CAMERA.json: intrinsics of the whole detector (with --answer the host's, unless given).",
+        "FILE",
+    ),
+    AgentOption(
+        "--poses",
+        str,
+        None,
+        "Write poses here, .csv or JSON lines (default: the standard output, unless --answer).",
+        "FILE",
+    ),
+    AgentOption(
+        "--answer", str, None, "Send poses to this host, too: the URL of hil camera --answers.", "URL"
+    ),
+    AgentOption("--frames", int, None, "End after N pictures.", "N"),
+    AgentOption("--trigger", bool, False, "Ask for each picture by software trigger."),
+    AgentOption("--exposure", float, None, "Exposure in microseconds.", "US"),
+    AgentOption("--gain", float, None, "Gain in decibels.", "DB"),
+    AgentOption("--rate", float, None, "Pictures a second.", "HZ"),
+    AgentOption("--roi", str, None, "Part of the detector that is read.", "X,Y,W,H"),
+    AgentOption("--pixel-format", str, None, "By its GenICam name, such as Mono8 or Mono12.", "NAME"),
+    AgentOption(
+        "--packet-size", int, None, "Of the stream, in bytes; 0: the largest that the line carries.", "BYTES"
+    ),
+    AgentOption(
+        "--no-packet-socket",
+        bool,
+        False,
+        "Read the stream as any program may: root's packet socket holds more.",
+    ),
+)
+OF_HOSTS = ("window", "reconnect", "watchdog")
+
+
+def check_options(url: str, given: Dict[str, Any]) -> None:
+    """Refuse what is told to a camera and means a host, and the other way round.
+
+    Parameters
+    ----------
+    given : values by `AgentOption.name`.
+
+    Raises
+    ------
+    LinkError
+        If one is given that does not go with the URL: one sentence.
+    """
+    at_camera = url.startswith(SCHEME)
+    table = [o for o in AGENT_OPTIONS if o.name in OF_HOSTS] if at_camera else CAMERA_OPTIONS
+    wrong = [option.flag for option in table if given[option.name] != option.default]
+    if wrong:
+        other = "a host, not with a camera" if at_camera else f"a camera ({SCHEME}ADDRESS), not with a host"
+        raise LinkError(f"{', '.join(wrong)} {'goes' if len(wrong) == 1 else 'go'} with {other}: leave out")
+
+
+def camera_board_options(given: Dict[str, Any]) -> CameraBoardOptions:
+    """The options of a board at a camera.
+
+    Parameters
+    ----------
+    given : values by `AgentOption.name`, of both tables.
+
+    Raises
+    ------
+    LinkError
+        If a value or the key cannot be used: one sentence.
+    """
+    for name, least in (("timeout", 1e-9), ("silence", 1e-9), ("frames", 1), ("packet_size", 0)):
+        if given[name] is not None and not given[name] >= least:
+            raise LinkError(f"--{name.replace('_', '-')} {given[name]:g} is too little")
+    return CameraBoardOptions(
+        settings=CameraSettings(
+            exposure_us=given["exposure"],
+            gain_db=given["gain"],
+            rate_hz=given["rate"],
+            roi_px=None if given["roi"] is None else parse_roi(given["roi"]),
+            pixel_format=given["pixel_format"],
+            packet_bytes=given["packet_size"],
+            software_trigger=given["trigger"],
+            packet_socket=not given["no_packet_socket"],
+        ),
+        camera_file=given["camera"],
+        poses_file=given["poses"],
+        answer_url=given["answer"],
+        key=None if given["key"] is None else read_key(given["key"]),
+        timeout_s=given["timeout"],
+        most_frames=given["frames"],
+        silence_s=given["silence"],
+    )

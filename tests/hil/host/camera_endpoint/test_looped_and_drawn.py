@@ -1,0 +1,32 @@
+"""What exposure and gain do to the pictures: those that are looped, and those that are drawn."""
+
+import numpy as np
+import pytest
+
+from hil.host.camera_endpoint.messages import FrameWanted
+from hil.host.camera_endpoint.pictures import LoopedPictures, exposed_as
+from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
+
+
+def wanted(number=0, exposure_s=0.01, gain_db=0.0):
+    return FrameWanted(request_id=1, number=number, t_s=0.0, exposure_s=exposure_s, gain_db=gain_db)
+
+
+def test_looped_pictures_take_exposure_and_gain():
+    image = np.array([[10, 20, 100, 255]], np.uint8)
+    looped = LoopedPictures([image], bits=8, exposure_s=0.01, black_dn=10)
+    assert looped.take(wanted(3)) is image
+    assert looped.take(wanted(exposure_s=0.02)).tolist() == [[10, 30, 190, 255]]
+    assert looped.take(wanted(gain_db=20 * np.log10(0.5))).tolist() == [[10, 15, 55, 132]]
+
+
+def test_drawn_scenes_take_exposure_and_gain():
+    scene = plan_flight(load_scenario("tango-limb"), n=1).scene(0)
+    changed = exposed_as(scene, wanted(exposure_s=0.005, gain_db=6.0))
+    assert changed.exposure_s == 0.005
+    assert scene.sensor.full_scale_j_m2_sr / changed.sensor.full_scale_j_m2_sr == pytest.approx(
+        1.9953, abs=1e-3
+    )
+    # what is amplified is signal and noise alike
+    assert changed.sensor.gaussian_variance / scene.sensor.gaussian_variance == pytest.approx(3.981, abs=1e-3)
