@@ -93,6 +93,41 @@ static inline size_t fly_cobs_decode(uint8_t *out, const uint8_t *in, size_t n) 
   return o;
 }
 
+/* Stuffs n bytes; out holds n + n / 254 + 1. Returns the stuffed length; zeros on both sides delimit it on the line. */
+static inline size_t fly_cobs_encode(uint8_t *out, const uint8_t *in, size_t n) {
+  size_t o = 1, code = 0; /* where the next byte and the code of its block go */
+  for (size_t i = 0; i < n; i++) {
+    if (in[i] != 0) out[o++] = in[i];
+    if (in[i] == 0 || (o - code == 255 && i + 1 < n)) {
+      out[code] = (uint8_t)(o - code);
+      code = o++;
+    }
+  }
+  out[code] = (uint8_t)(o - code);
+  return o;
+}
+
+/* A serial line, byte by byte: buffer is the caller's, as long as the longest packet it takes and one byte in 254 more. */
+struct fly_serial {
+  uint8_t *buffer;
+  size_t capacity, used;
+};
+/* Take one byte. At the end of a frame: its decoded length, the packet in buffer until the next call, for fly_parse. 0:
+ * more is to come. A frame that is damaged or too long gives one byte, which fly_parse refuses; then it goes on. */
+static inline size_t fly_serial_take(struct fly_serial *line, uint8_t byte) {
+  size_t n = line->used;
+  if (byte != 0) {
+    if (line->used < line->capacity) line->buffer[line->used] = byte;
+    if (line->used <= line->capacity) line->used++;
+    return 0;
+  }
+  line->used = 0;
+  if (n == 0) return 0; /* between two frames */
+  if (n <= line->capacity) n = fly_cobs_decode(line->buffer, line->buffer, n); /* in place: it never writes ahead */
+  else n = 0;
+  return n ? n : 1;
+}
+
 /* ---- packet ------------------------------------------------------------------------------- */
 
 struct fly_packet {

@@ -2,19 +2,24 @@
  *
  *   cc -std=c99 -Wall -Werror -O2 -I docs examples/board_c/board.c -o board -lm
  *   ./board 127.0.0.1 5600
+ *   ./board /dev/ttyS0 921600
  *
- * It takes Mono8 images as they are, over TCP, and answers where the bright pixels lie as seen by the camera, at a
+ * It takes Mono8 images as they are, over TCP or a serial line, and answers where the bright pixels lie as seen by the camera, at a
  * range of 10 m: no estimator, but all that a host sees of one. Put yours in place of look().
  * Exit code 0: the host said goodbye; 1: it vanished; 2: a mistake, in one sentence. MIT licence, as the rest.
  */
 #define _POSIX_C_SOURCE 200809L
+#define _DEFAULT_SOURCE
 #include <errno.h>
+#include <fcntl.h>
 #include <math.h>
 #include <netdb.h>
+#include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/socket.h>
+#include <termios.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -22,10 +27,12 @@
 
 #define BUFFER_BYTES (2u * (FLY_MAX_PAYLOAD_BYTES + 64u))
 #define LARGEST_IMAGE (64u << 20)
+#define SERIAL_BYTES (1u << 17) /* chunks are 2 KiB there, HELLO_ACK may be 64 */
+#define SILENCE_S 10            /* a host that says nothing for so long is gone */
 
 enum { GOODBYE = 0, VANISHED = 1, MISTAKE = 2 };
 
-static int line;
+static int line, on_serial;
 static uint64_t session_id;
 static uint32_t sequence;
 static uint32_t newest_frame = FLY_NO_FRAME;
@@ -56,11 +63,19 @@ static uint8_t packet[4096];
 static uint8_t *const payload = packet + 4 + FLY_HEADER_BYTES;
 
 static void say(uint8_t type, uint32_t bytes) {
+  static uint8_t stuffed[sizeof packet + sizeof packet / 254 + 4];
   size_t n = fly_seal(packet + 4, type, session_id, sequence++, bytes), sent = 0;
+  const uint8_t *told = packet;
   fly_put(packet, n, 4);
-  while (sent < n + 4) {
-    ssize_t k = send(line, packet + sent, n + 4 - sent, 0);
-    if (k <= 0) return; /* the next recv says that the line is gone */
+  n += 4;
+  if (on_serial) { /* between zeros, the first of which ends whatever garbage went before */
+    n = fly_cobs_encode(stuffed + 1, packet + 4, n - 4) + 2;
+    stuffed[0] = stuffed[n - 1] = 0;
+    told = stuffed;
+  }
+  while (sent < n) {
+    ssize_t k = write(line, told + sent, n - sent);
+    if (k <= 0) return; /* the next read says that the line is gone */
     sent += (size_t)k;
   }
 }
@@ -248,6 +263,26 @@ static int take(const struct fly_packet *p) {
   return -1;
 }
 
+/* A packet that fly_parse looked at; the exit code, or -1 to go on. */
+static int judge(int status, const struct fly_packet *p) {
+  if (status == FLY_OK) return take(p);
+  if (status == FLY_BAD_VERSION) {
+    say_error(FLY_VERSION, FLY_NO_FRAME, "this board speaks another version of the protocol");
+    fprintf(stderr, "the host speaks protocol %u, this board %u\n", (unsigned)p->version, FLY_PROTOCOL_VERSION);
+    return MISTAKE;
+  }
+  if (in_frame)
+    lose_frame();
+  else if (image != NULL)
+    say_error(FLY_CORRUPT, FLY_NO_FRAME, "a packet was damaged");
+  return -1;
+}
+
+static int vanished(void) {
+  fprintf(stderr, "the host went away without a goodbye\n");
+  return VANISHED;
+}
+
 /* Whether a packet may begin here: length prefix, magic and header agree. */
 static int may_begin(const uint8_t *p) {
   uint32_t n = fly_u32(p), inside = fly_u32(p + 4 + 20);
@@ -255,7 +290,7 @@ static int may_begin(const uint8_t *p) {
          memcmp(p + 4, "FLYA", 4) == 0;
 }
 
-static int serve(void) {
+static int serve_tcp(void) {
   static uint8_t buffer[BUFFER_BYTES];
   size_t from = 0, to = 0;
   for (;;) {
@@ -270,21 +305,9 @@ static int serve(void) {
       }
       if (to - from < 4 + (size_t)n) break;
       status = fly_parse(&p, buffer + from + 4, n);
-      if (status == FLY_BAD_VERSION) {
-        say_error(FLY_VERSION, FLY_NO_FRAME, "this board speaks another version of the protocol");
-        fprintf(stderr, "the host speaks protocol %u, this board %u\n", (unsigned)p.version, FLY_PROTOCOL_VERSION);
-        return MISTAKE;
-      }
-      if (status != FLY_OK) { /* its length may be what is damaged: others may lie inside */
-        if (in_frame)
-          lose_frame();
-        else
-          say_error(FLY_CORRUPT, FLY_NO_FRAME, "a packet was damaged");
-        from += 5;
-        continue;
-      }
-      from += 4 + (size_t)n;
-      code = take(&p);
+      /* its length may be what is damaged: others may lie inside */
+      from += status == FLY_OK || status == FLY_BAD_VERSION ? 4 + (size_t)n : 5;
+      code = judge(status, &p);
       if (code >= 0) return code;
     }
     memmove(buffer, buffer + from, to - from);
@@ -292,32 +315,88 @@ static int serve(void) {
     from = 0;
     got = recv(line, buffer + to, BUFFER_BYTES - to, 0);
     if (got < 0 && errno == EINTR) continue;
-    if (got <= 0) {
-      fprintf(stderr, "the host went away without a goodbye\n");
-      return VANISHED;
-    }
+    if (got <= 0) return vanished();
     to += (size_t)got;
   }
 }
 
-int main(int argc, char **argv) {
+static int serve_serial(void) {
+  static uint8_t frame_bytes[SERIAL_BYTES], bytes[4096];
+  struct fly_serial in = {frame_bytes, sizeof frame_bytes, 0};
+  struct pollfd waits = {line, POLLIN, 0};
+  for (int silent_s = 0;;) {
+    struct fly_packet p;
+    ssize_t got;
+    int ready = poll(&waits, 1, 1000);
+    if (ready == 0) {
+      if (image == NULL)
+        say_hello(); /* it may have been lost, or nobody was there */
+      else if (++silent_s >= SILENCE_S)
+        return vanished();
+      continue;
+    }
+    got = read(line, bytes, sizeof bytes);
+    if (got < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+    if (got <= 0) return vanished();
+    silent_s = 0;
+    for (ssize_t k = 0; k < got; k++) {
+      size_t n = fly_serial_take(&in, bytes[k]);
+      int code = n ? judge(fly_parse(&p, frame_bytes, n), &p) : -1;
+      if (code >= 0) return code;
+    }
+  }
+}
+
+static int open_tcp(const char *host, const char *port) {
   struct addrinfo hints = {0}, *found = NULL;
+  int opened;
+  hints.ai_socktype = SOCK_STREAM;
+  if (getaddrinfo(host, port, &hints, &found) != 0) return -1;
+  opened = socket(found->ai_family, found->ai_socktype, found->ai_protocol);
+  if (opened >= 0 && connect(opened, found->ai_addr, found->ai_addrlen) != 0) {
+    close(opened);
+    opened = -1;
+  }
+  freeaddrinfo(found);
+  return opened;
+}
+
+static int open_serial(const char *device, const char *baud) {
+  static const struct {
+    long baud;
+    speed_t speed;
+  } rates[] = {{115200, B115200}, {230400, B230400}, {460800, B460800}, {921600, B921600},
+#ifdef B3000000
+               {1000000, B1000000}, {2000000, B2000000}, {3000000, B3000000},
+#endif
+  };
+  struct termios how;
+  int opened = open(device, O_RDWR | O_NOCTTY);
+  if (opened < 0 || tcgetattr(opened, &how) != 0) return -1;
+  cfmakeraw(&how);
+  how.c_cflag |= CLOCAL | CREAD;
+  for (size_t k = 0; k < sizeof rates / sizeof rates[0]; k++)
+    if (rates[k].baud == atol(baud) && cfsetspeed(&how, rates[k].speed) == 0 && tcsetattr(opened, TCSANOW, &how) == 0)
+      return opened;
+  close(opened);
+  return -1;
+}
+
+int main(int argc, char **argv) {
   int code;
   if (argc != 3) {
-    fprintf(stderr, "usage: board HOST PORT\n");
+    fprintf(stderr, "usage: board HOST PORT, or board /dev/DEVICE BAUD\n");
     return MISTAKE;
   }
   signal(SIGPIPE, SIG_IGN);
-  hints.ai_socktype = SOCK_STREAM;
-  if (getaddrinfo(argv[1], argv[2], &hints, &found) != 0 ||
-      (line = socket(found->ai_family, found->ai_socktype, found->ai_protocol)) < 0 ||
-      connect(line, found->ai_addr, found->ai_addrlen) != 0) {
-    fprintf(stderr, "nobody listens on %s, port %s: start the host first\n", argv[1], argv[2]);
+  on_serial = argv[1][0] == '/';
+  line = on_serial ? open_serial(argv[1], argv[2]) : open_tcp(argv[1], argv[2]);
+  if (line < 0) {
+    fprintf(stderr, "no host on %s, %s: start it first, or check the device and its rate\n", argv[1], argv[2]);
     return MISTAKE;
   }
-  freeaddrinfo(found);
   say_hello();
-  code = serve();
+  code = on_serial ? serve_serial() : serve_tcp();
   close(line);
   free(image);
   return code;

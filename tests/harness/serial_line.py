@@ -6,12 +6,13 @@ import os
 import pty
 import select
 import threading
+from collections.abc import Callable
 from contextlib import contextmanager
 
 
 @contextmanager
-def null_modem(damage_every: int = 0):
-    """Two serial devices; flips a bit in every ``damage_every``-th byte on its way from left to right."""
+def null_modem(damage_every: int = 0, noise: Callable[[bytes], bytes] = bytes):
+    """Two serial devices; flips a bit in every ``damage_every``-th byte from left to right, and adds noise there."""
     ends = [pty.openpty() for _ in range(2)]
     stop = threading.Event()
 
@@ -25,6 +26,8 @@ def null_modem(damage_every: int = 0):
                         seen += 1
                         if seen % damage_every == 0:
                             data[k] ^= 0x20
+                if ready == masters[0]:
+                    data = bytearray(noise(bytes(data)))
                 other = masters[1 - masters.index(ready)]
                 while data:
                     del data[: os.write(other, data)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import socket
 import subprocess
 import sys
@@ -10,44 +9,39 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from c_program import compiled
 from hand_made_host import hand_made_host, leave_with_a_goodbye
 from hil_loop import CAMERA, Loop, Proxy, adds_up, flip_first, made_frame
+from serial_line import null_modem
 
 from hil.link.packets.packet import PacketType
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = ROOT / "examples"
-COMPILER = shutil.which("cc")
 PATIENCE_S = 60.0
 
 
+@pytest.fixture(scope="module")
+def c_board(tmp_path_factory):
+    return [str(compiled(EXAMPLES / "board_c" / "board.c", tmp_path_factory.mktemp("c")))]
+
+
 @pytest.fixture(scope="module", params=["c", "python"])
-def command(request, tmp_path_factory):
+def command(request):
     """How an example is started."""
     if request.param == "python":
         # isolated: nothing of this project can be imported
         return [sys.executable, "-I", str(EXAMPLES / "board_python.py")]
-    if COMPILER is None:
-        pytest.skip("no C compiler here")
-    program = tmp_path_factory.mktemp("c") / "board"
-    source = EXAMPLES / "board_c" / "board.c"
-    flags = [
-        "-std=c99",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
-        "-O1",
-        "-fsanitize=undefined",
-        "-I",
-        str(ROOT / "docs"),
-    ]
-    subprocess.run([COMPILER, *flags, str(source), "-o", str(program), "-lm"], check=True, timeout=120)
-    return [str(program)]
+    return request.getfixturevalue("c_board")
 
 
 def started(command, url):
-    host, port = url[len("tcp://") :].rsplit(":", 1)
-    return subprocess.Popen([*command, host, port], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        [*command, *url.partition("://")[2].replace("?baud=", ":").rsplit(":", 1)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def ended(process):
@@ -114,6 +108,27 @@ def test_an_example_board_outlives_damage(command, kind):
     assert summary.ended == "completed"
     assert rows[1].outcome in {"dropped:corrupt", "dropped:timeout", "dropped:lost"}
     assert [row.outcome for row in rows if row.frame_id not in {1, 2}] == ["accepted"] * 4
+
+
+@pytest.mark.parametrize("damage_every", [0, 9_000])
+def test_the_example_in_c_on_a_serial_line(c_board, damage_every):
+    rows, processes = [], []
+    with null_modem(damage_every) as (left, right):
+        loop = Loop(lambda _: processes.append(started(c_board, f"serial://{right}?baud=921600")))
+        url = f"serial://{left}?baud=921600"
+        summary = loop.run(spots(12), on_row=rows.append, url=url, timeout_s=1.0)
+        code, said, wrong = ended(processes[0])
+    assert (code, wrong) == (0, "")
+    assert "the host ended the session: the run is over" in said
+    assert adds_up(summary)
+    assert summary.board.encoding == "raw"
+    if damage_every:
+        assert 2 <= summary.dropped["corrupt"] == summary.dropped_total <= 6
+    else:
+        assert (summary.accepted, summary.declined) == (11, 1)
+    for row in rows:
+        if row.outcome == "accepted":
+            assert row.t_m[1] == pytest.approx((21 - CAMERA["cy_px"]) / CAMERA["fy_px"] * 10.0)
 
 
 def test_an_example_board_tells_its_end_by_its_code(command):

@@ -4,39 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+from c_program import compiled
 
 ROOT = Path(__file__).parents[3]
-COMPILER = shutil.which("gcc") or shutil.which("cc")
-
-pytestmark = pytest.mark.skipif(
-    COMPILER is None, reason="no C compiler on this machine: install gcc to run this"
-)
 
 
 @pytest.fixture(scope="module")
 def decode(tmp_path_factory):
     """Hexadecimal packets in, one list of (name, value) per packet out."""
-    program = tmp_path_factory.mktemp("c") / "decoder"
     source = Path(__file__).with_name("test_link_c_decoder.c")
-    flags = [
-        "-std=c99",
-        "-Wall",
-        "-Wextra",
-        "-Wconversion",
-        "-Wno-sign-conversion",
-        "-Werror",
-        "-fsanitize=undefined",
-    ]
-    subprocess.run(
-        [str(COMPILER), *flags, "-I", str(ROOT / "docs"), str(source), "-o", str(program)],
-        check=True,
-        timeout=60,
-    )
+    program = compiled(source, tmp_path_factory.mktemp("c"), "-Wconversion", "-Wno-sign-conversion")
 
     def run(packets: list[str]) -> list[list[tuple[str, str]]]:
         done = subprocess.run(
