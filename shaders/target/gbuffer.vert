@@ -1,10 +1,6 @@
 // Target vertices into the sample buffer; normals into the camera frame and their code.
 #include "target/packed_samples.glsl"
-#if LENS
-#include "target/raster.glsl"
-#else
 #include "target/substeps.glsl"
-#endif
 in vec3 in_position_m;
 in vec3 in_normal;
 in float in_material;
@@ -21,11 +17,7 @@ flat out uint v_material;
 out vec2 v_steps;
 #endif
 void main() {
-#if LENS
-    gl_Position = raster_position(u_pattern_clip_from_target, in_position_m);
-#else
     gl_Position = at_whole_substeps(pattern_clip(in_position_m));
-#endif
     vec3 n = mat3(u_camera_from_target) * in_normal;
     v_chart = in_chart;
     v_material_word = material_word(in_material);

@@ -1,7 +1,7 @@
 // Target vertices into an image window at one sample a pixel, with what the labels say of each: camera z [m] and,
 // with LAYERS, position and normal in the camera frame and the number of the part.
-#include "target/raster.glsl"
-uniform mat4 u_clip_from_target;
+#include "target/lens.glsl"
+uniform mat4 u_label_clip;
 uniform mat4 u_label_camera_from_target;
 in vec3 in_position_m;
 out float v_z_m;
@@ -13,9 +13,8 @@ out vec3 v_normal;
 flat out float v_part;
 #endif
 void main() {
-    vec4 p = vec4(in_position_m, 1.0);
-    gl_Position = raster_position(u_clip_from_target, in_position_m);
-    vec3 camera = (u_label_camera_from_target * p).xyz;
+    gl_Position = clip_of(u_label_clip, u_label_camera_from_target, in_position_m);
+    vec3 camera = (u_label_camera_from_target * vec4(in_position_m, 1.0)).xyz;
     v_z_m = camera.z;
 #if LAYERS
     v_position_m = camera;

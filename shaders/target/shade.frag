@@ -101,7 +101,6 @@ void main() {
     // What fills a pixel and is lit evenly is shaded once. Else each quarter of the pixel is shaded apart: what is lit, and
     // what is open to the sky, changes between them.
     bool quarters = differs != 0u || edge.w > 0.5;
-#if !LENS
     // One behind another in one direction is another surface too.
 #define CAMERA_Z(k, i, j) float z##k = camera_z(textureLod(t_depth, AT(i, j), 0.0).x);
     FOR_EACH_SAMPLE(CAMERA_Z)
@@ -109,9 +108,6 @@ void main() {
 #define ALONG(k, i, j) (z##k * (ray_n + dot(across, sample_offset(ivec2(i, j)))))
 #define IN_PLANE(k, i, j) && abs(ALONG(k, i, j) - along) < thin_m
 #define LEAD_PLANE(k, i, j) along = leads == k ? ALONG(k, i, j) : along;
-#else
-#define IN_PLANE(k, i, j)
-#endif
 #define QUARTER(i, j) (int(sample_offset(ivec2(i, j)).x > 0.0) + 2 * int(sample_offset(ivec2(i, j)).y > 0.0))
 #endif
     color sum = color(0.0);
@@ -130,14 +126,12 @@ void main() {
 #define LEAD_QUARTER(k, i, j) if (leader == 0u && g##k != 0u) \
             { leader = g##k; chart = words##k.y; at = ivec2(i, j); quarter = QUARTER(i, j); leads = k; }
         FOR_EACH_SAMPLE_OF_QUARTERS(LEAD_QUARTER)
-#if !LENS
         // of the leader's plane from the camera, and how far off it still is the same one: normals and places are rounded
         vec3 facing = decode_normal(vec2(normal_code(leader)));
-        vec2 across = facing.xy / u_intrinsics.xy;
+        vec2 across = ray_slope(vec2(pixel), facing);
         float ray_n = dot(facing, ray), along = 0.0;
         FOR_EACH_SAMPLE(LEAD_PLANE)
-        float thin_m = along / min(ray_n, -0.02) / u_intrinsics.x * (0.2 + 0.1 / max(-ray_n, 0.05));
-#endif
+        float thin_m = along / min(ray_n, -0.02) / ray_focal_px(vec2(pixel)) * (0.2 + 0.1 / max(-ray_n, 0.05));
 #define GATHERS(k, i, j) && QUARTER(i, j) == quarter IN_PLANE(k, i, j)
         bool apart = quarters;
 #else

@@ -3,13 +3,11 @@
 // Every rasteriser rounds vertices to such steps or finer ones, and from there on works without rounding. But where a
 // vertex lies half-way between two steps, the arithmetic before the rounding decides, and drivers' differ. So vertices are
 // rounded here: what a driver makes of them then lies next to a whole step, and it finds the same one.
+#include "target/lens.glsl"
 const float SUBSTEPS = 256.0;
 const float FARTHEST = 2097152.0; // steps from the buffer's corner: products of ways between ends and a remainder fit 32 bits
 
-vec4 pattern_clip(vec3 p_m) {
-    precise vec4 clip = u_pattern_clip_from_target * vec4(p_m, 1.0);
-    return clip;
-}
+vec4 pattern_clip(vec3 p_m) { return clip_of(u_pattern_clip, u_camera_from_target, p_m); }
 
 // Of a vertex before the camera; whole numbers.
 vec2 in_substeps(vec4 clip) {

@@ -7,6 +7,7 @@ A framebuffer's row 0 holds the image's row 0 (the top), so that pixel (x, y) of
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -67,26 +68,11 @@ def clip_from_camera(
     return np.stack([2 * buffer[0] / size[0] - w, 2 * buffer[1] / size[1] - w, depth, w])
 
 
-def lens_bounds_px(camera: Camera, hull_m: FloatArray) -> FloatArray:
-    """x0, y0, x1, y1 of everything inside the convex hull of camera points (K, 3), all of them in front [px].
-
-    A lens bends the hull's straight edges outwards; the rectangle about them, bent as a whole, still holds them.
-    """
-    xy = hull_m[:, :2] / hull_m[:, 2:]
-    low, high = xy.min(axis=0), xy.max(axis=0)
-    t = np.linspace(0, 1, 33)[:, None]
-    corners = corners_px(np.concatenate([low, high]))
-    sides = [a + t * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
-    outline = np.concatenate(sides)
-    pixels = camera.project(np.concatenate([outline, np.ones((len(outline), 1))], axis=1))
-    # a bow between two of the 33 points is a thousandth of the whole bow, at most
-    slack = 1e-3 * float(np.ptp(pixels, axis=0).max()) + 0.5
-    return np.concatenate([pixels.min(axis=0) - slack, pixels.max(axis=0) + slack])
-
-
-def corners_px(bounds_px: FloatArray) -> FloatArray:
-    """(4, 2) corners of x0, y0, x1, y1, one after the other."""
-    return np.asarray(bounds_px[[0, 1, 2, 1, 2, 3, 0, 3]].reshape(4, 2))
+def image_of(camera: Camera, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Columns and rows [px] of points by x / z and y / z, arrays of one shape: numpy is quick along long rows."""
+    if not camera.distortion.is_none:
+        x, y = np.moveaxis(camera.domain.distort(np.stack([x, y], axis=-1)), -1, 0)
+    return x * camera.fx_px + camera.cx_px, y * camera.fy_px + camera.cy_px
 
 
 IMAGE_FROM_PIXEL = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5]])
@@ -95,6 +81,12 @@ IMAGE_FROM_PIXEL = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5]])
 def window_from_pixel(rect: PixelRect) -> FloatArray:
     """(2, 3) map for a framebuffer that holds only ``rect`` of the image."""
     return IMAGE_FROM_PIXEL - np.array([[0.0, 0.0, rect.x0], [0.0, 0.0, rect.y0]])
+
+
+@lru_cache(maxsize=16)  # frames of a camera ask for the same few grids
+def _undistorted(camera: Camera, x_px: bytes, y_px: bytes) -> FloatArray:
+    """(len(y), len(x), 2) undistorted rays through a grid of pixels, whose columns and rows are float64."""
+    return camera.unproject(np.stack(np.meshgrid(np.frombuffer(x_px), np.frombuffer(y_px)), axis=-1))
 
 
 def directions(camera: Camera, x_px: FloatArray, y_px: FloatArray, matrix: FloatArray) -> FloatArray:
@@ -109,6 +101,5 @@ def directions(camera: Camera, x_px: FloatArray, y_px: FloatArray, matrix: Float
         row = (y_px - camera.cy_px)[:, None] / camera.fy_px * matrix[:, 1]
         d = row[:, None] + (column + matrix[:, 2])
     else:
-        px, py = np.meshgrid(x_px, y_px)
-        d = camera.unproject(np.stack([px, py], axis=-1)) @ matrix[:, :2].T + matrix[:, 2]
+        d = _undistorted(camera, x_px.tobytes(), y_px.tobytes()) @ matrix[:, :2].T + matrix[:, 2]
     return np.asarray(d / np.sqrt(np.einsum("ijk,ijk->ij", d, d))[..., None])

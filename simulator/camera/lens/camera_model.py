@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["Camera", "Distortion", "DistortionModel"]
 
 _NO_DISTORTION = Distortion()
+_NODES, _STEP_RAD = 25, 1e-3  # where a lens's bending is looked at, and over which angle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +95,10 @@ class Camera:
 
     def pixel_solid_angle_sr(self, pixels_px: ArrayLike) -> FloatArray:
         """Solid angle (...) of one pixel at pixel positions (..., 2) [sr]."""
-        xy = self.unproject(pixels_px)
+        return self.ray_solid_angle_sr(self.unproject(pixels_px))
+
+    def ray_solid_angle_sr(self, xy: FloatArray) -> FloatArray:
+        """Solid angle (...) of one pixel where undistorted rays (..., 2) of (x / z, y / z) meet the image [sr]."""
         area = 1 / (self.fx_px * self.fy_px * (1 + (xy**2).sum(axis=-1)) ** 1.5)
         if self.distortion.is_none:
             return np.asarray(area)
@@ -123,6 +127,25 @@ class Camera:
             return 1 / min(self.fx_px, self.fy_px)
         return _pixel_angle_rad(self)
 
+    def bending_px_rad2(self, bounds_px: tuple[float, float, float, float] | None = None) -> float:
+        """How strongly the lens bends straight lines: the most that a great circle's picture turns aside [px rad-2].
+
+        A straight line seen under a small angle a lies up to ``a**2 / 8`` times as much beside its bent picture.
+
+        Parameters
+        ----------
+        bounds_px : x0, y0, x1, y1 of the part of the image that is asked for.
+        """
+        if self.distortion.is_none:
+            return 0.0
+        x, y, bending = _bending(self)
+        if bounds_px is not None:
+            x0, y0, x1, y1 = bounds_px
+            columns = slice(max(np.searchsorted(x, x0) - 1, 0), np.searchsorted(x, x1) + 1)
+            rows = slice(max(np.searchsorted(y, y0) - 1, 0), np.searchsorted(y, y1) + 1)
+            bending = bending[rows, columns]
+        return float(bending.max(initial=0.0))
+
     def contains(self, pixels_px: ArrayLike) -> np.typing.NDArray[np.bool_]:
         """Whether pixel positions lie on the image (its edges are at -0.5 and size - 0.5)."""
         p = np.asarray(pixels_px, float)
@@ -149,6 +172,26 @@ def _pixel_angle_rad(camera: Camera) -> float:
     ray = camera.rays(at)
     steps = (np.linalg.norm(camera.rays(at + step) - ray, axis=-1) for step in ((1.0, 0.0), (0.0, 1.0)))
     return float(max(step.max() for step in steps))
+
+
+@lru_cache(maxsize=64)
+def _bending(camera: Camera) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Columns, rows and values (N, N) of `Camera.bending_px_rad2` on a grid over the image."""
+    x = np.linspace(-0.5, camera.width_px - 0.5, _NODES)
+    y = np.linspace(-0.5, camera.height_px - 0.5, _NODES)
+    ray = camera.rays(np.stack(np.meshgrid(x, y), axis=-1))
+    right = np.cross([0.0, 1.0, 0.0], ray)
+    right /= np.linalg.norm(right, axis=-1, keepdims=True)
+    down = np.cross(ray, right)
+    middle, bending = camera.project(ray), np.zeros((_NODES, _NODES))
+    for turn in np.arange(8) * (np.pi / 8):
+        step = _STEP_RAD * (np.cos(turn) * right + np.sin(turn) * down)
+        before, after = camera.project(ray - step), camera.project(ray + step)
+        along, aside = after - before, before + after - 2 * middle
+        across = along[..., 0] * aside[..., 1] - along[..., 1] * aside[..., 0]
+        turned = np.abs(across) / np.maximum(np.hypot(along[..., 0], along[..., 1]), 1e-12) / _STEP_RAD**2
+        bending = np.fmax(bending, turned)
+    return x, y, bending
 
 
 @lru_cache(maxsize=256)

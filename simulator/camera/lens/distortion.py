@@ -8,7 +8,8 @@ Normalised coordinates are (x / z, y / z) of a point in the camera frame. Models
   calibration method for conventional, wide-angle, and fish-eye lenses, IEEE TPAMI 28(8).
 
 A new model takes three steps: its name in `DistortionModel`, how many coefficients it has in `COEFFICIENT_COUNTS`, and
-the forward map with its derivative in `_forward`. The renderer draws by a table of rays, so that nothing else changes.
+the map and its derivative in `distort` and `jacobian`. The renderer has rays by a table, and the map in
+shaders/target/lens.glsl.
 tests/simulator/camera/test_distortion.py runs every round trip over it, with OpenCV's projection beside.
 
 A polynomial turns back somewhere. `LensDomain` holds the radius up to which it is used, just outside the image;
@@ -54,32 +55,37 @@ class Distortion:
 
 def distort(distortion: Distortion, xy: FloatArray) -> FloatArray:
     """Distorted normalised coordinates (..., 2) of undistorted ones, by the bare polynomial."""
-    return _forward(distortion, np.asarray(xy, float))[0]
-
-
-def jacobian(distortion: Distortion, xy: FloatArray) -> FloatArray:
-    """(..., 2, 2) derivative of `distort`: [[dxd/dx, dxd/dy], [dyd/dx, dyd/dy]]."""
-    return _forward(distortion, np.asarray(xy, float))[1]
-
-
-def _forward(distortion: Distortion, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+    xy = np.asarray(xy, float)
+    if distortion.model == "none":
+        return xy.copy()
     x, y = xy[..., 0], xy[..., 1]
     s = x * x + y * y
-    if distortion.model == "none":
-        return xy.copy(), np.broadcast_to(np.eye(2), (*xy.shape, 2)).copy()
-    scale, slope = _radial(distortion, s)  # and its derivative by s
-    xx, xy_, yy = scale + 2 * x * x * slope, 2 * x * y * slope, scale + 2 * y * y * slope
-    out = xy * scale[..., None]
-    J = np.stack([np.stack([xx, xy_], -1), np.stack([xy_, yy], -1)], -2)
+    out = xy * _radial(distortion, s)[0][..., None]
     if distortion.model == "brown_conrady":
         _, _, p1, p2 = distortion.coefficients[:4]
         out[..., 0] += 2 * p1 * x * y + p2 * (s + 2 * x * x)
         out[..., 1] += p1 * (s + 2 * y * y) + 2 * p2 * x * y
+    return out
+
+
+def jacobian(distortion: Distortion, xy: FloatArray) -> FloatArray:
+    """(..., 2, 2) derivative of `distort`: [[dxd/dx, dxd/dy], [dyd/dx, dyd/dy]]."""
+    xy = np.asarray(xy, float)
+    if distortion.model == "none":
+        return np.broadcast_to(np.eye(2), (*xy.shape, 2)).copy()
+    x, y = xy[..., 0], xy[..., 1]
+    scale, slope = _radial(distortion, x * x + y * y)  # and its derivative by the argument
+    J = np.empty((*xy.shape, 2))
+    J[..., 0, 0] = scale + 2 * x * x * slope
+    J[..., 0, 1] = J[..., 1, 0] = 2 * x * y * slope
+    J[..., 1, 1] = scale + 2 * y * y * slope
+    if distortion.model == "brown_conrady":
+        _, _, p1, p2 = distortion.coefficients[:4]
         J[..., 0, 0] += 2 * p1 * y + 6 * p2 * x
         J[..., 0, 1] += 2 * p1 * x + 2 * p2 * y
         J[..., 1, 0] += 2 * p1 * x + 2 * p2 * y
         J[..., 1, 1] += 6 * p1 * y + 2 * p2 * x
-    return out, J
+    return J
 
 
 def _radial(distortion: Distortion, s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -139,10 +145,10 @@ class LensDomain:
         with np.errstate(all="ignore"):
             xy = image_xy * np.where(r > 0, guess / np.where(r > 0, r, 1), 1.0)[..., None]
             for _ in range(_NEWTON_STEPS):
-                value, J = _forward(self.distortion, xy)
-                residual = value - image_xy
+                residual = distort(self.distortion, xy) - image_xy
                 if np.nanmax(np.abs(residual), initial=0.0) < 1e-13:
                     break
+                J = jacobian(self.distortion, xy)
                 a, b, c, d = J[..., 0, 0], J[..., 0, 1], J[..., 1, 0], J[..., 1, 1]
                 step = np.stack(
                     [

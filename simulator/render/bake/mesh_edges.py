@@ -50,6 +50,25 @@ class MeshEdges:
             materials=self.materials[order],
         )
 
+    def cut(self, longest_m: float) -> tuple[MeshEdges, IntArray]:
+        """The edges in halves of halves, none longer than this, and of each piece the edge that it is of.
+
+        The pieces of an edge follow each other, and end where `mesh_cut.cut` cuts the same edge of a triangle.
+        """
+        places, ends, of = self.vertices_m, self.ends, np.arange(len(self.ends))
+        while True:
+            start, end = ends.T
+            long = np.flatnonzero(np.linalg.norm(places[start] - places[end], axis=-1) > longest_m)
+            if not len(long):
+                break
+            middle = len(places) + np.arange(len(long))
+            places = np.concatenate([places, (places[start[long]] + places[end[long]]) * 0.5])
+            ends = np.concatenate([ends, np.stack([middle, end[long]], axis=1)])
+            ends[long, 1] = middle
+            of = np.concatenate([of, of[long]])
+        order = np.argsort(of, kind="stable")
+        return replace(self.take(of[order]), vertices_m=places, ends=ends[order]), of[order]
+
     def quads(self) -> Float32Array:
         """(E, 4, 8) vertices: both ends, the corner's number 0..3 (end = number // 2, side = number % 2), and
         the edge's entry in `materials`.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import Float32Array, FloatArray
+    from simulator.runtime.arrays import Float32Array
 
 KEPT = 64
 """Cameras whose textures are kept: a rolling shutter draws the image in so many bands of rows at most."""
@@ -70,29 +70,15 @@ class RayTextures:
         self._kept.clear()
 
 
-def lens_values(
-    camera: Camera, clip_from_camera: FloatArray, camera_from_target: FloatArray
-) -> dict[str, ArrayLike]:
-    """Members of the block ``Lens`` for one window of the image.
-
-    Parameters
-    ----------
-    clip_from_camera : (4, 4) of the window, as if the lens did not distort.
-    """
+def lens_values(camera: Camera) -> dict[str, ArrayLike]:
+    """Members of the block ``Lens``."""
     c = np.zeros(8)
     distortion = camera.distortion
     brown = distortion.model == "brown_conrady"
     c[: len(distortion.coefficients)] = distortion.coefficients
     k, m = ([c[0], c[1], c[4], c[5]], [c[6], c[7], c[2], c[3]]) if brown else (c[:4], c[4:])
     return {
-        "u_lens_camera_from_target": camera_from_target,
-        "u_lens_clip_from_image": clip_from_camera,
         "u_lens_k": k,
         "u_lens_m": m,
-        "u_lens_limits": [
-            min(camera.domain.limit, 1e6),
-            1.0 if brown else 2.0,
-            max(camera.fx_px, camera.fy_px),
-            0.0,
-        ],
+        "u_lens_limits": [min(camera.domain.limit, 1e6), 1.0 if brown else 2.0, 0.0, 0.0],
     }

@@ -9,9 +9,6 @@ from typing import TYPE_CHECKING
 
 import moderngl
 
-from simulator.render.gl.patches import MOST_PIECES
-from simulator.render.gl.tessellation import control_stage, evaluation_stage
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
@@ -69,8 +66,8 @@ class ProgramLibrary:
     ----------
     blocks : uniform blocks; each is declared in every shader and connected where it is used.
 
-    With ``lens`` set, programs are made for a lens that distorts: they look up their rays in a texture, and meshes
-    that go through ``raster_position`` are cut until they can bend. ``rewrite`` takes the texts of a vertex and a
+    With ``lens`` set, programs are made for a lens that distorts: they look up their rays in a texture, and send the
+    target's vertices through it. ``rewrite`` takes the texts of a vertex and a
     fragment shader, includes expanded, and the members of all blocks, and gives texts that draw the same.
     """
 
@@ -119,18 +116,13 @@ class ProgramLibrary:
                 return _head(text, known) + blocks + text
 
             source = whole(own)
-            cut = self.lens and "raster_position(" in source.split("void main")[-1]
-            shared = whole(read_source("target/subdivide.glsl")) if cut else ""
             self._built[key] = Program(
                 self._context.program(
                     vertex_shader=source,
                     fragment_shader=None if pixel is None else whole(pixel),
-                    tess_control_shader=shared + control_stage(source, MOST_PIECES) if cut else None,
-                    tess_evaluation_shader=shared + evaluation_stage(source) if cut else None,
                     varyings=varyings,
                 ),
                 samplers,
-                patches=cut,
             )
             for block in self._blocks:
                 block.attach(self._built[key].gl)
@@ -141,10 +133,8 @@ class ProgramLibrary:
 class Program:
     """A linked program; setting a uniform that the compiler removed is silently nothing."""
 
-    def __init__(self, gl: moderngl.Program, samplers: tuple[str, ...], *, patches: bool = False) -> None:
+    def __init__(self, gl: moderngl.Program, samplers: tuple[str, ...]) -> None:
         self.gl = gl
-        # a program that cuts its triangles takes them as patches of three: see `simulator.render.gl.patches`
-        self.gl.extra = {"patches": patches}
         self._samplers = samplers
         self._set: dict[str, object] = {}  # what each uniform was last set to
         for unit, name in enumerate(samplers):

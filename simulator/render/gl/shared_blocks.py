@@ -30,19 +30,13 @@ FRAME = (
 
 # the lens, where it distorts
 LENS = (
-    Field("mat4", "u_lens_camera_from_target"),
-    Field(
-        "mat4", "u_lens_clip_from_image"
-    ),  # from (x z, y z, z) of the distorted image, over the focal length
     Field("vec4", "u_lens_k"),  # k1 k2 k3 k4
     Field("vec4", "u_lens_m"),  # k5 k6 p1 p2
-    Field(
-        "vec4", "u_lens_limits"
-    ),  # undistorted radius of use; 1 Brown-Conrady, 2 Kannala-Brandt; focal length [px]
+    Field("vec4", "u_lens_limits"),  # undistorted radius of use; 1 Brown-Conrady, 2 Kannala-Brandt
 )
 
 TARGET = (
-    Field("mat4", "u_pattern_clip_from_target"),
+    Field("mat4", "u_pattern_clip"),  # from the target; with a lens from the camera's bent space: lens.glsl
     Field("mat4", "u_camera_from_target"),
     Field("vec4", "u_pattern"),  # s0, t0; near, far [m]
     Field("vec4", "u_pattern_px"),  # xy: size of the lattice's viewport [samples]

@@ -115,17 +115,16 @@ def disc_rect(camera: Camera, center_camera: FloatArray, sine: float) -> PixelRe
     radius, off = np.arcsin(min(sine, 1.0)), np.arccos(np.clip(center_camera[2], -1, 1))
     if off > radius + camera.half_angle_rad() + 0.01:
         return None
-    if radius > 0.15 or off + radius > 1.0:
-        return whole
     # rays around it, a little further out than its rim
+    out = 1.02 * radius + 1e-5
+    if off + out > 1.5:
+        return whole
     side = np.cross(center_camera, [0.0, 0.0, 1.0] if abs(center_camera[2]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
     up = np.cross(center_camera, side)
-    turn = np.arange(24) / 24 * 2 * np.pi
-    rim = center_camera + 1.02 * np.tan(radius) * (np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * up)
+    turn = np.arange(64) / 64 * 2 * np.pi
+    rim = center_camera + np.tan(out) * (np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * up)
     pixels: ArrayLike = camera.project(rim)
-    if not np.isfinite(pixels).all():
-        return whole
     low, high = np.floor(np.min(pixels, axis=0)) - 1, np.ceil(np.max(pixels, axis=0)) + 2
     x0, y0 = (max(int(v), 0) for v in low)
     x1, y1 = min(int(high[0]), camera.width_px), min(int(high[1]), camera.height_px)

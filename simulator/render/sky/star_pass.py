@@ -191,7 +191,7 @@ def stars_in_view(
     if share is not None:
         radiance *= share
     pixels = pixels.take(inside, axis=1).T
-    return pixels, (radiance / _pixel_solid_angle_sr(camera, d, pixels)).T
+    return pixels, (radiance / _pixel_solid_angle_sr(camera, d)).T
 
 
 def _project(camera: Camera, d: FloatArray) -> FloatArray:
@@ -211,10 +211,10 @@ def _contains(camera: Camera, pixels: FloatArray) -> BoolArray:
     return np.asarray((x >= -0.5) & (x < ends[0]) & (y >= -0.5) & (y < ends[1]))
 
 
-def _pixel_solid_angle_sr(camera: Camera, d: FloatArray, pixels: FloatArray) -> FloatArray:
-    """(K,) of one pixel at unit directions (3, K), whose pixels are (K, 2) [sr]."""
+def _pixel_solid_angle_sr(camera: Camera, d: FloatArray) -> FloatArray:
+    """(K,) of one pixel at unit directions (3, K) [sr]."""
     if not camera.distortion.is_none:
-        return camera.pixel_solid_angle_sr(pixels)
+        return camera.ray_solid_angle_sr((d[:2] / d[2]).T)
     return np.asarray(d[2] * d[2] * d[2] / (camera.fx_px * camera.fy_px))
 
 

@@ -16,7 +16,6 @@ from simulator.render.target.viewport_fit import TILE_PX, all_tiles, tile_center
 
 if TYPE_CHECKING:
     from simulator.render.projection import PixelRect
-    from simulator.render.target.mesh import GpuMesh
     from simulator.render.target.viewport_fit import ViewportFit
     from simulator.runtime.arrays import FloatArray, IntArray
 
@@ -27,14 +26,11 @@ _AROUND = np.ones((3, 3), np.uint8)
 _FARTHEST = 1 << 14  # OpenCV's corners must fit in whole numbers with the fraction's bits to spare
 
 
-def target_tiles(mesh: GpuMesh, place: ViewportFit) -> FloatArray:
-    """Centres (K, 2) [px] of the tiles that the target may touch.
-
-    Those of all of its rectangle where a lens bends it, or part of it is behind the camera.
-    """
+def target_tiles(place: ViewportFit) -> FloatArray:
+    """Centres (K, 2) [px] of the tiles that the target may touch; all of its rectangle, if part of it is behind."""
     if place.hull_px is None:
         return all_tiles(place.rect)
-    return hull_tiles(place.rect, place.hull_px, mesh.hull_parts)
+    return hull_tiles(place.rect, place.hull_px, place.hull_parts)
 
 
 def hull_tiles(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> FloatArray:

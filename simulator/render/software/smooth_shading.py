@@ -71,14 +71,16 @@ def is_curved(target: Target) -> bool:
     return bool(bent > LEAST_BENT * whole)
 
 
-def split_tiles(tiles_px: FloatArray, seen: VisibleEdges, view: EdgeCamera) -> tuple[FloatArray, FloatArray]:
+def split_tiles(
+    tiles_px: FloatArray, seen: VisibleEdges, view: EdgeCamera, edges: int
+) -> tuple[FloatArray, FloatArray]:
     """Centres (K, 2) [px] of the tiles that some edge comes near, and of those that none does: of a near craft only.
 
     Parameters
     ----------
-    tiles_px : (K, 2) of all. view : the whole mesh lies in front of its camera, and no lens bends it.
+    tiles_px : (K, 2) of all. view : the whole mesh lies in front of its camera. edges : of the mesh, uncut.
     """
-    if len(tiles_px) < max(LEAST_TILES, LEAST_PER_EDGE * len(seen.edges.ends)):
+    if len(tiles_px) < max(LEAST_TILES, LEAST_PER_EDGE * edges):
         return tiles_px, tiles_px[:0]
     crossed = crossed_tiles(seen.lines_px(view), view.rect)
     column, row = ((tiles_px - [view.rect.x0, view.rect.y0]).T // TILE_PX).astype(np.intp)

@@ -52,7 +52,6 @@ if TYPE_CHECKING:
 
     from simulator.render.device import Device
     from simulator.render.frame_graph import PassResources
-    from simulator.render.target.mesh import GpuMesh
     from simulator.render.target.viewport_fit import ViewportFit
     from simulator.runtime.arrays import FloatArray
     from simulator.targets.model import Target
@@ -70,9 +69,9 @@ class TileCulling:
 
     mesh_array = CulledVertexArray
 
-    def target_tiles(self, mesh: GpuMesh, place: ViewportFit) -> FloatArray:
+    def target_tiles(self, place: ViewportFit) -> FloatArray:
         """Centres (K, 2) [px] of the tiles that the target may touch."""
-        return target_tiles(mesh, place)
+        return target_tiles(place)
 
     def outline_px(self, place: ViewportFit, tiles_px: FloatArray) -> FloatArray:  # noqa: ARG002
         """The tiles themselves."""
@@ -205,8 +204,8 @@ class SoftwarePath:
         may_be_smooth = scene.quality != "high" and target.place.hull_px is not None and scene.lamp is None
         if not may_be_smooth or not self._traits_of(r[MODEL])[0]:
             return
-        seen = target.loaded.edges.seen
-        r[TARGET_TILES], edge_free = split_tiles(r[TARGET_TILES], seen, target.edge_view)
+        seen, edges = target.drawn.edges.seen, len(target.loaded.seen.edges.ends)
+        r[TARGET_TILES], edge_free = split_tiles(r[TARGET_TILES], seen, target.edge_view, edges)
         r[EDGE_FREE_TILES] = edge_free if len(edge_free) else None
 
     def _shade_corners(self, r: PassResources) -> None:

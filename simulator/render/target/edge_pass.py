@@ -11,17 +11,15 @@ from simulator.render.gl.buffer_pool import BufferPool
 from simulator.render.gl.context import release
 from simulator.render.gl.fences import draw_to
 from simulator.render.target.sample_pattern import pattern_defines
-from simulator.render.target.visible_edges import REACH_PX, VisibleEdges
+from simulator.render.target.visible_edges import REACH_PX
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.bake.mesh_edges import MeshEdges
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
-    from simulator.render.target.mesh import GpuMesh
     from simulator.render.target.sample_pattern import SamplePattern
-    from simulator.render.target.visible_edges import EdgeCamera
+    from simulator.render.target.visible_edges import EdgeCamera, VisibleEdges
     from simulator.runtime.arrays import IntArray
 
 EXACT_AREAS = "EXACT_AREAS"
@@ -35,19 +33,14 @@ def edge_defines(*, exact: bool) -> dict[str, object]:
 
 
 class EdgeBuffers:
-    """The edges of one mesh on the GPU, and the list of those that this frame draws.
+    """The edges of one mesh on the GPU, and the list of those that this frame draws."""
 
-    Parameters
-    ----------
-    mesh : its large bodies hide edges.
-    """
-
-    def __init__(self, context: moderngl.Context, edges: MeshEdges, mesh: GpuMesh) -> None:
+    def __init__(self, context: moderngl.Context, seen: VisibleEdges) -> None:
         self._context = context
         self._arrays: dict[Program, moderngl.VertexArray] = {}
-        self.seen = VisibleEdges(edges, mesh)
+        self.seen = seen
         self.vertices = context.buffer(self.seen.edges.quads().tobytes() or b"\0")
-        self.indices = context.buffer(reserve=max(4 * 6 * len(edges.ends), 4), dynamic=True)
+        self.indices = context.buffer(reserve=max(4 * 6 * len(seen.edges.ends), 4), dynamic=True)
 
     def vertex_array(self, program: Program, layout: str, names: list[str]) -> moderngl.VertexArray:
         """The edges as a program reads them: they go with the mesh, where a pass would keep its buffers for ever."""
@@ -88,7 +81,7 @@ class EdgeList:
 
     image: SlopeImage
     rect: PixelRect
-    buffers: EdgeBuffers | None
+    buffers: EdgeBuffers
     seen: IntArray
     outlines: tuple[int, int]
     exact: bool
@@ -104,12 +97,12 @@ class EdgePass:
 
     def begin(
         self,
-        buffers: EdgeBuffers | None,
+        buffers: EdgeBuffers,
         view: EdgeCamera,
         *,
         exact: bool,
     ) -> EdgeList:
-        """Empty the slopes of the view's pixels and find the edges to draw there; none without buffers.
+        """Empty the slopes of the view's pixels and find the edges to draw there.
 
         Parameters
         ----------
@@ -118,15 +111,13 @@ class EdgePass:
         image = (self._exact_images if exact else self._images).at_least(view.rect.width, view.rect.height)
         draw_to(image.framebuffer)
         image.framebuffer.clear()
-        seen, outlines = np.zeros(0, int), (0, 0)
-        if buffers is not None:
-            seen, outlines = buffers.seen.numbers(view, pairs=exact)
+        seen, outlines = buffers.seen.numbers(view, pairs=exact)
         return EdgeList(image, view.rect, buffers, seen, outlines, exact)
 
     def run(self, edges: EdgeList, lattice: SamplePattern) -> moderngl.Texture:
         """Slopes of the samples' weights in the pixels of the list's rectangle, its first pixel at (0, 0)."""
         image, rect, buffers, seen = edges.image, edges.rect, edges.buffers, edges.seen
-        if buffers is None or not len(seen):
+        if not len(seen):
             return image.slope
         draw_to(image.framebuffer)
         image.framebuffer.viewport = (0, 0, rect.width, rect.height)

@@ -51,12 +51,17 @@ class Surfaces:
 
 
 @dataclass(frozen=True, eq=False)
-class _Arrays:
-    """Vertex arrays of one uploaded target: for depth alone, and for all layers."""
+class LabelArrays:
+    """Vertex arrays of one uploaded mesh: for depth alone, and for all layers."""
 
     depth: CulledVertexArray
     layers: CulledVertexArray
     parts: moderngl.Buffer
+
+    def release(self) -> None:
+        """Free them."""
+        for resource in (self.depth, self.layers, self.parts):
+            resource.release()
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +95,6 @@ class LabelPass:
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: UniformBlocks) -> None:
         self._context, self._lens, self._library = context, blocks.lens, programs
-        self._arrays: dict[str, _Arrays] = {}
         self._aside = context.framebuffer([context.texture((1, 1), 1)])
 
     @cached_property
@@ -101,23 +105,21 @@ class LabelPass:
             for layers in (False, True)
         }
 
-    def _arrays_of(self, target: Target, mesh: GpuMesh) -> _Arrays:
-        if target.sha256 not in self._arrays:
-            numbers = np.concatenate(
-                [np.full(len(target.parts[k].positions_m), k + 1, np.float32) for k in mesh.order]
-            )
-            parts = self._context.buffer(numbers[mesh.charts.origin][mesh.shown.sources].tobytes())
-            self._arrays[target.sha256] = _Arrays(
-                CulledVertexArray(self._context, mesh, self._programs[False].gl),
-                CulledVertexArray(self._context, mesh, self._programs[True].gl, (parts, "1f", "in_part")),
-                parts,
-            )
-        return self._arrays[target.sha256]
+    def arrays(self, target: Target, mesh: GpuMesh) -> LabelArrays:
+        """What draws a mesh of a target."""
+        numbers = np.concatenate(
+            [np.full(len(target.parts[k].positions_m), k + 1, np.float32) for k in mesh.order]
+        )
+        parts = self._context.buffer(numbers[mesh.charts.origin][mesh.shown.sources].tobytes())
+        return LabelArrays(
+            CulledVertexArray(self._context, mesh, self._programs[False].gl),
+            CulledVertexArray(self._context, mesh, self._programs[True].gl, (parts, "1f", "in_part")),
+            parts,
+        )
 
     def begin(
         self,
-        target: Target,
-        mesh: GpuMesh,
+        arrays: LabelArrays,
         camera: Camera,
         rect: PixelRect,
         camera_from_target: FloatArray,
@@ -132,7 +134,7 @@ class LabelPass:
         ----------
         layers : also normals and parts.
         """
-        arrays, program = self._arrays_of(target, mesh), self._programs[layers]
+        program = self._programs[layers]
         size = (max(1, round(rect.width * scale)), max(1, round(rect.height * scale)))
         clip = clip_from_camera(camera, *near_far_m, window_from_pixel(rect) * scale, size)
         outputs = [self._context.texture(size, 1, dtype="f4")]
@@ -141,11 +143,13 @@ class LabelPass:
             outputs.append(self._context.texture(size, 4, dtype="f2"))
         framebuffer = self._context.framebuffer(outputs, depth)
         if not camera.distortion.is_none:
-            self._lens.write(lens_values(camera, clip, camera_from_target))
+            self._lens.write(lens_values(camera))
         draw_to(framebuffer)
         framebuffer.clear()
         self._context.enable_only(self._context.DEPTH_TEST)
-        program.set("u_clip_from_target", tuple((clip @ camera_from_target).T.ravel()))
+        if camera.distortion.is_none:
+            clip = clip @ camera_from_target
+        program.set("u_label_clip", tuple(clip.T.ravel()))
         program.set("u_label_camera_from_target", tuple(camera_from_target.T.ravel()))
         eye_m = -camera_from_target[:3, :3].T @ camera_from_target[:3, 3]
         (arrays.layers if layers else arrays.depth).render(np.append(eye_m, 1.0))
@@ -156,8 +160,7 @@ class LabelPass:
 
     def silhouette(
         self,
-        target: Target,
-        mesh: GpuMesh,
+        arrays: LabelArrays,
         camera: Camera,
         bounds_px: FloatArray,
         camera_from_target: FloatArray,
@@ -175,22 +178,14 @@ class LabelPass:
             return 1.0
         rect = PixelRect(int(x0), int(y0), int(x1), int(y1))
         scale = min(1.0, _SILHOUETTE_SIDE_PX / max(rect.width, rect.height))
-        drawn = self.begin(target, mesh, camera, rect, camera_from_target, near_far_m, scale=scale)
+        drawn = self.begin(arrays, camera, rect, camera_from_target, near_far_m, scale=scale)
         seen = np.isfinite(drawn.read().depth_m)
         on_image = _on_image(camera, rect, seen.shape, scale)
         total = int(seen.sum())
         return float((seen & on_image).sum() / total) if total else 0.0
 
-    def forget(self, sha256: str) -> None:
-        """Free the vertex arrays of one target, if there are any."""
-        arrays = self._arrays.pop(sha256, None)
-        if arrays is not None:
-            release(self._context, arrays.depth, arrays.layers, arrays.parts)
-
     def release(self) -> None:
-        """Free the vertex arrays."""
-        for sha256 in tuple(self._arrays):
-            self.forget(sha256)
+        """Free what is drawn to between rasters."""
         release(self._context, self._aside, *self._aside.color_attachments)
 
 

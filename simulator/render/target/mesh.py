@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, cast
+from functools import cached_property
+from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
 from simulator.errors import UserError
 from simulator.render.bake.charts import TEXEL
-from simulator.render.bake.geometry import VERTEX, BakedMesh, MergedParts, geometry_of
-from simulator.render.gl.patches import EDGE_SHARE, PatchArray, cut
+from simulator.render.bake.geometry import VERTEX, BakedMesh, ExposedTriangles, MergedParts, geometry_of
+from simulator.render.bake.mesh_cut import cut
 from simulator.render.gl.shared_blocks import MAX_MATERIALS
 
 if TYPE_CHECKING:
+    import moderngl
+
     from simulator.render.bake.geometry import Geometry
     from simulator.runtime.arrays import Float32Array
     from simulator.targets.model import Material, Target
@@ -56,6 +58,13 @@ class GpuMesh(BakedMesh):
     draws: tuple[Draw, ...] = ()
     order: tuple[int, ...] = ()
 
+    @cached_property
+    def area_m2(self) -> float:
+        """Of all triangles."""
+        corners = self.values[:, :3].astype(float)[self.triangles]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return 0.5 * float(np.linalg.norm(across, axis=1).sum())
+
     def vertex_array(
         self,
         context: moderngl.Context,
@@ -77,31 +86,48 @@ class GpuMesh(BakedMesh):
             content.append((self.at_chart, "2f", "in_chart"))
         if self.uv is not None and "in_uv" in program:
             content.append((self.uv, "2f", "in_uv"))
-        if (program.extra or {}).get("patches"):
-            return self._patches(context, program, content)
         return context.vertex_array(program, content, indices or self.indices, skip_errors=True)
 
-    def _patches(
-        self,
-        context: moderngl.Context,
-        program: moderngl.Program,
-        content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]],
-    ) -> moderngl.VertexArray:
-        """The mesh for a program that cuts its triangles: with short edges, drawn in lots."""
-        block = self.values
-        triangles = np.frombuffer(self.indices.read(), np.uint32).reshape(-1, 3).astype(np.int64)
-        made = cut(block[:, :3].astype(float), triangles, EDGE_SHARE * self.radius_m)
-        extended: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = []
-        for buffer, layout, *names in content:
-            values = np.frombuffer(buffer.read(), np.float32).reshape(len(block), -1)
-            values = made.extended(values)
-            if buffer is self.vertices:
-                values[:, 3:6] /= np.maximum(np.linalg.norm(values[:, 3:6], axis=1, keepdims=True), 1e-9)
-            extended.append((context.buffer(values.tobytes()), layout, *names))
-        indices = context.buffer(made.triangles.astype(np.uint32).tobytes())
-        array = context.vertex_array(program, extended, indices, skip_errors=True)
-        buffers = [indices, *(buffer for buffer, *_ in extended)]
-        return cast("moderngl.VertexArray", PatchArray(array, made, buffers))
+    def cut(self, context: moderngl.Context, longest_m: float) -> GpuMesh:
+        """The same surface in triangles with no edge longer than this, in buffers of its own."""
+        count = len(self.triangles)
+        both = np.concatenate([self.triangles, self.shown.triangles])
+        made = cut(self.values[:, :3].astype(float), both, longest_m)
+        values = made.extended(self.values.astype(float))
+        new = values[len(self.values) :, 3:6]
+        new /= np.maximum(np.linalg.norm(new, axis=1, keepdims=True), 1e-9)
+        triangles, shown = np.split(made.triangles.astype(np.uint32), [made.first[count]])
+        of, of_shown = np.split(made.of, [made.first[count]])
+        of_shown = of_shown - count
+
+        def extended(buffer: moderngl.Buffer) -> moderngl.Buffer:
+            at = np.frombuffer(buffer.read(), np.float32).reshape(len(self.values), 2)
+            return context.buffer(made.extended(at).tobytes())
+
+        def place(index: int) -> int:
+            return 3 * int(made.first[index // 3])
+
+        return replace(
+            self,
+            values=values,
+            triangles=triangles,
+            planes=self.planes[of],
+            shown=ExposedTriangles(
+                shown,
+                np.ascontiguousarray(self.shown.planes[:, of_shown]),
+                replace(self.shown.boxes, of=self.shown.boxes.of[of_shown]),
+                made.inherited(self.shown.sources),
+            ),
+            decal_height_m=self.decal_height_m[of_shown],
+            vertices=context.buffer(values.tobytes()),
+            indices=context.buffer(triangles.tobytes()),
+            at_chart=extended(self.at_chart),
+            uv=None if self.uv is None else extended(self.uv),
+            draws=tuple(
+                replace(d, first=place(d.first), count=place(d.first + d.count) - place(d.first))
+                for d in self.draws
+            ),
+        )
 
     def release(self) -> None:
         """Free the buffers."""

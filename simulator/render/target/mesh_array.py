@@ -47,7 +47,7 @@ class Culling(Protocol):
     ) -> MeshArray:
         """A mesh for one program; ``more`` as in `GpuMesh.vertex_array`."""
 
-    def target_tiles(self, mesh: GpuMesh, place: ViewportFit) -> FloatArray:
+    def target_tiles(self, place: ViewportFit) -> FloatArray:
         """Centres (K, 2) [px] of tiles that hold all that the target may touch."""
 
     def outline_px(self, place: ViewportFit, tiles_px: FloatArray) -> FloatArray:
@@ -80,7 +80,7 @@ class NoCulling:
 
     mesh_array = WholeMesh
 
-    def target_tiles(self, mesh: GpuMesh, place: ViewportFit) -> FloatArray:  # noqa: ARG002
+    def target_tiles(self, place: ViewportFit) -> FloatArray:
         """Centres (K, 2) [px] of all the tiles of the target's rectangle."""
         return all_tiles(place.rect)
 

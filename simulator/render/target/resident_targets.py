@@ -2,35 +2,87 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from simulator.render.target.shadow_frustum import SurfacePatches
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    import moderngl
+
     from simulator.render.target.edge_pass import EdgeBuffers
     from simulator.render.target.interreflection import Interreflection
+    from simulator.render.target.label_pass import LabelArrays
     from simulator.render.target.mesh import GpuMesh
     from simulator.render.target.mesh_array import MeshArray
     from simulator.render.target.textures import Textures
+    from simulator.render.target.visible_edges import VisibleEdges
     from simulator.targets.model import Target
 
+MOST_CUTS = 6  # of one target: an approach needs one more each time that it halves the range
 MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others are uploaded again
 
 
 @dataclass(frozen=True, eq=False)
-class ResidentTarget:
-    """A target on the GPU with a vertex array per program."""
+class DrawnMesh:
+    """A mesh as the camera's passes draw it: as it is, or cut for a lens."""
 
     mesh: GpuMesh
-    shadow: MeshArray
     gbuffer: MeshArray
     edges: EdgeBuffers
+    make_labels: Callable[[GpuMesh], LabelArrays]
+
+    @cached_property
+    def labels(self) -> LabelArrays:
+        """Made with the first labels: many a picture is drawn without."""
+        return self.make_labels(self.mesh)
+
+    def release(self) -> None:
+        """Free what only this cut has."""
+        self.gbuffer.release()
+        self.edges.release()
+        if "labels" in self.__dict__:
+            self.labels.release()
+
+
+@dataclass(frozen=True, eq=False)
+class ResidentTarget:
+    """A target on the GPU with a vertex array per program.
+
+    Parameters
+    ----------
+    seen : its edges. draw : makes what is drawn of some mesh of it.
+    """
+
+    mesh: GpuMesh
+    seen: VisibleEdges
+    shadow: MeshArray
     interreflection: Interreflection
+    draw: Callable[[GpuMesh, VisibleEdges], DrawnMesh]
     textures: Textures | None = None
+    cuts: dict[float, DrawnMesh] = field(default_factory=dict)
+
+    def drawn(self, context: moderngl.Context, longest_m: float) -> DrawnMesh:
+        """The mesh with no edge longer than that."""
+        drawn = self.cuts.pop(longest_m, None)
+        if drawn is None:
+            mesh = self.mesh if np.isinf(longest_m) else self.mesh.cut(context, longest_m)
+            drawn = self.draw(mesh, self.seen.cut(longest_m))
+        self.cuts[longest_m] = drawn  # the last used is the last of them
+        while len(self.cuts) > MOST_CUTS:
+            self._forget(next(iter(self.cuts)))
+        return drawn
+
+    def _forget(self, longest_m: float) -> None:
+        drawn = self.cuts.pop(longest_m)
+        drawn.release()
+        if drawn.mesh is not self.mesh:
+            drawn.mesh.release()
 
     @cached_property
     def patches(self) -> SurfacePatches:
@@ -39,7 +91,9 @@ class ResidentTarget:
 
     def release(self) -> None:
         """Free it."""
-        for resource in (self.mesh, self.shadow, self.gbuffer, self.edges, self.interreflection):
+        for longest_m in tuple(self.cuts):
+            self._forget(longest_m)
+        for resource in (self.mesh, self.shadow, self.interreflection):
             resource.release()
         if self.textures is not None:
             self.textures.release()
@@ -50,14 +104,11 @@ class ResidentTargets:
 
     Parameters
     ----------
-    upload : makes one; ``fine`` with nodes of baked light closer together. forgotten : is told the SHA-256 of a target
-        of which the coarser form is about to be freed.
+    upload : makes one; ``fine`` with nodes of baked light closer together.
     """
 
-    def __init__(
-        self, upload: Callable[[Target, bool], ResidentTarget], forgotten: Callable[[str], None]
-    ) -> None:
-        self._upload, self._forgotten = upload, forgotten
+    def __init__(self, upload: Callable[[Target, bool], ResidentTarget]) -> None:
+        self._upload = upload
         self._kept: dict[tuple[str, bool], ResidentTarget] = {}
 
     def get(self, target: Target, *, fine: bool = False) -> ResidentTarget:
@@ -67,7 +118,7 @@ class ResidentTargets:
         loaded = self._kept.pop(key, None) or self._upload(target, fine)
         self._kept[key] = loaded
         while len(self._kept) > MOST_LOADED:
-            self._forget(next(iter(self._kept)))
+            self._kept.pop(next(iter(self._kept))).release()
         return loaded
 
     def __iter__(self) -> Iterator[ResidentTarget]:
@@ -75,10 +126,6 @@ class ResidentTargets:
 
     def release(self) -> None:
         """Free them all."""
-        for key in tuple(self._kept):
-            self._forget(key)
-
-    def _forget(self, key: tuple[str, bool]) -> None:
-        if not key[1]:  # labels are drawn from the coarser form in every preset
-            self._forgotten(key[0])
-        self._kept.pop(key).release()
+        for loaded in self._kept.values():
+            loaded.release()
+        self._kept.clear()

@@ -19,12 +19,12 @@ from simulator.render.target.interreflection import Interreflection
 from simulator.render.target.label_pass import LabelPass, Surfaces
 from simulator.render.target.mesh import upload
 from simulator.render.target.mesh_array import WholeMesh
-from simulator.render.target.resident_targets import ResidentTarget, ResidentTargets
+from simulator.render.target.resident_targets import DrawnMesh, ResidentTarget, ResidentTargets
 from simulator.render.target.self_shadow import SelfShadow
 from simulator.render.target.shade_pass import ShadePass
 from simulator.render.target.textures import Textures
 from simulator.render.target.viewport_fit import TILE_REACH_PX, choose_pattern, fit_viewport
-from simulator.render.target.visible_edges import EdgeCamera
+from simulator.render.target.visible_edges import EdgeCamera, VisibleEdges
 from simulator.scene.illumination.bands import bands_of, reflectance
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from simulator.render.gl.programs import ProgramLibrary
     from simulator.render.gl.shared_blocks import UniformBlocks
     from simulator.render.projection import PixelRect
+    from simulator.render.target.mesh import GpuMesh
     from simulator.render.target.mesh_array import Culling
     from simulator.render.target.sample_pattern import SamplePattern
     from simulator.render.target.shadow_pass import ShadowChoice
@@ -63,6 +64,7 @@ class PlacedTarget:
     """
 
     loaded: ResidentTarget
+    drawn: DrawnMesh
     place: ViewportFit
     camera: Camera
     lattice: SamplePattern
@@ -122,7 +124,7 @@ class TargetPasses:
         self._edges = EdgePass(context, programs)
         self._shade = ShadePass(context, programs)
         self._labels = LabelPass(context, programs, blocks)
-        self._loaded = ResidentTargets(self._upload, self._labels.forget)
+        self._loaded = ResidentTargets(self._upload)
 
     def _upload(self, target: Target, fine: bool) -> ResidentTarget:  # noqa: FBT001 - called by what keeps them
         context = self._context
@@ -134,12 +136,21 @@ class TargetPasses:
         gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
         # textures are bound by stretches of the index buffer
         geometry_array = self._culling.mesh_array if mesh.uv is None else WholeMesh
+
+        def draw(some: GpuMesh, seen: VisibleEdges) -> DrawnMesh:
+            return DrawnMesh(
+                some,
+                geometry_array(context, some, gbuffer.program(some).gl),
+                EdgeBuffers(context, seen),
+                lambda mesh: self._labels.arrays(target, mesh),
+            )
+
         return ResidentTarget(
             mesh,
+            VisibleEdges(mesh.edges, mesh),
             self._culling.mesh_array(context, mesh, self._shadow.program),
-            geometry_array(context, mesh, gbuffer.program(mesh).gl),
-            EdgeBuffers(context, mesh.edges, mesh),
             Interreflection(context, mesh, FINE_PATCH if fine else PATCH),
+            draw,
             textures,
         )
 
@@ -151,27 +162,29 @@ class TargetPasses:
         place = fit_viewport(mesh, _matrix(view.R_camera_from_target, view.t_camera_from_target_m), camera)
         if place is None:
             return None
-        tiles = self._culling.target_tiles(mesh, place)
+        tiles = self._culling.target_tiles(place)
         if not len(tiles):
             return None
-        # edges are curves through a lens that bends, and not weighted
-        dense = self._programs.lens or loaded.textures is not None
+        dense = loaded.textures is not None  # edges inside them are not weighted
         outline = self._culling.outline_px(place, tiles)
         lattice = choose_pattern(scene.quality, place, outline, place.pixel_m(camera), dense=dense)
         size, origin = lattice.window(tiles, TILE_REACH_PX)
-        placed = PlacedTarget(loaded, place, camera, lattice, size, origin, tiles)
+        drawn = loaded.drawn(self._context, place.longest_m)
+        placed = PlacedTarget(loaded, drawn, place, camera, lattice, size, origin, tiles)
         self._write_blocks(placed, scene.bands)
         return placed
 
     def _write_blocks(self, placed: PlacedTarget, bands: Bands) -> None:
         place, size, origin = placed.place, placed.size, placed.origin
         to_buffer = placed.lattice.buffer_from_pixel(origin)
-        pattern_clip = clip_from_camera(placed.camera, *place.near_far_m, to_buffer, size)
+        clip = clip_from_camera(placed.camera, *place.near_far_m, to_buffer, size)
         if self._programs.lens:
-            self._blocks.lens.write(lens_values(placed.camera, pattern_clip, place.camera_from_target))
+            self._blocks.lens.write(lens_values(placed.camera))
+        else:
+            clip = clip @ place.camera_from_target
         self._blocks.target.write(
             {
-                "u_pattern_clip_from_target": pattern_clip @ place.camera_from_target,
+                "u_pattern_clip": clip,
                 "u_camera_from_target": place.camera_from_target,
                 "u_pattern": [*origin, *place.near_far_m],
                 "u_pattern_px": [*size, 0, 0],
@@ -181,14 +194,14 @@ class TargetPasses:
 
     def draw_samples(self, scene: SceneState, placed: PlacedTarget) -> TargetSamples:
         """Draw what the samples of the target's pixels see."""
-        loaded, place, size = placed.loaded, placed.place, placed.size
+        loaded, drawn, place, size = placed.loaded, placed.drawn, placed.place, placed.size
         texels: dict[str, moderngl.Texture] = {}
         if self._textured is None or loaded.textures is None:
             camera_m = place.camera_target_m
-            samples = self._gbuffer.run(loaded.mesh, loaded.gbuffer, size, camera_m, cut=place.is_cut)
+            samples = self._gbuffer.run(drawn.mesh, drawn.gbuffer, size, camera_m, cut=place.is_cut)
         else:
             samples = self._textured.run_textured(
-                loaded.gbuffer.array, size, loaded.mesh, loaded.textures, scene.bands, cut=place.is_cut
+                drawn.gbuffer.array, size, drawn.mesh, loaded.textures, scene.bands, cut=place.is_cut
             )
             texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
         return TargetSamples(
@@ -201,8 +214,7 @@ class TargetPasses:
 
     def draw_edges(self, scene: SceneState, placed: PlacedTarget) -> moderngl.Texture:
         """Draw the slopes of the samples' weights, by which edges share out their pixels."""
-        buffers = None if self._programs.lens else placed.loaded.edges
-        edges = self._edges.begin(buffers, placed.edge_view, exact=scene.quality == "high")
+        edges = self._edges.begin(placed.drawn.edges, placed.edge_view, exact=scene.quality == "high")
         return self._edges.run(edges, placed.lattice)
 
     def shade(
@@ -242,12 +254,13 @@ class TargetPasses:
 
     def start_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
         """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""
-        mesh, camera = self._loaded.get(target).mesh, scene.camera
-        place = fit_viewport(mesh, _matrix_of(scene), camera)
+        loaded, camera = self._loaded.get(target), scene.camera
+        place = fit_viewport(loaded.mesh, _matrix_of(scene), camera)
         pending = None
         if place is not None:
+            arrays = loaded.drawn(self._context, place.longest_m).labels
             pending = self._labels.begin(
-                target, mesh, camera, place.rect, place.camera_from_target, place.near_far_m, layers=layers
+                arrays, camera, place.rect, place.camera_from_target, place.near_far_m, layers=layers
             )
 
         def whole_image() -> Surfaces:
@@ -271,12 +284,13 @@ class TargetPasses:
 
     def silhouette_inside(self, scene: SceneState, target: Target) -> float:
         """Share of the whole silhouette that falls on the image; 0 where nothing is before the camera."""
-        mesh, camera = self._loaded.get(target).mesh, scene.camera
-        place = fit_viewport(mesh, _matrix_of(scene), camera, clip=False)
+        loaded, camera = self._loaded.get(target), scene.camera
+        place = fit_viewport(loaded.mesh, _matrix_of(scene), camera, clip=False)
         if place is None:
             return 0.0
+        arrays = loaded.drawn(self._context, place.longest_m).labels
         return self._labels.silhouette(
-            target, mesh, camera, place.bounds_px, place.camera_from_target, place.near_far_m
+            arrays, camera, place.bounds_px, place.camera_from_target, place.near_far_m
         )
 
     def release(self) -> None:

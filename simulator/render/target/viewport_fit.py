@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.projection import PixelRect, lens_bounds_px
+from simulator.render.projection import PixelRect, image_of
+from simulator.render.target.lens_bend import bent_outlines, longest_edge_m
 from simulator.render.target.sample_pattern import SEVEN, SamplePattern, rotated
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
     from simulator.render.target.mesh import GpuMesh
-    from simulator.runtime.arrays import BoolArray, FloatArray
+    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
     from simulator.scene.state import Quality
 
 TILE_PX = 8
@@ -45,9 +46,10 @@ TINY_PATTERN = rotated(8)  # 65 samples per pixel
 class ViewportFit:
     """Where the target is in the image: bounds (not clipped), pixels to draw, depth range.
 
-    The pixels to draw begin at whole tiles of the cover, and end there or at the image's edge. ``hull_px``: the mesh's
-    ``hull_m`` in the image (2, K), where no lens bends it and all of it is before the camera. ``nearest_m``: camera's z
-    of what is nearest of the mesh; the depth range is of its sphere.
+    The pixels to draw begin at whole tiles of the cover, and end there or at the image's edge. ``hull_px``: corners
+    (2, K) of the parts' hulls in the image, bent by the lens, where all of them is before the camera; ``hull_parts``:
+    where those of the second hull begin, of the third and so on. ``nearest_m``: camera's z of what is nearest of the
+    mesh; the depth range is of its sphere. ``longest_m``: of its edges, that a lens does not bend visibly.
     """
 
     bounds_px: FloatArray
@@ -55,7 +57,9 @@ class ViewportFit:
     near_far_m: tuple[float, float]
     camera_from_target: FloatArray
     nearest_m: float
+    hull_parts: IntArray
     hull_px: FloatArray | None = None
+    longest_m: float = np.inf
 
     @property
     def is_cut(self) -> bool:
@@ -101,16 +105,12 @@ def fit_viewport(
         return None
     width, height = camera.width_px, camera.height_px
     points = R @ mesh.hull_m + t[:, None]
-    hull_px, nearest = None, max(float(points[2].min()), near)
+    hull_px, parts, nearest = None, mesh.hull_parts, max(float(points[2].min()), near)
     if nearest > MIN_NEAR_M:
-        if camera.distortion.is_none:
-            # row by row: numpy takes several times as long across rows of two or three
-            hull_px = points[:2] / points[2]
-            hull_px *= ((camera.fx_px,), (camera.fy_px,))
-            hull_px += ((camera.cx_px,), (camera.cy_px,))
-            bounds = np.concatenate([hull_px.min(axis=1), hull_px.max(axis=1)])
-        else:
-            bounds = lens_bounds_px(camera, points.T)
+        if not camera.distortion.is_none:
+            points, parts = bent_outlines(camera, points, parts)
+        hull_px = np.stack(image_of(camera, *(points[:2] / points[2])))
+        bounds = np.concatenate([hull_px.min(axis=1), hull_px.max(axis=1)])
     else:
         bounds = np.array([-width, -height, 2.0 * width, 2.0 * height])
     limit = np.array([-width, -height, 2 * width, 2 * height]) * (1 if clip else 100)
@@ -121,14 +121,9 @@ def fit_viewport(
         if np.any(high <= low):
             return None
         low, high = low // TILE_PX * TILE_PX, np.minimum(-(-high // TILE_PX) * TILE_PX, [width, height])
-    return ViewportFit(
-        bounds,
-        PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1])),
-        (near, far),
-        camera_from_target,
-        nearest,
-        hull_px,
-    )
+    rect = PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
+    longest = longest_edge_m(mesh, camera_from_target, camera, rect)
+    return ViewportFit(bounds, rect, (near, far), camera_from_target, nearest, parts, hull_px, longest)
 
 
 def outline_px(place: ViewportFit) -> FloatArray:
@@ -148,7 +143,7 @@ def choose_pattern(
     ----------
     tiles_px : (K, 2) centres of the tiles that the target may touch, or its outline.
     pixel_m : width of a pixel on what is nearest of the target [m].
-    dense : more samples, where no edges weigh them: through a lens that bends, and inside textures.
+    dense : more samples, where no edges weigh them: inside textures.
     """
     if np.max(place.bounds_px[2:] - place.bounds_px[:2]) <= TINY_PX:
         return TINY_PATTERN

@@ -9,6 +9,7 @@ import numpy as np
 
 from simulator.render.bake.edge_gaps import edge_gaps
 from simulator.render.bake.occluders import BOX, Boxes, hidden
+from simulator.render.projection import image_of
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
@@ -48,14 +49,23 @@ class VisibleEdges:
 
     Parameters
     ----------
-    mesh : its large bodies hide edges.
+    mesh : its large bodies hide edges. beside_m : (2, E) of `edge_gaps`, where the edges are in order already.
+    pieces : (E,) into how many the whole edge of each was cut.
     """
 
-    def __init__(self, edges: MeshEdges, mesh: GpuMesh) -> None:
-        beside = edge_gaps(edges)
-        order = np.argsort(-beside.max(axis=1), kind="stable")
-        self.edges = edges.take(order)
-        self._beside_m = np.ascontiguousarray(beside[order].T)
+    def __init__(
+        self,
+        edges: MeshEdges,
+        mesh: GpuMesh,
+        beside_m: FloatArray | None = None,
+        pieces: IntArray | None = None,
+    ) -> None:
+        if beside_m is None:
+            beside = edge_gaps(edges)
+            order = np.argsort(-beside.max(axis=1), kind="stable")
+            edges, beside_m = edges.take(order), np.ascontiguousarray(beside[order].T)
+        self.edges, self._beside_m, self._mesh = edges, beside_m, mesh
+        self._pieces = np.ones(len(edges.ends), int) if pieces is None else pieces
         self._nearness_m = -self._beside_m.max(axis=0)
         # column by column: a product with a vector takes a third of the time
         self._planes = np.asfortranarray(self.edges.planes)
@@ -64,7 +74,13 @@ class VisibleEdges:
         ends = self.edges.vertices_m[self.edges.ends]
         self._ends_m = np.ascontiguousarray(np.moveaxis(ends, 0, 2).reshape(6, -1))
         self._boxes = Boxes.about(ends, BOX * mesh.radius_m)
-        self._shells, self._radius_m = mesh.shells, mesh.radius_m
+
+    def cut(self, longest_m: float) -> VisibleEdges:
+        """The same in pieces no longer than this."""
+        if not np.isfinite(longest_m):
+            return self
+        pieces, of = self.edges.cut(longest_m)
+        return VisibleEdges(pieces, self._mesh, self._beside_m[:, of], np.bincount(of)[of])
 
     def numbers(self, view: EdgeCamera, *, pairs: bool) -> tuple[IntArray, tuple[int, int]]:
         """Edges that can show, lie in front of the camera, touch the window and are long enough to matter.
@@ -93,7 +109,7 @@ class VisibleEdges:
             if self.edges.is_closed:
                 beside &= first, second
             numbers = np.flatnonzero((ends | creases) & ~(beside[0] | beside[1]))
-        behind = hidden(self._shells, self._boxes, place, self._radius_m)
+        behind = hidden(self._mesh.shells, self._boxes, place, self._mesh.radius_m)
         numbers = numbers[~behind.take(self._boxes.of.take(numbers))]
         numbers = numbers[self._on(numbers, view, _SHORTEST_EXACT_PX if pairs else _SHORTEST_PX)]
         if not pairs:
@@ -106,19 +122,16 @@ class VisibleEdges:
 
         Parameters
         ----------
-        view : the whole mesh lies in front of its camera, and no lens bends it.
+        view : the whole mesh lies in front of its camera.
         """
         R, t = view.camera_from_target[:3, :3], view.camera_from_target[:3, 3]
         place = np.append(-R.T @ t, 1.0)
         _, _, ends, creases = self._showing(place, len(self._nearness_m))
         numbers = np.flatnonzero(ends | creases)
-        behind = hidden(self._shells, self._boxes, place, self._radius_m)
+        behind = hidden(self._mesh.shells, self._boxes, place, self._mesh.radius_m)
         numbers = numbers[~behind.take(self._boxes.of.take(numbers))]
         x, y, z = np.moveaxis(R @ self._ends_m.take(numbers, axis=1).reshape(2, 3, -1) + t[:, None], 1, 0)
-        lines = np.empty((len(numbers), 2, 2))
-        lines[..., 0] = (x / z * view.camera.fx_px + view.camera.cx_px).T
-        lines[..., 1] = (y / z * view.camera.fy_px + view.camera.cy_px).T
-        return lines
+        return np.stack(image_of(view.camera, x / z, y / z), axis=-1).swapaxes(0, 1)
 
     def _showing(self, place: FloatArray, count: int) -> tuple[BoolArray, BoolArray, BoolArray, BoolArray]:
         """Of the first ``count`` edges, seen from a place: whether the first face looks there, whether the second.
@@ -140,13 +153,14 @@ class VisibleEdges:
         x, y, z = np.moveaxis(R @ ends + t[:, None], 1, 0)
         # comparisons with NaN are false: an edge behind the camera drops out
         scale = 1 / np.where(z > view.nearest_m, z, np.nan)
-        camera, rect = view.camera, view.rect
+        column, row = image_of(view.camera, x * scale, y * scale)
+        rect, pieces = view.rect, self._pieces.take(numbers)
         kept = np.ones(len(numbers), bool)
         long = np.zeros(len(numbers), bool)
         for u, low, high in (
-            (x * scale * camera.fx_px + camera.cx_px, rect.x0 - 1, rect.x1),
-            (y * scale * camera.fy_px + camera.cy_px, rect.y0 - 1, rect.y1),
+            (column, rect.x0 - 1, rect.x1),
+            (row, rect.y0 - 1, rect.y1),
         ):
-            long |= np.abs(u[0] - u[1]) > shortest_px
+            long |= np.abs(u[0] - u[1]) * pieces > shortest_px
             kept &= (np.minimum(u[0], u[1]) < high) & (np.maximum(u[0], u[1]) > low)
         return kept & long

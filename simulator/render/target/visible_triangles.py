@@ -24,7 +24,7 @@ class CulledVertexArray:
 
     Parameters
     ----------
-    program : what draws it; one that cuts its triangles draws them all. more : as in `GpuMesh.vertex_array`.
+    more : as in `GpuMesh.vertex_array`.
     """
 
     def __init__(
@@ -35,18 +35,13 @@ class CulledVertexArray:
         *more: tuple[moderngl.Buffer, str, str],
     ) -> None:
         self._mesh = mesh
-        self._indices: moderngl.Buffer | None = None
-        if not (program.extra or {}).get("patches"):
-            self._indices = context.buffer(
-                reserve=max(mesh.triangles.nbytes, mesh.shown.triangles.nbytes), dynamic=True
-            )
+        self._indices = context.buffer(
+            reserve=max(mesh.triangles.nbytes, mesh.shown.triangles.nbytes), dynamic=True
+        )
         self.array = mesh.vertex_array(context, program, *more, indices=self._indices)
 
     def render(self, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True) -> None:
         """Draw what can show from a place; parameters as of `MeshArray.render`."""
-        if self._indices is None:
-            self.array.render()
-            return
         seen = visible_triangles(self._mesh, place, without=without, ordered=ordered)
         self._indices.orphan()
         self._indices.write(seen)
@@ -55,8 +50,7 @@ class CulledVertexArray:
     def release(self) -> None:
         """Free the vertex array and its indices."""
         self.array.release()
-        if self._indices is not None:
-            self._indices.release()
+        self._indices.release()
 
 
 def visible_triangles(

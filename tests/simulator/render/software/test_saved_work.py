@@ -61,7 +61,7 @@ def test_triangles_and_tiles_left_out_change_no_pixel(renderer, draw_kit, t_m, r
     tiles = []
     target_tiles = software_path.target_tiles
     monkeypatch.setattr(
-        software_path, "target_tiles", lambda *a: tiles.append(target_tiles(*a)) or all_tiles(a[1].rect)
+        software_path, "target_tiles", lambda *a: tiles.append(target_tiles(*a)) or all_tiles(a[0].rect)
     )
     everywhere = renderer.render(scene, tango, labels=True)
     outside = everywhere.coverage.copy()

@@ -1,27 +1,14 @@
-"""A mesh cut in advance into small triangles and drawn in small lots, for lenses that bend it.
-
-Two limits ask for it. A tessellator cuts an edge into 64 pieces at most. And Mesa's software driver counts the corners
-that one draw call makes in 16 bits (version 22.3: more come out as torn surfaces), so no call may make too many.
-"""
+"""A mesh cut into small triangles: so small that straight ones follow what a lens bends."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from simulator.runtime.arrays import Float32Array, FloatArray
-
-MOST_PIECES = 16
-"""Pieces of an edge that the GPU makes at most; so many corners a triangle as 256 of them stay below 2^16."""
-LOT = 256
-EDGE_SHARE = 1 / 16
-"""Longest edge after the cut, over the radius of the mesh."""
 
 _IndexArray = np.typing.NDArray[np.int64]
 
@@ -33,11 +20,12 @@ class Cut:
     Parameters
     ----------
     parents : per round, (K, 2) vertices whose middle each new vertex is. triangles : (T, 3) of the cut mesh, in the
-        order of the triangles that they come from. first : (T0 + 1,) where the pieces of each of those begin.
+        order of the triangles that they come from. of : (T,) which that is. first : (T0 + 1,) where their pieces begin.
     """
 
     parents: tuple[_IndexArray, ...]
     triangles: _IndexArray
+    of: _IndexArray
     first: _IndexArray
 
     def extended(self, values: FloatArray | Float32Array) -> Float32Array:
@@ -45,6 +33,12 @@ class Cut:
         for pairs in self.parents:
             values = np.concatenate([values, (values[pairs[:, 0]] + values[pairs[:, 1]]) * 0.5])
         return np.asarray(values, np.float32)
+
+    def inherited(self, values: _IndexArray) -> _IndexArray:
+        """Values (V,) at the vertices, with those at the new ones: one of their parents'."""
+        for pairs in self.parents:
+            values = np.concatenate([values, values[pairs[:, 0]]])
+        return values
 
 
 def cut(positions_m: FloatArray, triangles: _IndexArray, longest_m: float) -> Cut:
@@ -69,7 +63,7 @@ def cut(positions_m: FloatArray, triangles: _IndexArray, longest_m: float) -> Cu
         tri, origin = _halved(tri, origin, middle, long.sum(axis=1))
     order = np.argsort(origin, kind="stable")
     first = np.searchsorted(origin[order], np.arange(len(triangles) + 1))
-    return Cut(tuple(rounds), tri[order], first)
+    return Cut(tuple(rounds), tri[order], origin[order], first)
 
 
 def _halved(
@@ -95,31 +89,3 @@ def _halved(
             out.append(np.stack([corner[chosen] for corner in piece], axis=1))
             owners.append(origin[chosen])
     return np.concatenate(out), np.concatenate(owners)
-
-
-class PatchArray:
-    """A vertex array of a cut mesh that is drawn like the one of the mesh itself, lot by lot.
-
-    Parameters
-    ----------
-    buffers : that the array reads and nothing else does.
-    """
-
-    def __init__(self, array: moderngl.VertexArray, made: Cut, buffers: Sequence[moderngl.Buffer]) -> None:
-        self._array, self._cut, self._buffers = array, made, tuple(buffers)
-
-    def render(self, mode: int | None = None, vertices: int = -1, *, first: int = 0) -> None:
-        """Draw; ``first`` and ``vertices`` count indices of the mesh before it was cut."""
-        last = len(self._cut.first) - 1 if vertices < 0 else (first + vertices) // 3
-        begin, end = int(self._cut.first[first // 3]), int(self._cut.first[last])
-        for start in range(begin, end, LOT):
-            count = min(LOT, end - start)
-            self._array.render(
-                moderngl.PATCHES if mode is None else mode, vertices=3 * count, first=3 * start
-            )
-
-    def release(self) -> None:
-        """Free the vertex array and its buffers."""
-        self._array.release()
-        for buffer in self._buffers:
-            buffer.release()
