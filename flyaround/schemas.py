@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from hil.campaign.campaign import outcome_json_schema
+from hil.campaign.definitions import campaign_json_schema
 from hil.evaluate.metrics import metrics_json_schema
 from hil.host.ledger.summary import summary_schema
 from simulator.dataset.card import card_json_schema
@@ -28,6 +30,8 @@ def all_schemas() -> dict[str, dict[str, Any]]:
         "dataset": card_json_schema(),
         "ledger_summary": summary_schema(),
         "metrics": metrics_json_schema(),
+        "campaign": campaign_json_schema(),
+        "campaign_outcome": outcome_json_schema(),
     }
     return {
         name: {"$schema": DIALECT, "title": f"flyaround {name}", **schema} for name, schema in schemas.items()

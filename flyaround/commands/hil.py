@@ -13,6 +13,7 @@ import typer
 from flyaround.commands.display import display, display_calibrate, display_match
 from flyaround.commands.hil_board import board
 from flyaround.commands.hil_camera import camera
+from flyaround.commands.hil_campaign import campaign
 from flyaround.commands.hil_host import host
 from flyaround.commands.terminal import say
 from hil.host.bundle import write_bundle
@@ -63,12 +64,15 @@ def report(
         say(f"report: {page}")
 
 
-app = typer.Typer(name="hil", help="Hardware in the loop: host, board, reports.", no_args_is_help=True)
+app = typer.Typer(
+    name="hil", help="Hardware in the loop: host, board, reports, campaigns.", no_args_is_help=True
+)
 app.command()(host)
 app.command()(board)
 app.command()(camera)
 app.command()(bundle)
 app.command()(report)
+app.command()(campaign)
 app.command("key")(make_key)
 app.command()(display)
 app.command("display-calibrate")(display_calibrate)

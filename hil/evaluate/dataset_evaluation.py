@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import logging
-import os
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
-from multiprocessing import active_children, get_context
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -24,6 +21,7 @@ from simulator.dataset.card import read_card
 from simulator.dataset.formats.native import frame_paths, is_whole, read_png
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
+from simulator.runtime.task_pool import run_tasks
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
@@ -165,20 +163,8 @@ def _answers(
                     yield evaluator.answer(*task)
                 except UserError as error:
                     yield str(error)
-        if not tasks:
-            return
-        # one thread each: matrices this small gain nothing from more, and processes would fight over the cores
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        others = set(active_children())
-        pool = ProcessPoolExecutor(min(workers, len(tasks)), get_context("spawn"), start_worker, setting)
-        try:
-            yield from pool.map(answer_in_worker, tasks, chunksize=2)
-        except BaseException:
-            # whoever stops it waits for no frame in work; rows that are done are kept by then
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in set(active_children()) - others:
-                process.terminate()
-            raise
-        pool.shutdown()
+        yield from run_tasks(
+            answer_in_worker, tasks, workers, start=start_worker, arguments=setting, at_once=2
+        )
     except BoardModelError as error:
         raise UserError(str(error)) from error

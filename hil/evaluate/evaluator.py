@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -110,8 +109,7 @@ _evaluator: Evaluator | None = None
 def start_worker(
     folder: Path, model: BoardModel, camera: dict[str, Any], choices: tuple[MethodChoice, ...]
 ) -> None:
-    """Make this process's estimators; Ctrl-C is for the one that started it, which ends it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Make this process's estimators."""
     global _evaluator  # noqa: PLW0603 - a pool hands its workers nothing else to hold on to
     _evaluator = Evaluator(folder, model, camera, choices)
 

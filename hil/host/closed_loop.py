@@ -30,6 +30,7 @@ from simulator.frame import Frame
 from simulator.loop import FrameRequest, open_frames
 from simulator.runtime.arrays import quat, vec3
 from simulator.runtime.files import write_atomic
+from simulator.runtime.untrusted_files import read_regular
 from simulator.world.guidance.manual_control import ChaserState
 
 if TYPE_CHECKING:
@@ -55,6 +56,9 @@ COLUMNS = (
     "delta_v_m_s",
     "violation",
 )
+# a million periods of control
+MOST_BYTES = 1 << 28
+
 PoseFrom = Literal["board", "truth", "noisy"]
 
 
@@ -262,6 +266,31 @@ def write_steps(folder: Path, steps: Iterable[LoopStep]) -> None:
     writer.writerows(_cells(step) for step in steps)
     folder.mkdir(parents=True, exist_ok=True)
     write_atomic(folder / STEPS_CSV, text.getvalue().encode())
+
+
+def read_steps(folder: Path) -> dict[str, list[str]]:
+    """Columns of a folder's ``closed_loop.csv``; none where there is no such file.
+
+    Raises
+    ------
+    UserError
+        If it is damaged.
+    """
+    path = folder / STEPS_CSV
+    if not path.exists():
+        return {}
+    try:
+        lines = list(csv.reader(io.StringIO(read_regular(path, MOST_BYTES).decode()), strict=True))
+        if tuple(lines[0]) != COLUMNS or len({len(line) for line in lines}) > 1:
+            raise ValueError("its columns are others")
+        words = ("phase", "reason", "filter")
+        for line in lines[1:]:
+            for name, cell in zip(COLUMNS, line, strict=True):
+                if cell and name not in words:
+                    float(cell)
+    except (OSError, ValueError, IndexError, csv.Error) as error:
+        raise UserError(f"{path} is damaged ({error!s:.120}): take a whole copy of it") from error
+    return {name: [line[k] for line in lines[1:]] for k, name in enumerate(COLUMNS)}
 
 
 def write_summary(folder: Path, summary: LedgerSummary) -> None:

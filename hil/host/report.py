@@ -7,8 +7,18 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
+from hil.host.closed_loop import STEPS_CSV, read_steps
+from hil.host.closed_loop_plots import plot_closed_loop
 from hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
-from hil.host.ledger.summary import RUN_JSON, SUMMARY_JSON, LedgerSummary, RunTerms, percentile, summarise
+from hil.host.ledger.summary import (
+    RUN_JSON,
+    SUMMARY_JSON,
+    LedgerSummary,
+    LinkTotals,
+    RunTerms,
+    percentile,
+    summarise,
+)
 from hil.host.recording.chrome_trace import write_trace
 from hil.host.report_plots import draw_plots
 from simulator.errors import UserError
@@ -20,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.host.ledger.frames_csv import LedgerRow
+    from hil.host.ledger.summary import ClosedLoopFigures
 
 T = TypeVar("T")
 
@@ -30,6 +41,7 @@ MOST_BYTES = 1 << 24
 
 WRONG_LABEL = "accepted poses wrong"
 LATE_LABEL = "not drawn in time"
+INSIDE_LABEL = "periods inside the sphere"
 
 CAPTIONS = {
     "latency": "From the first byte of the frame to the pose back, on the link process's monotonic clock.",
@@ -41,6 +53,8 @@ CAPTIONS = {
     "drops": "Each stroke is a frame. Faults were asked for with --faults; what they did to the frame is its outcome.",
     "outcomes": "Each frame that was offered to the link has exactly one outcome.",
     "stages": "Medians do not add up to the median of the whole; link times rest on the clock offset.",
+    "closed loop": "The chaser in the target's LVLH frame, and the errors of what the filter believes, by the truth;"
+    " coloured while guidance holds or aborts.",
     "errors": "Against the truth as the host knows it; an accepted pose beyond 5 deg or 5 % of the range is wrong.",
 }
 
@@ -55,9 +69,11 @@ def write_report(folder: Path) -> Path:
     UserError
         If there is no ledger, one of its files is damaged, or the folder cannot be written.
     """
-    rows = read_ledger(folder)
+    steps = read_steps(folder)
+    # a closed loop on the truth sends no frames
+    rows = [] if steps and not (folder / FRAMES_CSV).exists() else read_ledger(folder)
     summary = _summary(folder, rows)
-    page = _page(summary, rows, draw_plots(rows, summary.deadline_ms)).write(folder / REPORT_HTML)
+    page = _page(summary, rows, draw_plots(rows, summary.deadline_ms), steps).write(folder / REPORT_HTML)
     write_trace(rows, folder / TRACE_JSON)
     return page
 
@@ -175,7 +191,28 @@ def _faults(rows: Sequence[LedgerRow]) -> Markup:
     return table(("fault on purpose", "frames", *outcomes), lines)
 
 
-def _page(s: LedgerSummary, rows: Sequence[LedgerRow], plots: dict[str, bytes]) -> Page:
+def _loop(c: ClosedLoopFigures, steps: dict[str, list[str]]) -> Markup:
+    """What a closed loop came to, and how it went."""
+    figures = [
+        (c.outcome, "approach"),
+        (_text(c.final_error_m, "m"), "off the hold point"),
+        (_text(c.final_error_deg, "deg"), "off in attitude"),
+        (_text(c.min_range_m, "m"), "nearest"),
+        (f"{c.keep_out_violations}", INSIDE_LABEL),
+        (_text(c.delta_v_m_s, "m/s"), "spent"),
+    ]
+    bad = [
+        *(["approach"] if c.outcome != "arrived" else []),
+        *([INSIDE_LABEL] if c.keep_out_violations else []),
+    ]
+    reason = note(f"{c.outcome} after {_text(c.duration_s, 's')}" + (f": {c.reason}" if c.reason else ""))
+    drawn = plot(plot_closed_loop(steps), CAPTIONS["closed loop"], alt="closed loop") if steps else None
+    return markup(key_figures(figures, bad=bad), reason, drawn)
+
+
+def _page(
+    s: LedgerSummary, rows: Sequence[LedgerRow], plots: dict[str, bytes], steps: dict[str, list[str]]
+) -> Page:
     board = "no board" if s.board is None else f"{s.board.name}, method {s.board.method}"
     host = f"{s.machine.processor}, {s.machine.cpus} CPUs, {s.machine.system}"
     line = (
@@ -184,7 +221,11 @@ def _page(s: LedgerSummary, rows: Sequence[LedgerRow], plots: dict[str, bytes]) 
         f" clock exchange {_text(s.link.clock_round_trip_ms, 'ms')} round trip,"
         f" offset within {_text(s.link.clock_offset_bound_ms, 'ms')}, drift {_drift(s)}"
     )
-    files = [link(FRAMES_CSV)]
+    if s.link == LinkTotals():
+        line = "not recorded"
+    files = [link(FRAMES_CSV)] if rows or not steps else []
+    if steps:
+        files.append(link(STEPS_CSV))
     if s.ended == "killed":
         # what the summary would have said; this machine need not be the run's
         board = host = line = "not recorded"
@@ -194,6 +235,16 @@ def _page(s: LedgerSummary, rows: Sequence[LedgerRow], plots: dict[str, bytes]) 
     page = Page("Flyaround: hardware in the loop", "Hardware in the loop", width_px=1080)
     page.add(note(_dotted(s.started_utc, s.mode, s.url, _truth(s), _ended(s))))
     page.add(note(f"Board: {board}. Host: {host}."))
+    if s.closed_loop is not None:
+        page.add(_loop(s.closed_loop, steps))
+    if not rows and steps:
+        page.add(
+            note(
+                f"No frames: poses were {s.closed_loop.pose if s.closed_loop else 'the truth'}'s. Decisions: ",
+                _dotted(*files),
+            )
+        )
+        return page
     page.add(_key_figures(s))
     page.add(
         note(
@@ -212,7 +263,8 @@ def _page(s: LedgerSummary, rows: Sequence[LedgerRow], plots: dict[str, bytes]) 
     return page
 
 
-def _dotted(*parts: str) -> Markup:
+def _dotted(*given: str) -> Markup:
+    parts = [part for part in given if part]
     return markup(parts[0], *((" \N{MIDDLE DOT} ", part) for part in parts[1:]))
 
 
@@ -230,6 +282,9 @@ def _key_figures(s: LedgerSummary) -> Markup:
         (_text(s.median_E_T_m, "m"), "median E_T, accepted"),
         (_text(s.median_E_R_deg, "deg"), "median E_R, accepted"),
     ]
+    # in a campaign's lockstep nothing of the wall clock is kept
+    if s.e2e_ms_p50 is None and s.accepted + s.declined:
+        figures = [figure for figure in figures if not figure[1].startswith("latency")]
     if s.deadline_misses is not None:
         figures.insert(8, (f"{s.deadline_misses}", f"later than {_text(s.deadline_ms, 'ms')}"))
     if s.staleness_ms_p50 is not None:

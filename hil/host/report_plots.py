@@ -86,6 +86,9 @@ def plot_timeline(rows: Sequence[LedgerRow], deadline_ms: float | None) -> Figur
     """Latency frame by frame, with drops marked where they happened."""
     answered = [row for row in rows if row.e2e_ms is not None]
     dropped = [row for row in rows if row.e2e_ms is None]
+    if not answered and not all(row.outcome.startswith(DROPPED) for row in rows):
+        # nobody kept the times
+        return None
     if not rows:
         return None
     figure, (ax,) = figure_with_axes(1, 1, 3.2)

@@ -67,9 +67,7 @@ def _walk(raw: Any, root: type[msgspec.Struct], path: str) -> tuple[Any, list[mi
             types = _at_key(types, value, step)
             value = value.get(step)
         else:
-            types = [
-                a for t in types if isinstance(t, mi.TupleType) for a in alternatives(t.item_types[int(step)])
-            ]
+            types = [a for t in types for a in _item_alternatives(t, int(step))]
             value = value[int(step)]
     if isinstance(value, dict):
         types = _by_tag(types, value)
@@ -99,6 +97,13 @@ def alternatives(type_: mi.Type) -> list[mi.Type]:
     if isinstance(type_, mi.Metadata):
         return alternatives(type_.type)
     return [] if isinstance(type_, mi.NoneType) else [type_]
+
+
+def _item_alternatives(type_: mi.Type, index: int) -> list[mi.Type]:
+    """The types that an item of a list may have; of no list, none."""
+    if isinstance(type_, mi.TupleType):
+        return alternatives(type_.item_types[index])
+    return alternatives(type_.item_type) if isinstance(type_, mi.VarTupleType | mi.ListType) else []
 
 
 def _keys(types: list[mi.Type]) -> list[str]:

@@ -11,6 +11,8 @@ import sys
 import pytest
 
 from hil.host.ledger.frames_csv import read_ledger
+from hil.host.report import write_report
+from simulator.errors import UserError
 
 FLYAROUND = (sys.executable, "-m", "flyaround")
 
@@ -45,6 +47,15 @@ def test_without_a_board_it_writes_figures_and_every_decision(tmp_path):
     rows = list(csv.DictReader((log / "closed_loop.csv").read_text().splitlines()))
     assert (rows[0]["phase"], rows[-1]["phase"]) == ("acquire", "arrived")
     assert rows[0]["reason"] == "no pose yet"
+    page = write_report(log).read_text()
+    assert "<b>arrived</b><span>approach</span>" in page
+    assert "closed_loop.csv" in page
+    assert "frames.csv" not in page
+    (log / "closed_loop.csv").write_text(
+        (log / "closed_loop.csv").read_text().replace("acquire,", "acquire,,", 1)
+    )
+    with pytest.raises(UserError, match="is damaged"):
+        write_report(log)
 
 
 def test_faults_of_the_line_delay_and_lose_poses_without_a_board(tmp_path):

@@ -1,0 +1,210 @@
+"""A campaign: every case with every seed, flown once, gone on with after whatever broke it off, and judged."""
+
+from __future__ import annotations
+
+import shutil
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
+from typing import TYPE_CHECKING, Any, Literal
+
+import msgspec
+
+from hil.campaign.campaign_page import write_campaign_page
+from hil.campaign.case_run import PART, RunResult, RunTask, fly_case, inputs_of, read_result
+from hil.campaign.definitions import Campaign, read_campaign
+from hil.campaign.junit import junit_xml
+from hil.campaign.verdicts import RunVerdict, judge
+from simulator.errors import UserError
+from simulator.runtime.files import empty_folder, write_atomic
+from simulator.runtime.folder_lock import only_writer
+from simulator.runtime.task_pool import run_tasks
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+FILE, RUNS = "campaign.toml", "runs"
+CAMPAIGN_JSON, JUNIT_XML, PAGE = "campaign.json", "junit.xml", "index.html"
+
+
+class CaseOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """One run: its case, its seed, whether it met all requirements, and why not."""
+
+    name: str
+    seed: int
+    passed: bool
+    reason: str
+
+
+class RequirementOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """One requirement over all runs that it is about."""
+
+    name: str
+    quantity: str
+    passed: bool
+    runs: int
+    runs_passed: int
+
+
+class CampaignOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """What a campaign came to: campaign.json."""
+
+    schema: Literal["flyaround.campaign_outcome"] = "flyaround.campaign_outcome"
+    version: Literal[1] = 1
+    name: str
+    passed: bool
+    requirements: tuple[RequirementOutcome, ...]
+    cases: tuple[CaseOutcome, ...]
+
+
+def run_campaign(
+    path: Path,
+    folder: Path,
+    *,
+    board_command: tuple[str, ...],
+    workers: int = 1,
+    progress: Callable[[int, int], None] = lambda _done, _of: None,
+) -> CampaignOutcome:
+    """Fly what is not flown yet, judge all, and write ``campaign.json``, ``junit.xml`` and ``index.html``.
+
+    A run's folder is there when the run is over, and not before: a campaign that was broken off goes on where it was.
+    In lockstep the same file gives the same bytes.
+
+    Parameters
+    ----------
+    path : of the campaign file. folder : new, empty, or of the same campaign.
+    board_command : starts a board; URL, target and method are appended. workers : runs at a time.
+
+    Raises
+    ------
+    UserError
+        If the file has a mistake, or the folder holds something else or cannot be written.
+    """
+    campaign, cases = read_campaign(path)
+    if workers > 1 and any(case.case.link.listen is not None for case in cases):
+        raise UserError(
+            "a case waits for a board at an address: such boards are met one at a time, --workers 1"
+        )
+    if not _is_ours(folder):
+        empty_folder(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with only_writer(folder, "campaign"):
+        write_atomic(folder / FILE, path.read_bytes())
+        tasks = [
+            RunTask(
+                ready=ready,
+                seed=seed,
+                folder=folder / RUNS / ready.case.name / f"seed-{seed}",
+                board_command=board_command,
+            )
+            for ready in cases
+            for seed in ready.case.all_seeds
+        ]
+        _tidy(folder, tasks)
+        _fly_all(tasks, workers, progress)
+        results = [read_result(task.folder) for task in tasks]
+        _check_inputs(tasks, results)
+        runs = [judge(campaign, t.ready.case.name, t.seed, r) for t, r in zip(tasks, results, strict=True)]
+        durations_s = {
+            (t.ready.case.name, t.seed): float(r.values.get("duration_s", 0.0))
+            for t, r in zip(tasks, results, strict=True)
+        }
+        outcome = _outcome(campaign, runs)
+        write_atomic(folder / JUNIT_XML, junit_xml(campaign, cases, runs, durations_s))
+        write_campaign_page(folder / PAGE, campaign, runs)
+        text = msgspec.json.format(msgspec.json.encode(outcome), indent=1)
+        write_atomic(folder / CAMPAIGN_JSON, text + b"\n")
+    return outcome
+
+
+def outcome_json_schema() -> dict[str, Any]:
+    """JSON Schema of campaign.json."""
+    return msgspec.json.schema(CampaignOutcome)
+
+
+def _is_ours(folder: Path) -> bool:
+    """Whether a campaign began there: its file is the first thing that it writes."""
+    if not folder.is_dir():
+        return False
+    return (folder / FILE).is_file() or all(
+        p.name.startswith(".") and p.name.endswith((PART, ".lock")) for p in folder.iterdir()
+    )
+
+
+def _tidy(folder: Path, tasks: Sequence[RunTask]) -> None:
+    """Take away what a killed campaign left half-done.
+
+    Raises
+    ------
+    UserError
+        If there are runs that this campaign does not have.
+    """
+    known = {task.folder for task in tasks}
+    for leftover in (*folder.glob(f".*{PART}"), *folder.glob(f"{RUNS}/*/.*{PART}")):
+        if leftover.is_dir():
+            shutil.rmtree(leftover, ignore_errors=True)
+        else:
+            leftover.unlink(missing_ok=True)
+    for found in sorted(folder.glob(f"{RUNS}/*/*")):
+        if found not in known:
+            raise UserError(
+                f"{found} is a run that the campaign file does not have: name another folder with -o, or delete it"
+            )
+
+
+def _fly_all(tasks: Sequence[RunTask], workers: int, progress: Callable[[int, int], None]) -> None:
+    todo = [task for task in tasks if not task.folder.is_dir()]
+    done = len(tasks) - len(todo)
+    progress(done, len(tasks))
+    try:
+        with closing(run_tasks(fly_case, todo, workers)) as flown:
+            for _ in flown:
+                done += 1
+                progress(done, len(tasks))
+    except BrokenProcessPool as error:
+        raise UserError(
+            "a process that flew was ended from outside (short of memory?): begin again, it goes on from there"
+        ) from error
+
+
+def _check_inputs(tasks: Sequence[RunTask], results: Sequence[RunResult]) -> None:
+    """Refuse runs of another version of their case, however old they are.
+
+    Raises
+    ------
+    UserError
+        With the first of them.
+    """
+    wanted: dict[str, str] = {}
+    for task, result in zip(tasks, results, strict=True):
+        name = task.ready.case.name
+        if name not in wanted:
+            wanted[name] = inputs_of(task.ready)
+        if result.inputs != wanted[name]:
+            raise UserError(
+                f"{task.folder} was flown with other settings than case {name!r} has now: name another folder with "
+                "-o, or delete it to have it flown anew"
+            )
+
+
+def _outcome(campaign: Campaign, runs: Sequence[RunVerdict]) -> CampaignOutcome:
+    requirements = []
+    for r in campaign.requirement:
+        passed = [v.passed for run in runs for v in run.verdicts if v.requirement is r]
+        requirements.append(
+            RequirementOutcome(
+                name=r.name,
+                quantity=r.quantity,
+                passed=all(passed),
+                runs=len(passed),
+                runs_passed=sum(passed),
+            )
+        )
+    return CampaignOutcome(
+        name=campaign.name,
+        passed=all(run.passed for run in runs),
+        requirements=tuple(requirements),
+        cases=tuple(
+            CaseOutcome(name=run.case, seed=run.seed, passed=run.passed, reason=run.reason) for run in runs
+        ),
+    )

@@ -1,0 +1,139 @@
+"""A campaign as a page: requirements with their margins, the matrix of cases and requirements, every run's report."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.campaign.quantities import QUANTITIES
+from hil.campaign.verdicts import in_words, worst
+from simulator.reports.markup import Markup, element, markup
+from simulator.reports.page import Page, key_figures, link, note, table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from hil.campaign.definitions import Campaign, Requirement
+    from hil.campaign.verdicts import RunVerdict, Verdict
+
+STYLE = """
+.ok{color:#1d7a46;font-weight:600}.no{color:var(--bad);font-weight:600}
+a.run{display:inline-block;min-width:30px;text-align:center;margin:0 4px 4px 0;padding:1px 5px;border-radius:5px;
+text-decoration:none;font-size:13px;font-variant-numeric:tabular-nums;background:#dff1e6;color:#1d7a46}
+a.run.no{background:#f8deda;color:var(--bad)}
+ul.why{margin:2px 0 12px;padding-left:18px;font-size:13px}
+td.wrap{white-space:normal}
+"""
+
+
+def write_campaign_page(path: Path, campaign: Campaign, runs: Sequence[RunVerdict]) -> None:
+    """Write the page; links lead to the runs' folders beside it."""
+    met = [_is_met(requirement, runs) for requirement in campaign.requirement]
+    page = Page(campaign.title or campaign.name, width_px=1240, style=STYLE)
+    failed = sum(not run.passed for run in runs)
+    page.add(note(f"Campaign {campaign.name}: {len(campaign.case)} cases, each run with its seeds."))
+    page.add(
+        key_figures(
+            [
+                (len(runs), "runs"),
+                (len(runs) - failed, "passed"),
+                (failed, "failed"),
+                (f"{sum(met)} of {len(met)}", "requirements met"),
+            ],
+            bad=["failed"] if failed else [],
+        )
+    )
+    page.section(
+        "Requirements",
+        note("The worst run of all: without a value, else failed, else with the least margin to the limit."),
+        table(
+            ("requirement", "quantity", "limit", "runs met", "worst", "margin", "its run", ""),
+            [_requirement_row(r, runs) for r in campaign.requirement],
+        ),
+    )
+    page.section("Matrix", note("Of each case the worst run's value, and how many of its runs meet it."))
+    page.add(_matrix(campaign, runs))
+    page.section("Runs", note("Each number is a seed and leads to its run's report."))
+    for case in campaign.case:
+        page.add(_runs_of(case.name, [run for run in runs if run.case == case.name]))
+    page.write(path)
+
+
+def _verdicts(requirement: Requirement, runs: Sequence[RunVerdict]) -> list[tuple[RunVerdict, Verdict]]:
+    return [(run, v) for run in runs for v in run.verdicts if v.requirement is requirement]
+
+
+def _is_met(requirement: Requirement, runs: Sequence[RunVerdict]) -> bool:
+    return all(v.passed for _, v in _verdicts(requirement, runs))
+
+
+def _sign(*, passed: bool) -> Markup:
+    return element("span", "pass" if passed else "FAIL", class_="ok" if passed else "no")
+
+
+def _value(verdict: Verdict) -> str:
+    if verdict.value is None:
+        return "\N{EN DASH}"
+    return in_words(verdict.value, QUANTITIES[verdict.requirement.quantity].unit)
+
+
+def _margin(verdict: Verdict) -> str:
+    """In the quantity's unit, and of the limit."""
+    limit = verdict.requirement.limit
+    if verdict.margin is None:
+        return "\N{EN DASH}"
+    share = f" ({verdict.margin / abs(limit):.0%})" if isinstance(limit, int | float) and limit else ""
+    return in_words(verdict.margin, QUANTITIES[verdict.requirement.quantity].unit) + share
+
+
+def _report(run: RunVerdict, text: str, class_: str | None = None) -> Markup:
+    file = "result.json" if run.failure else "report.html"
+    return element("a", text, href=f"{run.folder}/{file}", class_=class_, title=run.reason or None)
+
+
+def _requirement_row(requirement: Requirement, runs: Sequence[RunVerdict]) -> list[Markup | str]:
+    found = _verdicts(requirement, runs)
+    bad = worst([v for _, v in found])
+    run = next(run for run, v in found if v is bad)
+    return [
+        requirement.name,
+        requirement.quantity,
+        f"{requirement.comparison} {in_words(requirement.limit, QUANTITIES[requirement.quantity].unit)}",
+        f"{sum(v.passed for _, v in found)} of {len(found)}",
+        _value(bad),
+        _margin(bad),
+        _report(run, f"{run.case}, seed {run.seed}"),
+        _sign(passed=all(v.passed for _, v in found)),
+    ]
+
+
+def _matrix(campaign: Campaign, runs: Sequence[RunVerdict]) -> Markup:
+    lines = []
+    for case in campaign.case:
+        mine = [run for run in runs if run.case == case.name]
+        cells: list[Markup | str] = []
+        for requirement in campaign.requirement:
+            verdicts = [v for _, v in _verdicts(requirement, mine)]
+            if not verdicts:
+                cells.append("")
+                continue
+            n = sum(v.passed for v in verdicts)
+            value = element("span", _value(worst(verdicts)), class_="ok" if n == len(verdicts) else "no")
+            cells.append(markup(value, element("br"), element("small", f"{n} of {len(verdicts)}")))
+        n = sum(run.passed for run in mine)
+        total = element("span", f"{n} of {len(mine)}", class_="ok" if n == len(mine) else "no")
+        lines.append((case.name, *cells, total))
+    return table(("case", *(r.name for r in campaign.requirement), "runs passed"), lines)
+
+
+def _runs_of(case: str, runs: Sequence[RunVerdict]) -> Markup:
+    why = [
+        element("li", link(f"{run.folder}/", f"seed {run.seed}"), f": {run.reason}")
+        for run in runs
+        if not run.passed
+    ]
+    return markup(
+        element("h3", case),
+        [_report(run, str(run.seed), "run" if run.passed else "run no") for run in runs],
+        element("ul", *why, class_="why") if why else None,
+    )

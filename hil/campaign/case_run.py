@@ -1,0 +1,252 @@
+"""One run of a campaign: a case with a seed, flown into a folder of its own that is there whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import secrets
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from hil.campaign.quantities import QUANTITIES, RunRecord, Value
+from hil.host.closed_loop import (
+    fly_without_pictures,
+    frame_every,
+    summary_without_pictures,
+    write_steps,
+    write_summary,
+)
+from hil.host.flight_run import FlightOptions, FlightRun
+from hil.host.ledger.frames_csv import FRAMES_CSV, LedgerRow, LedgerWriter, read_ledger
+from hil.host.ledger.summary import RUN_JSON, SUMMARY_JSON, LedgerSummary, LinkTotals
+from hil.host.link_process.ipc import LinkConfig
+from hil.host.pose_link import PoseLink
+from hil.host.report import TRACE_JSON, write_report
+from hil.host.run import RunConfig
+from hil.link.security import read_key
+from hil.navigation.closed_loop import ClosedLoopConfig
+from simulator.errors import UserError
+from simulator.runtime.files import write_atomic
+from simulator.runtime.untrusted_files import read_regular
+from simulator.scenario.plan import plan_flight
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hil.campaign.definitions import ReadyCase
+    from hil.host.faults.definitions import Faults
+    from simulator.scenario.plan import Plan
+
+RESULT_JSON, BOARD_LOG = "result.json", "board.log"
+PART = ".part"
+"""How the name of a folder ends whose run is not over."""
+BOARD_EXIT_S = 20.0
+MOST_BYTES = 1 << 20
+FRAMES = 30
+"""Frames of a case that says neither their number nor their interval, as of ``hil host``."""
+
+
+class RunResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a run came to: ``result.json``, the last file that it writes.
+
+    Attributes
+    ----------
+    inputs : SHA-256 of what was flown; a run of other inputs is not taken for this one.
+    failure : why it came to nothing. values : of each quantity that it has.
+    """
+
+    inputs: str
+    failure: str = ""
+    values: dict[str, float | str]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RunTask:
+    """A run to fly.
+
+    Parameters
+    ----------
+    folder : where it goes. board_command : starts a board; URL, target and method are appended.
+    """
+
+    ready: ReadyCase
+    seed: int
+    folder: Path
+    board_command: tuple[str, ...]
+
+
+def inputs_of(ready: ReadyCase) -> str:
+    """SHA-256 of all that a case's runs depend on, their seeds aside."""
+    case = msgspec.structs.replace(ready.case, seeds=(), faults=ready.faults)
+    data = msgspec.json.encode((case, ready.scenario), order="sorted", enc_hook=str)
+    return hashlib.sha256(data).hexdigest()
+
+
+def fly_case(task: RunTask) -> None:
+    """Fly a run, measure it, and put its folder in its place. One that fails is a result as well.
+
+    Raises
+    ------
+    UserError
+        If the folder cannot be written.
+    """
+    folder = task.folder
+    part = folder.with_name(f".{folder.name}.{os.getpid()}.{secrets.token_hex(4)}{PART}")
+    part.mkdir(parents=True)
+    try:
+        result = _flown(task, part)
+        text = msgspec.json.format(msgspec.json.encode(result), indent=1)
+        write_atomic(part / RESULT_JSON, text + b"\n")
+        with contextlib.suppress(OSError):  # another one has flown it meanwhile
+            part.rename(folder)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def read_result(folder: Path) -> RunResult:
+    """What a run's folder says.
+
+    Raises
+    ------
+    UserError
+        If it is damaged.
+    """
+    path = folder / RESULT_JSON
+    try:
+        return msgspec.json.decode(read_regular(path, MOST_BYTES), type=RunResult)
+    except (OSError, msgspec.DecodeError) as error:
+        raise UserError(f"{path} is damaged ({error}): delete {folder} and begin again") from error
+
+
+def _flown(task: RunTask, part: Path) -> RunResult:
+    """Nobody sits by: a run that breaks is a failed one, and the next begins."""
+    failure, inputs = "", inputs_of(task.ready)
+    values: dict[str, float | str] = {}
+    try:
+        _fly(task, part)
+        write_report(part)
+        if task.ready.case.mode == "lockstep":
+            (part / TRACE_JSON).unlink(missing_ok=True)
+        values = _measured(task, part)
+    except Exception as error:  # noqa: BLE001 - told in the result
+        kind = "" if isinstance(error, UserError) else f"{type(error).__name__}: "
+        failure = f"{kind}{error}"[:1000]
+    return RunResult(inputs=inputs, failure=failure, values=values)
+
+
+def _measured(task: RunTask, part: Path) -> dict[str, float | str]:
+    record, traits = RunRecord.read(part), task.ready.case.traits
+    found: dict[str, Value] = {
+        name: quantity.of(record) for name, quantity in QUANTITIES.items() if quantity.needs <= traits
+    }
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _fly(task: RunTask, part: Path) -> None:
+    case, seed = task.ready.case, task.seed
+    faults = msgspec.structs.replace(task.ready.faults, seed=seed)
+    n = None if case.every_s is not None else case.frames or FRAMES
+    plan = plan_flight(task.ready.scenario, n=n, every_s=case.every_s, seed=seed)
+    told = None
+    if case.closed_loop:
+        told = ClosedLoopConfig(seed=seed, frame_every=frame_every(case.every_s, plan))
+    if told is not None and case.pose != "board":
+        result = fly_without_pictures(plan, told, case.pose, PoseLink.without_pictures(faults))
+        write_steps(part, result.steps)
+        summary = summary_without_pictures(result, case.pose, seed)
+        write_summary(part, msgspec.structs.replace(summary, started_utc=""))
+        return
+    _fly_with_board(task, plan, told, faults, part)
+    if case.mode == "lockstep":
+        _drop_wall_clock(part)
+
+
+def _fly_with_board(
+    task: RunTask, plan: Plan, told: ClosedLoopConfig | None, faults: Faults, part: Path
+) -> None:
+    """As ``hil host`` and ``hil board`` do, or for a board that somebody else started."""
+    case, settings = task.ready.case, task.ready.case.link
+    link = LinkConfig(
+        url=settings.listen or "tcp://127.0.0.1:0",
+        mode=case.mode,
+        truth="off",
+        timeout_s=settings.timeout_s,
+        compression=settings.encoding,
+        pixel_format=settings.pixel_format,
+        max_misses=settings.max_misses,
+        faults=faults,
+        key=None if task.ready.key is None else read_key(str(task.ready.key)),
+    )
+    config = RunConfig(link=link, log_dir=part, latency_s=case.latency_s)
+    flight = FlightRun(plan, config, FlightOptions(closed_loop=told))
+    with contextlib.ExitStack() as stack:
+
+        def start_board(url: str, _truth_url: str | None) -> None:
+            if settings.listen is None:
+                words = (*task.board_command, url, "--target", plan.target.name, "--method", case.method)
+                stack.enter_context(_board(words, part / BOARD_LOG))
+
+        flight.run(on_listening=start_board)
+
+
+@contextlib.contextmanager
+def _board(command: tuple[str, ...], log: Path) -> Iterator[None]:
+    """A board's process; what it said is kept where it did not end well."""
+    # one thread, as on a board: BLAS threads on its small matrices only fight the renderer
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT, env=environment)
+        try:
+            yield
+            process.wait(BOARD_EXIT_S)
+        except subprocess.TimeoutExpired:
+            pass
+        finally:
+            process.kill()
+            if process.wait() != 0:
+                said.seek(0)
+                log.write_bytes(said.read(1 << 20))
+
+
+def _drop_wall_clock(part: Path) -> None:
+    """Take out of a ledger what the wall clock said: in lockstep the same run leaves the same bytes."""
+    rows = read_ledger(part)
+    (part / FRAMES_CSV).unlink()
+    writer = LedgerWriter(part)
+    for row in rows:
+        writer.add(_timeless(row))
+    writer.close()
+    (part / RUN_JSON).unlink(missing_ok=True)
+    summary = msgspec.json.decode(read_regular(part / SUMMARY_JSON, MOST_BYTES), type=LedgerSummary)
+    times = {name: None for name in LedgerSummary.__struct_fields__ if "_ms_" in name or name.endswith("_ms")}
+    write_summary(
+        part,
+        msgspec.structs.replace(
+            summary,
+            started_utc="",
+            url="",
+            stages=[],
+            link=LinkTotals(),
+            deadline_misses=None,
+            late=None,
+            **times,
+        ),
+    )
+
+
+def _timeless(row: LedgerRow) -> LedgerRow:
+    """A row without times of the wall clock; those of the flight stay."""
+    defaults = LedgerRow(frame_id=0, epoch_utc="", t_s=0.0, exposure_s=0.0, outcome="")
+    measured = [
+        f.name
+        for f in fields(LedgerRow)
+        if f.name.endswith(("_ms", "_utc")) or f.name in {"late", "deadline_met"}
+    ]
+    return replace(row, **{name: getattr(defaults, name) for name in measured if name != "epoch_utc"})

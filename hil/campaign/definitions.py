@@ -1,0 +1,268 @@
+"""The campaign file: cases with their seeds, and what is required of their runs; every mistake in one sentence."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import msgspec
+
+from hil.board.svd import METHODS
+from hil.campaign.quantities import QUANTITIES
+from hil.host.faults.definitions import NO_FAULTS, Faults, check_times, read_faults
+from hil.host.link_process.ipc import Compression, PixelFormatName
+from hil.host.pose_link import PoseLink
+from simulator.errors import UserError, near_names
+from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_dotted, refuse_not_finite
+from simulator.runtime.validation_errors import explain
+from simulator.scenario.load import load_scenario
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.scenario.scenario import Scenario
+
+MOST_BYTES = 1_000_000
+MOST_RUNS = 20_000
+Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9._-]*$", min_length=1, max_length=60)]
+Seed = Annotated[int, msgspec.Meta(ge=0, le=2**31 - 1)]
+Seconds = Annotated[float, msgspec.Meta(gt=0, le=3600)]
+Comparison = Literal["<=", "<", ">=", ">", "==", "!="]
+
+
+class SeedRange(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """So many seeds in a row."""
+
+    first: Seed = 1
+    count: Annotated[int, msgspec.Meta(ge=1, le=MOST_RUNS)]
+
+
+class LinkSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How a case's board connects, as the options of ``hil host`` of these names.
+
+    Attributes
+    ----------
+    listen : an address for a board of its own, started by hand; without it each run starts a board on this machine.
+    key : file with the key for an address that other machines reach, beside the campaign file.
+    """
+
+    listen: Annotated[str, msgspec.Meta(max_length=200)] | None = None
+    key: Annotated[str, msgspec.Meta(max_length=200)] | None = None
+    encoding: Compression = "auto"
+    pixel_format: PixelFormatName = "auto"
+    timeout_s: Seconds = 30.0
+    max_misses: Annotated[int, msgspec.Meta(ge=0, le=1_000_000)] = 3
+
+
+class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One thing that is flown, once for each seed.
+
+    Attributes
+    ----------
+    scenario : built-in name, or a TOML file beside the campaign file.
+    closed_loop, pose : fly on poses: of a board (each frame drawn), or of the truth, with or without errors.
+    method : of the estimator on the board that is started here.
+    mode, frames, every_s, latency_s : as the options of ``hil host``.
+    faults : a faults file beside the campaign file, or what would stand in it; each run's seed takes the place of its
+        own.
+    """
+
+    name: Name
+    scenario: Annotated[str, msgspec.Meta(min_length=1, max_length=500)]
+    seeds: Annotated[tuple[Seed, ...], msgspec.Meta(min_length=1, max_length=MOST_RUNS)] | SeedRange = (1,)
+    closed_loop: bool = False
+    pose: Literal["board", "truth", "noisy"] = "board"
+    method: str = "svd"
+    mode: Literal["lockstep", "realtime"] = "lockstep"
+    frames: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] | None = None
+    every_s: Seconds | None = None
+    latency_s: Annotated[float, msgspec.Meta(ge=0, le=60)] = 0.0
+    link: LinkSettings = LinkSettings()
+    faults: Faults | str = NO_FAULTS
+
+    @property
+    def all_seeds(self) -> tuple[int, ...]:
+        """One for each run."""
+        if isinstance(self.seeds, SeedRange):
+            return tuple(range(self.seeds.first, self.seeds.first + self.seeds.count))
+        return self.seeds
+
+    @property
+    def traits(self) -> frozenset[str]:
+        """What its runs have, of which a quantity may ask for one."""
+        has = {"closed_loop"} if self.closed_loop else set()
+        if self.pose == "board":
+            has |= {"frames", "times"} if self.mode == "realtime" else {"frames"}
+        return frozenset(has)
+
+
+class Requirement(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What every run of some cases must come to: a quantity of its ledger, compared with a limit.
+
+    Attributes
+    ----------
+    cases : names of cases, with ``*`` for any letters.
+    """
+
+    name: Annotated[str, msgspec.Meta(min_length=1, max_length=120)]
+    quantity: str
+    comparison: Comparison
+    limit: float | str
+    cases: Annotated[tuple[str, ...], msgspec.Meta(min_length=1, max_length=1000)] = ("*",)
+
+    def is_about(self, case: str) -> bool:
+        """Whether it is required of a case."""
+        return any(fnmatchcase(case, pattern) for pattern in self.cases)
+
+
+class Campaign(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A campaign file."""
+
+    name: Name
+    title: Annotated[str, msgspec.Meta(max_length=200)] = ""
+    case: Annotated[tuple[Case, ...], msgspec.Meta(min_length=1, max_length=5000)]
+    requirement: Annotated[tuple[Requirement, ...], msgspec.Meta(min_length=1, max_length=500)]
+    schema: Literal["flyaround.campaign"] = "flyaround.campaign"
+    version: Literal[1] = 1
+
+
+@dataclass(frozen=True, eq=False)
+class ReadyCase:
+    """A case whose files were read.
+
+    Parameters
+    ----------
+    key : file of the link's key, found.
+    """
+
+    case: Case
+    scenario: Scenario
+    faults: Faults
+    key: Path | None
+
+
+def read_campaign(path: Path) -> tuple[Campaign, tuple[ReadyCase, ...]]:
+    """A campaign of a TOML file, with what its cases name.
+
+    Raises
+    ------
+    UserError
+        If it has a mistake: file, key, value given, and what is allowed.
+    """
+    campaign = _parse(path)
+    names = [case.name for case in campaign.case]
+    for name in names:
+        if names.count(name) > 1:
+            raise UserError(f"{path}: two cases are named {name!r}: give each a name of its own")
+    runs = sum(
+        case.seeds.count if isinstance(case.seeds, SeedRange) else len(case.seeds) for case in campaign.case
+    )
+    if runs > MOST_RUNS:
+        raise UserError(f"{path} has {runs} runs, at most {MOST_RUNS}: split it into several files")
+    for case in campaign.case:
+        _check_case(case, f"{path}: case {case.name!r}")
+    for requirement in campaign.requirement:
+        _check_requirement(requirement, campaign, f"{path}: requirement {requirement.name!r}")
+    return campaign, tuple(_ready(case, path) for case in campaign.case)
+
+
+def campaign_json_schema() -> dict[str, Any]:
+    """JSON Schema of the campaign file."""
+    return msgspec.json.schema(Campaign)
+
+
+def _parse(path: Path) -> Campaign:
+    try:
+        data = read_regular(path, MOST_BYTES)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}): name a campaign file") from error
+    refuse_deep(data, str(path), toml=True)
+    refuse_dotted(data, str(path))
+    try:
+        document = tomllib.loads(data.decode())
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{path} is no TOML file: {error}") from error
+    refuse_not_finite(document, str(path))
+    try:
+        return msgspec.convert(document, Campaign)
+    except msgspec.ValidationError as error:
+        raise UserError(f"{path}: {explain(str(error), document, Campaign)}") from error
+
+
+def _check_case(case: Case, where: str) -> None:
+    """Refuse settings that contradict each other.
+
+    Raises
+    ------
+    UserError
+        With what to change.
+    """
+    if len(set(case.all_seeds)) < len(case.all_seeds):
+        raise UserError(f"{where} has a seed twice: each run has its own")
+    if case.all_seeds[-1] >= 2**31:
+        raise UserError(f"{where} has a seed of 2^31 or more: begin lower")
+    if case.method not in METHODS:
+        raise UserError(f"{where}: unknown method {case.method!r}; choose from {', '.join(METHODS)}")
+    if case.pose != "board" and not case.closed_loop:
+        raise UserError(f'{where} has pose = "{case.pose}", which needs closed_loop = true')
+    if case.pose != "board" and (case.mode != "lockstep" or case.link != LinkSettings()):
+        raise UserError(f'{where} has pose = "{case.pose}", so no board: leave mode and link out')
+    if case.closed_loop and case.frames is not None:
+        raise UserError(f"{where}: a closed loop ends when the chaser arrives: every_s instead of frames")
+    if case.frames is not None and case.every_s is not None:
+        raise UserError(f"{where} has frames and every_s: leave one out")
+    if case.latency_s and case.mode != "realtime":
+        raise UserError(f'{where}: latency_s is a camera\'s that runs by itself: mode = "realtime" with it')
+    if case.link.key is not None and case.link.listen is None:
+        raise UserError(f"{where}: a key is for a board elsewhere: give link.listen with it")
+
+
+def _check_requirement(requirement: Requirement, campaign: Campaign, where: str) -> None:
+    """Refuse one that is about no case, or about what its cases do not have.
+
+    Raises
+    ------
+    UserError
+        With what to change.
+    """
+    quantity = QUANTITIES.get(requirement.quantity)
+    if quantity is None:
+        near = near_names(requirement.quantity, tuple(QUANTITIES))
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise UserError(
+            f"{where}: unknown quantity {requirement.quantity!r}: {hint}allowed: {', '.join(QUANTITIES)}"
+        )
+    if quantity.is_text != isinstance(requirement.limit, str):
+        kind = f"one of {', '.join(quantity.words)}" if quantity.is_text else "a number"
+        raise UserError(f"{where}: limit is {requirement.limit!r}, but {requirement.quantity} is {kind}")
+    if quantity.is_text and requirement.comparison not in {"==", "!="}:
+        raise UserError(f"{where}: {requirement.quantity} is text: compare it by == or !=")
+    if quantity.is_text and requirement.limit not in quantity.words:
+        raise UserError(f"{where}: limit is {requirement.limit!r}, allowed: {', '.join(quantity.words)}")
+    about = [case for case in campaign.case if requirement.is_about(case.name)]
+    if not about:
+        raise UserError(f"{where} is about no case: {', '.join(requirement.cases)} matches none")
+    for case in about:
+        if not quantity.needs <= case.traits:
+            raise UserError(
+                f"{where}: case {case.name!r} has no {requirement.quantity}, which needs {quantity.needs_in_words}: "
+                "name the cases that it is about with cases = [...]"
+            )
+
+
+def _ready(case: Case, path: Path) -> ReadyCase:
+    where, folder = f"{path}: case {case.name!r}", path.parent
+    beside = folder / case.scenario
+    scenario = load_scenario(beside if case.scenario.endswith(".toml") else case.scenario)
+    faults = case.faults
+    if isinstance(faults, str):
+        faults = read_faults(folder / faults)
+    check_times(faults, where)
+    if case.pose != "board":
+        try:
+            PoseLink.without_pictures(faults)
+        except UserError as error:
+            raise UserError(f"{where}: {error}") from error
+    return ReadyCase(case, scenario, faults, None if case.link.key is None else folder / case.link.key)

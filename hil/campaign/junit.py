@@ -1,0 +1,83 @@
+"""A campaign as JUnit XML, for whatever shows tests: a suite for each case, a test for each requirement of a run.
+
+Times are those of the flight, so that the same runs give the same bytes: ``timestamp`` is the scenario's epoch,
+``time`` how long the approach took.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from hil.campaign.definitions import Campaign, ReadyCase
+    from hil.campaign.verdicts import RunVerdict
+
+# what XML 1.0 has no way to write
+_UNWRITABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def junit_xml(
+    campaign: Campaign,
+    cases: Sequence[ReadyCase],
+    runs: Sequence[RunVerdict],
+    durations_s: Mapping[tuple[str, int], float],
+) -> bytes:
+    """The document. Of a run that came to nothing every test has failed.
+
+    Parameters
+    ----------
+    durations_s : of the flights, by case and seed.
+    """
+    root = ET.Element("testsuites")
+    for number, ready in enumerate(cases):
+        case = ready.case
+        mine = [run for run in runs if run.case == case.name]
+        tests = [_test(campaign, run, k) for run in mine for k in range(max(1, len(run.verdicts)))]
+        suite = ET.SubElement(
+            root,
+            "testsuite",
+            {
+                "id": str(number),
+                "package": campaign.name,
+                "name": case.name,
+                "timestamp": ready.scenario.epoch_utc[:19],
+                "hostname": "localhost",
+                "tests": str(len(tests)),
+                "failures": str(sum(test.find("failure") is not None for test in tests)),
+                "errors": "0",
+                "time": f"{sum(durations_s.get((run.case, run.seed), 0.0) for run in mine):.3f}",
+            },
+        )
+        properties = ET.SubElement(suite, "properties")
+        for name, value in (("scenario", case.scenario), ("pose", case.pose), ("mode", case.mode)):
+            ET.SubElement(properties, "property", {"name": name, "value": _writable(value)})
+        suite.extend(tests)
+        ET.SubElement(suite, "system-out")
+        ET.SubElement(suite, "system-err")
+    ET.indent(root, " ")
+    data: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
+    return data + b"\n"
+
+
+def _test(campaign: Campaign, run: RunVerdict, k: int) -> ET.Element:
+    """A requirement of a run; the run alone where nothing is required of it."""
+    verdict = run.verdicts[k] if run.verdicts else None
+    name = f"seed {run.seed}" + (f": {verdict.requirement.name}" if verdict is not None else "")
+    test = ET.Element(
+        "testcase",
+        {"name": _writable(name), "classname": f"{campaign.name}.{run.case}", "time": "0"},
+    )
+    why = run.failure or (verdict.sentence if verdict is not None and not verdict.passed else "")
+    if why:
+        kind = "run" if run.failure or verdict is None else verdict.requirement.quantity
+        failure = ET.SubElement(test, "failure", {"message": _writable(why), "type": kind})
+        failure.text = f"see {run.folder}"
+    return test
+
+
+def _writable(text: str) -> str:
+    return _UNWRITABLE.sub("\N{REPLACEMENT CHARACTER}", text)

@@ -1,0 +1,225 @@
+"""Quantities of a run that a requirement may be about: of its summary, its ledger's rows, its loop's decisions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import msgspec
+import numpy as np
+
+from hil.host.closed_loop import read_steps
+from hil.host.ledger.frames_csv import ACCEPTED, FRAMES_CSV, read_ledger
+from hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
+from simulator.runtime.untrusted_files import read_regular
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from hil.host.ledger.frames_csv import LedgerRow
+
+MOST_BYTES = 1 << 28
+Value: TypeAlias = "float | str | None"
+
+
+@dataclass(frozen=True, eq=False)
+class RunRecord:
+    """What a run left in its folder.
+
+    Parameters
+    ----------
+    steps : columns of ``closed_loop.csv`` by name, empty where there is none.
+    """
+
+    summary: LedgerSummary
+    rows: tuple[LedgerRow, ...]
+    steps: dict[str, list[str]]
+
+    @staticmethod
+    def read(folder: Path) -> RunRecord:
+        """The record of a run's folder.
+
+        Raises
+        ------
+        OSError, UserError, msgspec.DecodeError
+            If a file is gone or damaged.
+        """
+        summary = msgspec.json.decode(read_regular(folder / SUMMARY_JSON, MOST_BYTES), type=LedgerSummary)
+        rows = tuple(read_ledger(folder)) if (folder / FRAMES_CSV).exists() else ()
+        return RunRecord(summary, rows, read_steps(folder))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """A number or a word that a run comes to.
+
+    Parameters
+    ----------
+    unit : of a number, or nothing. meaning : a few words. of : the run's value, None where it has none.
+    needs : traits of a case without which there is none: ``frames``, ``closed_loop``, ``times`` (real time: in lockstep
+        the flight's clock stands still for the board, and what the wall clock says is no property of the flight).
+    words : all that a quantity of text may be.
+    """
+
+    unit: str
+    meaning: str
+    of: Callable[[RunRecord], Value]
+    needs: frozenset[str] = frozenset()
+    words: tuple[str, ...] = ()
+
+    @property
+    def is_text(self) -> bool:
+        """Whether it is a word."""
+        return bool(self.words)
+
+    @property
+    def needs_in_words(self) -> str:
+        """What a case must have."""
+        said = {
+            "frames": "frames that are sent to a board",
+            "closed_loop": "closed_loop = true",
+            "times": 'mode = "realtime" and a board',
+        }
+        return " and ".join(said[need] for need in sorted(self.needs))
+
+
+def _summary(name: str, unit: str, meaning: str, needs: str = "", words: tuple[str, ...] = ()) -> Quantity:
+    """A key of the summary, or of a table in it (``link.late_poses``)."""
+
+    def value(record: RunRecord) -> Value:
+        found: object = record.summary
+        for key in name.split("."):
+            found = getattr(found, key, None)
+        if isinstance(found, str):
+            return found
+        return float(found) if isinstance(found, int | float) and math.isfinite(found) else None
+
+    return Quantity(unit=unit, meaning=meaning, of=value, needs=frozenset(needs.split()), words=words)
+
+
+def _share(part: Callable[[LedgerSummary], int]) -> Callable[[RunRecord], Value]:
+    return lambda r: part(r.summary) / r.summary.sent if r.summary.sent else None
+
+
+def _unaccounted(record: RunRecord) -> Value:
+    """Frames whose row is missing, or twice there, or that the summary counts otherwise."""
+    s, rows = record.summary, record.rows
+    counted = s.accepted + s.declined + s.dropped_total
+    twice = len(rows) - len({row.frame_id for row in rows})
+    return float(abs(s.sent - counted) + abs(s.sent - len(rows)) + twice)
+
+
+def _largest_error(name: str) -> Callable[[RunRecord], Value]:
+    def value(record: RunRecord) -> Value:
+        errors = [getattr(row, name) for row in record.rows if row.outcome == ACCEPTED]
+        return max((error for error in errors if error is not None), default=None)
+
+    return value
+
+
+def _step_numbers(record: RunRecord, column: str) -> np.ndarray:
+    return np.array([float(cell) for cell in record.steps.get(column, []) if cell])
+
+
+def _largest_step(column: str) -> Callable[[RunRecord], Value]:
+    def value(record: RunRecord) -> Value:
+        numbers = _step_numbers(record, column)
+        return float(numbers.max()) if len(numbers) else None
+
+    return value
+
+
+def _mean_nees(record: RunRecord) -> Value:
+    numbers = _step_numbers(record, "nees")
+    return float(numbers.mean()) if len(numbers) else None
+
+
+def _hold_s(record: RunRecord) -> Value:
+    """Time in the phase ``hold``."""
+    times, phases = _step_numbers(record, "t_s"), record.steps.get("phase", [])
+    if len(times) < 2 or len(times) != len(phases):
+        return None
+    return float((times[1] - times[0]) * phases.count("hold"))
+
+
+_LOOP, _FRAMES = frozenset({"closed_loop"}), frozenset({"frames"})
+
+QUANTITIES: dict[str, Quantity] = {
+    "outcome": _summary(
+        "closed_loop.outcome", "", "how the approach ended", "closed_loop", ("arrived", "aborted", "failed")
+    ),
+    "final_error_m": _summary("closed_loop.final_error_m", "m", "from the hold point", "closed_loop"),
+    "final_error_deg": _summary(
+        "closed_loop.final_error_deg", "deg", "pointing, or the target's estimated attitude", "closed_loop"
+    ),
+    "min_range_m": _summary("closed_loop.min_range_m", "m", "nearest to the target", "closed_loop"),
+    "keep_out_violations": _summary(
+        "closed_loop.keep_out_violations",
+        "",
+        "periods inside the sphere, outside the corridor",
+        "closed_loop",
+    ),
+    "delta_v_m_s": _summary("closed_loop.delta_v_m_s", "m/s", "spent", "closed_loop"),
+    "duration_s": _summary("closed_loop.duration_s", "s", "of the approach", "closed_loop"),
+    "pose_age_s": Quantity(
+        unit="s", meaning="oldest newest pose in the estimate", of=_largest_step("pose_age_s"), needs=_LOOP
+    ),
+    "position_sigma_m": Quantity(
+        unit="m",
+        meaning="largest 1-sigma of the estimated position",
+        of=_largest_step("position_sigma_m"),
+        needs=_LOOP,
+    ),
+    "nees": Quantity(unit="", meaning="mean of the filter's 12 states", of=_mean_nees, needs=_LOOP),
+    "hold_s": Quantity(unit="s", meaning="time that the chaser held", of=_hold_s, needs=_LOOP),
+    "ended": _summary(
+        "ended", "", "how the run ended", "", ("completed", "board_lost", "no_board", "interrupted", "failed")
+    ),
+    "unaccounted": Quantity(
+        unit="", meaning="frames without exactly one outcome", of=_unaccounted, needs=_FRAMES
+    ),
+    "sent": _summary("sent", "", "frames", "frames"),
+    "accepted_share": Quantity(
+        unit="", meaning="poses accepted, of the frames", of=_share(lambda s: s.accepted), needs=_FRAMES
+    ),
+    "dropped_share": Quantity(
+        unit="", meaning="frames dropped", of=_share(lambda s: s.dropped_total), needs=_FRAMES
+    ),
+    "dropped": _summary("dropped_total", "", "frames", "frames"),
+    "accepted_wrong": _summary(
+        "accepted_wrong", "", "accepted poses beyond 5 deg or 5 % of the range", "frames"
+    ),
+    "median_E_T_m": _summary("median_E_T_m", "m", "error of accepted poses", "frames"),
+    "median_E_R_deg": _summary("median_E_R_deg", "deg", "error of accepted poses", "frames"),
+    "largest_E_T_m": Quantity(
+        unit="m", meaning="error of accepted poses", of=_largest_error("E_T_m"), needs=_FRAMES
+    ),
+    "largest_E_R_deg": Quantity(
+        unit="deg", meaning="error of accepted poses", of=_largest_error("E_R_deg"), needs=_FRAMES
+    ),
+    **{
+        name: _summary(name, "ms", meaning, "times")
+        for name, meaning in (
+            *((f"e2e_ms_{q}", "frame out to pose back") for q in ("p50", "p95", "p99", "max")),
+            *(
+                (f"staleness_ms_{q}", "age of the picture when it was used")
+                for q in ("p50", "p95", "p99", "max")
+            ),
+            *(
+                (f"handover_error_ms_{q}", "the camera's latency, off by")
+                for q in ("p50", "p99", "p999", "max")
+            ),
+            *((f"send_lag_ms_{q}", "sent later than due") for q in ("p50", "p99")),
+            *((f"board_total_ms_{q}", "on the board") for q in ("p50", "p99")),
+        )
+    },
+    "deadline_misses": _summary("deadline_misses", "", "answers later than the deadline", "times"),
+    "late": _summary("late", "", "pictures not drawn in time", "times"),
+    "clock_offset_bound_ms": _summary("link.clock_offset_bound_ms", "ms", "of the board's clock", "times"),
+    "clock_drift_ppm": _summary("link.clock_drift_ppm", "ppm", "of the board's clock", "times"),
+    "packets_corrupt": _summary("link.packets_corrupt", "", "damaged on the line", "times"),
+    "late_poses": _summary("link.late_poses", "", "poses after their time, not used", "times"),
+}
+"""By the name that a campaign file calls them."""

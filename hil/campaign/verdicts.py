@@ -1,0 +1,120 @@
+"""Runs against requirements: passed or not, by what margin, and why not."""
+
+from __future__ import annotations
+
+import operator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from hil.campaign.quantities import QUANTITIES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from hil.campaign.case_run import RunResult
+    from hil.campaign.definitions import Campaign, Requirement
+    from hil.campaign.quantities import Value
+
+COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
+    "<=": operator.le,
+    "<": operator.lt,
+    ">=": operator.ge,
+    ">": operator.gt,
+    "==": operator.eq,
+    "!=": operator.ne,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """One requirement of one run.
+
+    Parameters
+    ----------
+    value : of the quantity, None where the run has none; then it is not passed.
+    margin : how far a number is on the right side of the limit, less than 0 on the wrong one.
+    """
+
+    requirement: Requirement
+    value: Value
+    passed: bool
+    margin: float | None
+
+    @staticmethod
+    def of(requirement: Requirement, value: Value) -> Verdict:
+        """A value against a requirement."""
+        limit = requirement.limit
+        passed = value is not None and COMPARISONS[requirement.comparison](value, limit)
+        margin = None
+        if isinstance(value, float) and isinstance(limit, int | float):
+            sides = {
+                "<": limit - value,
+                ">": value - limit,
+                "=": 0.0 - abs(value - limit),
+                "!": abs(value - limit),
+            }
+            margin = sides[requirement.comparison[0]]
+        return Verdict(requirement, value, passed, margin)
+
+    @property
+    def sentence(self) -> str:
+        """The value beside what is required."""
+        r, unit = self.requirement, QUANTITIES[self.requirement.quantity].unit
+        has = "has no value" if self.value is None else f"is {in_words(self.value, unit)}"
+        return f"{r.name}: {r.quantity} {has}, required {r.comparison} {in_words(r.limit, unit)}"
+
+
+@dataclass(frozen=True, eq=False)
+class RunVerdict:
+    """One run against all that is required of its case.
+
+    Parameters
+    ----------
+    failure : why the run came to nothing, or to no good end; then nothing is passed.
+    """
+
+    case: str
+    seed: int
+    failure: str
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether it came to its end and meets all requirements."""
+        return not self.failure and all(v.passed for v in self.verdicts)
+
+    @property
+    def reason(self) -> str:
+        """Why it is not passed; nothing where it is."""
+        return self.failure or "; ".join(v.sentence for v in self.verdicts if not v.passed)
+
+    @property
+    def folder(self) -> str:
+        """Of its files, within the campaign's."""
+        return f"runs/{self.case}/seed-{self.seed}"
+
+
+def judge(campaign: Campaign, case: str, seed: int, result: RunResult) -> RunVerdict:
+    """A run's result against the requirements of its case.
+
+    A run that the board left has failed, unless a requirement says how it must end.
+    """
+    required = [r for r in campaign.requirement if r.is_about(case)]
+    failure, ended = result.failure, result.values.get("ended")
+    if not failure and ended != "completed" and all(r.quantity != "ended" for r in required):
+        failure = f"the run ended: {str(ended).replace('_', ' ')}"
+    values: list[Value] = [None if failure else result.values.get(r.quantity) for r in required]
+    verdicts = tuple(Verdict.of(r, value) for r, value in zip(required, values, strict=True))
+    return RunVerdict(case, seed, failure, verdicts)
+
+
+def worst(verdicts: Sequence[Verdict]) -> Verdict:
+    """One without a value, else one that failed, else that of the least margin."""
+    return min(
+        verdicts, key=lambda v: (v.value is not None, v.passed, v.margin if v.margin is not None else 0.0)
+    )
+
+
+def in_words(value: float | str, unit: str = "") -> str:
+    """A number to four digits with its unit; a word as it is."""
+    return value if isinstance(value, str) else f"{value:.4g} {unit}".rstrip()

@@ -1,0 +1,75 @@
+"""The plot of a closed loop: the way in, the errors of the estimate beside its sigma, and when the chaser held."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.reports.plots import BLUE, DIM, GREEN, ORANGE, VERMILION, figure_with_axes, png
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.axes import Axes
+
+    from simulator.runtime.arrays import FloatArray
+
+AXES = ("radial", "along_track", "cross_track")
+PHASES = {"hold": ORANGE, "abort": VERMILION}
+"""Phases that are marked on the time axis."""
+
+
+def numbers(column: Sequence[str]) -> FloatArray:
+    """A column with gaps as NaN."""
+    return np.array([float(cell) if cell else np.nan for cell in column])
+
+
+def plot_errors(ax: Axes, t_s: FloatArray, error: FloatArray, sigma: FloatArray, what: str) -> None:
+    """An error of the estimate and the largest sigma that the filter gives it."""
+    ax.plot(t_s, error, color=BLUE, label="error")
+    ax.plot(t_s, sigma, color=DIM, lw=1, label="sigma")
+    ax.set(xlabel="time [s]", ylabel=what)
+    if np.any(np.isfinite(error) & (error > 0)):
+        ax.set_yscale("log")
+        ax.legend(frameon=False, fontsize=8)
+
+
+def position_error_m(steps: Mapping[str, Sequence[str]]) -> FloatArray:
+    """Length of the estimate's error in each period, NaN where there is no estimate."""
+    return np.sqrt(np.sum([numbers(steps[f"{axis}_error_m"]) ** 2 for axis in AXES], axis=0))
+
+
+def plot_closed_loop(steps: Mapping[str, Sequence[str]]) -> bytes:
+    """PNG of ``closed_loop.csv``, its columns by name."""
+    figure, (way, position, attitude) = figure_with_axes(1, 3, 3.6, width=13, widths=(1.2, 1, 1))
+    t_s = numbers(steps["t_s"])
+    for axis, colour in zip(AXES, (BLUE, VERMILION, GREEN), strict=True):
+        way.plot(t_s, numbers(steps[f"{axis}_m"]), color=colour, label=axis.replace("_", "-"))
+    way.set(xlabel="time [s]", ylabel="chaser from target [m]")
+    plot_errors(
+        position,
+        t_s,
+        1e3 * position_error_m(steps),
+        1e3 * numbers(steps["position_sigma_m"]),
+        "position [mm]",
+    )
+    plot_errors(
+        attitude,
+        t_s,
+        numbers(steps["attitude_error_deg"]),
+        numbers(steps["attitude_sigma_deg"]),
+        "attitude [deg]",
+    )
+    for phase, colour in PHASES.items():
+        during = np.array([name == phase for name in steps["phase"]])
+        if during.any():
+            for ax in (way, position, attitude):
+                # seen through the curves, and named once
+                shown = ax.get_xaxis_transform()
+                ax.fill_between(
+                    t_s, 0, 1, where=during, transform=shown, color=colour, alpha=0.2, lw=0, step="post",
+                    label=phase if ax is way else None,
+                )  # fmt: skip
+    way.legend(frameon=False, fontsize=8)
+    return png(figure)
