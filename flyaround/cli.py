@@ -25,6 +25,8 @@ COMMANDS = {
     "bench": "bench",
     "doctor": "doctor",
     "scenarios": "flights",
+    "recipes": "recipes",
+    "backgrounds": "recipes",
     "cameras": "flights",
     "demo": "demo",
 }

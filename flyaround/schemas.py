@@ -13,6 +13,7 @@ from hil.evaluate.metrics import metrics_json_schema
 from hil.host.ledger.summary import summary_schema
 from simulator.dataset.card import card_json_schema
 from simulator.labels.truth import truth_json_schema
+from simulator.recipes.load import recipe_json_schema
 from simulator.runtime.files import write_atomic
 from simulator.scenario.load import scenario_json_schema
 from simulator.targets.records import board_json_schema, target_json_schema
@@ -24,6 +25,7 @@ def all_schemas() -> dict[str, dict[str, Any]]:
     """Schema documents by format name."""
     schemas = {
         "scenario": scenario_json_schema(),
+        "recipe": recipe_json_schema(),
         "target": target_json_schema(),
         "board_model": board_json_schema(),
         "truth": truth_json_schema(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import typer
@@ -14,16 +14,17 @@ from rich.text import Text
 from flyaround.commands.options import Device, Labels, Seed, World, quality_preset
 from flyaround.commands.terminal import progress_bar, say
 from simulator.camera.lens.files import read_camera_file
-from simulator.dataset.capture import FORMATS, parse_formats
+from simulator.dataset.capture import FORMATS, CaptureSummary, parse_formats
 from simulator.dataset.capture import capture as capture_plan
 from simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
 from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.clipping import ClippingSummary
 from simulator.errors import UserError
 from simulator.labels.request import parse_labels
-from simulator.scenario.load import load_scenario
+from simulator.recipes.load import is_recipe, load_recipe
+from simulator.recipes.plan import RecipePlan, plan_recipe
+from simulator.scenario.load import list_scenarios, load_scenario
 from simulator.scenario.plan import Plan, plan_flight
-from simulator.scenario.recipes import RecipePlan, list_recipes, plan_recipe
 from simulator.scene.environments import environment_preset, environment_section
 from simulator.scene.illumination.bands import Bands
 from simulator.scene.state import Quality
@@ -34,7 +35,9 @@ def capture(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the data set: new or empty.")],
     n: Annotated[
         int | None,
-        typer.Option("-n", min=1, help="Frames: evenly in time, or samples of a recipe (default 20)."),
+        typer.Option(
+            "-n", min=1, help="Frames: evenly in time (default 20), or samples of a recipe (default its own)."
+        ),
     ] = None,
     every_s: Annotated[
         float | None, typer.Option("--every", help="Seconds between frames, instead of -n.")
@@ -50,6 +53,9 @@ def capture(
     camera: Annotated[
         str | None, typer.Option("--camera", help="Built-in camera or file, instead of the scenario's own.")
     ] = None,
+    target: Annotated[
+        str | None, typer.Option("--target", help="Another craft than the scenario's or recipe's own.")
+    ] = None,
     labels: Labels = None,
     seed: Seed = None,
     resume: Annotated[
@@ -59,55 +65,66 @@ def capture(
     gpu: Device = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
-    """Take labelled images along a flight; every frame's labels are checked as it is written."""
+    """Take labelled images of a flight or a recipe; every frame's labels are checked as it is written."""
     if n is not None and every_s is not None:
         raise UserError("capture takes -n or --every, not both; leave one out")
     names = parse_formats(formats)
     bands: Bands | None = "rgb" if rgb else None
-    plan = _choose_plan(
+    plans = _choose_plans(
         scenario,
-        n=n or 20,
+        n=n,
         every_s=every_s,
         seed=seed,
         bands=bands,
         quality=quality_preset(quality),
         camera=camera,
+        target=target,
         environment=environment,
     )
-    wanted = ",".join(plan.labels) if labels is None else labels
-    with progress_bar("capture", quiet=as_json) as progress:
-        summary = capture_plan(
-            plan,
-            output,
-            formats=names,
-            labels=parse_labels(wanted),
-            resume=resume,
-            workers=workers,
-            device_index=gpu,
-            progress=progress,
-        )
-    if as_json:
-        typer.echo(
-            json.dumps(
-                {
-                    "folder": str(summary.folder),
-                    "written": summary.n_written,
-                    "kept": summary.n_kept,
-                    "feasible": summary.n_feasible,
-                    "quarantined": [{"frame": k, "reason": r} for k, r in summary.quarantined],
-                    "clipping": None if summary.clipping is None else asdict(summary.clipping),
-                }
+    summaries = {}
+    for member, plan in plans.items():
+        wanted = ",".join(plan.labels) if labels is None else labels
+        with progress_bar(member or "capture", quiet=as_json) as progress:
+            summaries[member] = capture_plan(
+                plan,
+                output / member,
+                formats=names,
+                labels=parse_labels(wanted),
+                resume=resume,
+                workers=workers,
+                device_index=gpu,
+                progress=progress,
             )
-        )
-    else:
-        say(
-            f"{summary.n_written} frames written to {summary.folder} ({summary.n_kept} were there, "
-            f"{summary.n_feasible} of the new ones feasible, {len(summary.quarantined)} quarantined)"
-        )
-        if summary.clipping is not None:
-            _tell_clipping(summary.clipping)
-    if summary.quarantined:
+        if not as_json:
+            _tell_capture(summaries[member])
+    if as_json:
+        reports = {member: _report(summary) for member, summary in summaries.items()}
+        typer.echo(json.dumps(reports.get("", {"members": reports})))
+    if any(summary.quarantined for summary in summaries.values()):
         raise typer.Exit(1)
+
+
+def _report(summary: CaptureSummary) -> dict[str, Any]:
+    return {
+        "folder": str(summary.folder),
+        "written": summary.n_written,
+        "kept": summary.n_kept,
+        "feasible": summary.n_feasible,
+        "quarantined": [{"frame": k, "reason": r} for k, r in summary.quarantined],
+        "clipping": None if summary.clipping is None else asdict(summary.clipping),
+        "redraws": summary.redraws,
+    }
+
+
+def _tell_capture(summary: CaptureSummary) -> None:
+    say(
+        f"{summary.n_written} frames written to {summary.folder} ({summary.n_kept} were there, "
+        f"{summary.n_feasible} of the new ones feasible, {len(summary.quarantined)} quarantined)"
+    )
+    for name, count in summary.redraws.items():
+        say(f"{count} poses drawn again for {name}")
+    if summary.clipping is not None:
+        _tell_clipping(summary.clipping)
 
 
 def _tell_clipping(clipping: ClippingSummary) -> None:
@@ -174,39 +191,79 @@ def check(
         raise typer.Exit(1)
 
 
+def _choose_plans(
+    name: str,
+    *,
+    n: int | None,
+    seed: int | None,
+    **options: Any,  # noqa: ANN401 - as `_choose_plan` has them
+) -> dict[str, Plan | RecipePlan]:
+    """The plan of a name by no name; of a recipe that is several data sets, theirs by folder.
+
+    ``n`` frames are of all of them together; each has its own seed, so that no two draw alike.
+
+    Raises
+    ------
+    UserError
+        As `_choose_plan`, and where there are fewer frames than data sets.
+    """
+    members = [] if name in list_scenarios() or not is_recipe(name) else load_recipe(name).members
+    if not members:
+        return {"": _choose_plan(name, n=n, seed=seed, **options)}
+    if options["target"] is not None:
+        raise UserError(f"recipe {name} is the data sets of {len(members)} craft; leave out --target")
+    if n is not None and n < len(members):
+        raise UserError(f"recipe {name} is {len(members)} data sets; ask for -n {len(members)} or more")
+    shares = [None if n is None else (n + i) // len(members) for i in reversed(range(len(members)))]
+    return {
+        member: _choose_plan(member, n=share, seed=(seed or 0) + i, **options)
+        for i, (member, share) in enumerate(zip(members, shares, strict=True))
+    }
+
+
 def _choose_plan(
     name: str,
     *,
-    n: int,
+    n: int | None,
     every_s: float | None,
     seed: int | None,
     bands: Bands | None,
     quality: Quality | None,
     camera: str | None = None,
+    target: str | None = None,
     environment: str | None = None,
 ) -> Plan | RecipePlan:
-    """The plan of a recipe's name, else of a scenario.
+    """The plan of a recipe, else of a scenario.
 
     Parameters
     ----------
-    camera : name or file of a camera to use instead of the plan's own. environment : name of one, likewise.
+    camera, target : name or file of one to use instead of the plan's own. environment : name of one, likewise.
 
     Raises
     ------
     UserError
         If there is no such scenario or recipe, or ``every_s`` is asked of a recipe.
     """
-    if name in list_recipes():
+    if name not in list_scenarios() and is_recipe(name):
         if every_s is not None:
             raise UserError(f"recipe {name} has no time, so --every means nothing; use -n")
         layers = None if environment is None else environment_preset(environment)
         return plan_recipe(
-            name, n, seed=seed, bands=bands, quality=quality, camera=camera, environment=layers
+            name,
+            n,
+            seed=seed,
+            target=target,
+            bands=bands,
+            quality=quality,
+            camera=camera,
+            environment=layers,
         )
-    count = None if every_s is not None else n
     scenario = load_scenario(name)
     if camera is not None:
         scenario = msgspec.structs.replace(scenario, camera=read_camera_file(camera))
+    if target is not None:
+        scenario = msgspec.structs.replace(scenario, target=target)
     if environment is not None:
         scenario = msgspec.structs.replace(scenario, environment=environment_section(environment))
+    count = None if every_s is not None else n or 20
     return plan_flight(scenario, n=count, every_s=every_s, seed=seed, bands=bands, quality=quality)

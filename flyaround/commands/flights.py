@@ -13,7 +13,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from flyaround.commands.scenario_argument import load_flown
+from flyaround.commands.scenario_argument import load_flown, refuse_recipe
 from flyaround.commands.terminal import say, terminal
 from simulator.camera.lens.files import list_cameras, load_camera, read_camera_file
 from simulator.camera.lens.files_foreign import FORMATS, written
@@ -22,7 +22,6 @@ from simulator.errors import UserError
 from simulator.runtime.files import empty_folder, write_atomic
 from simulator.scenario.load import list_scenarios, load_scenario
 from simulator.scenario.plan import plan_flight
-from simulator.scenario.recipes import RECIPES
 from simulator.scenario.show import show_scenario
 from simulator.scenario.write import replay_scenario
 from simulator.world.flight.export import flight_messages, fly_table, summarise_flight
@@ -136,8 +135,9 @@ def scenarios(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List the built-in scenarios and the recipes that capture takes, or print one to start from."""
+    """List the built-in scenarios, or print one to start from; `flyaround recipes` lists what draws samples."""
     if show is not None:
+        refuse_recipe(show, "scenarios --show", "`flyaround recipes --show NAME` prints a recipe")
         text = show_scenario(show)
         typer.echo(json.dumps({"name": show, "toml": text}) if as_json else text, nl=as_json)
         return
@@ -146,18 +146,15 @@ def scenarios(
         empty_folder(sheets, option="--contact-sheet")
         write_contact_sheets(rows, sheets)
     if as_json:
-        flights = [{"name": s.name, "title": s.title, "duration_s": s.duration_s} for s in rows]
-        recipes = [{"name": r.name, "title": r.title, "duration_s": None} for r in RECIPES]
-        typer.echo(json.dumps(flights + recipes))
+        typer.echo(json.dumps([{"name": s.name, "title": s.title, "duration_s": s.duration_s} for s in rows]))
         return
     table = Table("name", "title", "seconds")
     for s in rows:
         table.add_row(s.name, s.title, f"{s.duration_s:g}")
-    for r in RECIPES:
-        table.add_row(r.name, r.title, "recipe")
     terminal().print(table)
     say(
-        "one of your own: flyaround scenarios --show tango-flyaround > mine.toml, then name mine.toml instead"
+        "one of your own: flyaround scenarios --show tango-flyaround > mine.toml, then name mine.toml instead\n"
+        "independent samples for a data set: flyaround recipes"
     )
 
 

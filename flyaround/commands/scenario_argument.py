@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
+from simulator.scenario.load import list_scenarios, load_scenario
 
 if TYPE_CHECKING:
     from simulator.scenario.scenario import Scenario
@@ -17,16 +17,30 @@ def load_flown(name: str, command: str) -> Scenario:
     Raises
     ------
     UserError
-        If there is none; of a recipe's name the sentence says what a recipe is for.
+        If there is none; of a recipe the sentence says what a recipe is for.
     """
     try:
         return load_scenario(name)
     except UserError:
-        from simulator.scenario.recipes import list_recipes  # noqa: PLC0415 - slow to import, and hardly ever asked for
+        refuse_recipe(
+            name,
+            command,
+            f"`flyaround capture {name} -o DIR` takes recipes, `flyaround scenarios` lists scenarios",
+        )
+        raise
 
-        if name not in list_recipes():
-            raise
+
+def refuse_recipe(name: str, command: str, advice: str) -> None:
+    """Refuse a recipe's name where a scenario is wanted.
+
+    Raises
+    ------
+    UserError
+        If it is one.
+    """
+    from simulator.recipes.load import is_recipe  # noqa: PLC0415 - slow to import, and hardly ever asked for
+
+    if name not in list_scenarios() and is_recipe(name):
         raise UserError(
-            f"{name} is a recipe of independent samples, and {command} takes a scenario:"
-            f" `flyaround capture {name} -o DIR` takes recipes, `flyaround scenarios` lists scenarios"
+            f"{name} is a recipe of independent samples, and {command} takes a scenario: {advice}"
         ) from None

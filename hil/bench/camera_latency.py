@@ -19,7 +19,7 @@ from hil.corner_code import CodePlace, CornerCode, draw_code, read_code
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import RunConfig, run_host
 from simulator.frame import NO_RADIANCE, Frame
-from simulator.scenario.recipes import plan_recipe
+from simulator.recipes.plan import plan_recipe
 from simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:

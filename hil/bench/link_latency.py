@@ -13,7 +13,7 @@ from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import RunConfig, run_host
 from simulator.bench.parts import PartCost, cost
 from simulator.frame import NO_RADIANCE, Frame
-from simulator.scenario.recipes import plan_recipe
+from simulator.recipes.plan import plan_recipe
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

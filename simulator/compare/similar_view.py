@@ -17,8 +17,8 @@ from simulator.compare.image_statistics import histogram_distance_dn, image_stat
 from simulator.compare.references import fitted
 from simulator.imaging.image_formation import expose_scene
 from simulator.labels.boxes import amodal_box
+from simulator.recipes.plan import plan_recipe
 from simulator.scenario.poses import scene_with_pose
-from simulator.scenario.recipes import plan_recipe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

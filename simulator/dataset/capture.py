@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -60,7 +61,10 @@ class CapturePlan(FramePlan, Protocol):
 
 @dataclass(frozen=True)
 class CaptureSummary:
-    """What a capture did; ``clipping`` is of the frames that it wrote, None where it wrote none with a target."""
+    """What a capture did; ``clipping`` is of the frames that it wrote, None where it wrote none with a target.
+
+    ``redraws`` of these frames: how many poses were drawn again for which of the recipe's constraints.
+    """
 
     folder: Path
     n_written: int
@@ -68,6 +72,7 @@ class CaptureSummary:
     n_feasible: int
     quarantined: tuple[tuple[int, str], ...]
     clipping: ClippingSummary | None = None
+    redraws: dict[str, int] = dataclass_field(default_factory=dict)
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
@@ -165,7 +170,13 @@ def _capture(
     n_written = len(missing) - len(writer.quarantined)
     clipping = summarise_clipping(writer.clipping, plan.scenario_document)
     return CaptureSummary(
-        folder, n_written, len(kept), writer.n_feasible, tuple(writer.quarantined), clipping
+        folder,
+        n_written,
+        len(kept),
+        writer.n_feasible,
+        tuple(writer.quarantined),
+        clipping,
+        dict(writer.redraws),
     )
 
 

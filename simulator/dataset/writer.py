@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -26,13 +27,17 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class CheckedFrame:
-    """A frame ready to be written: its files, whether it is feasible, and what is wrong with its labels, or nothing."""
+    """A frame ready to be written: its files, whether it is feasible, and what is wrong with its labels, or nothing.
+
+    ``redraws`` : how often each constraint of a recipe had its pose drawn again.
+    """
 
     number: int
     files: EncodedFrame
     feasible: bool
     reason: str
     clipping: Clipping
+    redraws: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +61,14 @@ class CheckAndEncode:
         wrong = check_frame(
             frame.number, frame.truth, frame.image, frame.mask, self.card, target, frame.layers
         )
+        sample = frame.scene.sample
         return CheckedFrame(
-            frame.number, encode_frame(frame), frame.truth.feasible, "; ".join(wrong), measure_clipping(frame)
+            frame.number,
+            encode_frame(frame),
+            frame.truth.feasible,
+            "; ".join(wrong),
+            measure_clipping(frame),
+            {} if isinstance(sample, msgspec.UnsetType) else sample.redraws,
         )
 
 
@@ -74,6 +85,7 @@ class DatasetWriter:
         self.quarantined: list[tuple[int, str]] = []
         self.clipping: list[Clipping] = []
         self.n_feasible = 0
+        self.redraws: Counter[str] = Counter()
         (folder / "images").mkdir(exist_ok=True)
         self._write_card()
 
@@ -85,6 +97,7 @@ class DatasetWriter:
         write_encoded(self._folder, frame.number, frame.files)
         self.n_feasible += frame.feasible
         self.clipping.append(frame.clipping)
+        self.redraws.update(frame.redraws)
 
     def finish(self) -> None:
         """Have the card say that all is there, unless frames are kept apart."""

@@ -8,7 +8,7 @@ import re
 import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -22,6 +22,11 @@ from simulator.scenario.messages import resolve_messages
 from simulator.scenario.scenario import Scenario
 from simulator.scene.environments import ENVIRONMENTS
 from simulator.world.time.instant import Instant
+
+if TYPE_CHECKING:
+    from simulator.camera.detector.optics import Optics
+    from simulator.camera.detector.sensor import Sensor
+    from simulator.scene.illumination.bands import Bands
 
 MOST_BYTES = 1_000_000  # of a scenario: a hundred times the longest of the built-in ones
 
@@ -64,7 +69,14 @@ def scenario_json_schema() -> dict[str, Any]:
     }
 
 
-def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
+def toml_table(content: bytes, where: str) -> dict[str, Any]:
+    """A TOML file as msgspec takes it, the layers of its environment's preset filled in.
+
+    Raises
+    ------
+    UserError
+        If it is no TOML, or has a value that no file of ours has.
+    """
     refuse_deep(content, where, toml=True)
     refuse_dotted(content, where)
     try:
@@ -75,7 +87,11 @@ def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
         raise UserError(f"{where} is not valid TOML: {error}") from error
     except RecursionError as error:
         raise UserError(f"{where} is not valid TOML: it nests too deep") from error
-    raw = _with_preset_layers(_toml_values(raw, where, ""))
+    return _with_preset_layers(_toml_values(raw, where, ""))
+
+
+def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
+    raw = toml_table(content, where)
     try:
         scenario = msgspec.convert(raw, Scenario)
     except msgspec.ValidationError as error:
@@ -87,10 +103,11 @@ def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
     scenario = msgspec.structs.replace(
         scenario,
         name=scenario.name or stem,
-        camera=_camera(scenario.camera, where, folder),
+        camera=resolve_camera(scenario.camera, where, folder),
         optics=scenario.optics.with_kernel(folder, where),
     )
-    _check_camera(scenario, where)
+    scenario.camera_model  # noqa: B018 - raises where the region or the binning does not fit
+    check_detector(scenario.sensor_model, scenario.optics_model, scenario.output.bands, where)
     scenario = resolve_messages(scenario, where, folder)
     check_physics(scenario, where)
     return scenario
@@ -104,8 +121,14 @@ def _with_preset_layers(raw: dict[str, Any]) -> dict[str, Any]:
     return {**raw, "environment": {**msgspec.structs.asdict(ENVIRONMENTS[section["preset"]]), **section}}
 
 
-def _camera(camera: str | CameraFile, where: str, folder: Path) -> CameraFile:
-    """The camera of the file: a built-in name, a path beside the scenario, or the table itself."""
+def resolve_camera(camera: str | CameraFile, where: str, folder: Path) -> CameraFile:
+    """The camera of a file: a built-in name, a path beside the file, or the table itself.
+
+    Raises
+    ------
+    UserError
+        If there is none, or it cannot be.
+    """
     if isinstance(camera, CameraFile):
         found = camera
     else:
@@ -119,19 +142,23 @@ def _camera(camera: str | CameraFile, where: str, folder: Path) -> CameraFile:
     return found
 
 
-def _check_camera(scenario: Scenario, where: str) -> None:
-    """Refuse a lens or detector that cannot be."""
-    scenario.camera_model  # noqa: B018 - raises where the region or the binning does not fit
-    optics, sensor = scenario.optics_model, scenario.sensor_model
+def check_detector(sensor: Sensor, optics: Optics, bands: Bands, where: str) -> None:
+    """Refuse a lens or detector that cannot be.
+
+    Raises
+    ------
+    UserError
+        With the key, its value and what is allowed.
+    """
     problem = (
         optics_problem(optics)
         or sensor_problem(sensor)
-        or response_problem(sensor, optics, 1 if scenario.output.bands == "mono" else 3)
+        or response_problem(sensor, optics, 1 if bands == "mono" else 3)
     )
     if problem is not None:
         raise UserError(f"{where}: key {problem}")
     detector = sensor.detector
-    if detector is not None and detector.colour_filter != "none" and scenario.output.bands == "mono":
+    if detector is not None and detector.colour_filter != "none" and bands == "mono":
         raise UserError(
             f"{where}: key sensor.detector.colour_filter is {detector.colour_filter!r}, which needs "
             'output.bands = "rgb"'

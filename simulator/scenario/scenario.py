@@ -67,6 +67,63 @@ class SensorSection(Section, frozen=True, kw_only=True):
     roi_px: tuple[int, int, int, int] | None = None
     auto_exposure: AutoExposure | None = None
 
+    def model(self, camera: CameraFile, where: str) -> Sensor:
+        """The preset with its changes.
+
+        Raises
+        ------
+        UserError
+            If the camera's file has other pixels than the detector named.
+        """
+        base = sensor_preset(self.preset)
+        keys = ("full_scale_j_m2_sr", "blur_sigma_px", "speckle_variance", "gaussian_variance", "bits")
+        given = {key: getattr(self, key) for key in keys}
+        sensor = replace(base, **{key: value for key, value in given.items() if value is not None})
+        pitch_um = self.pixel_pitch_um or _camera_pitch_um(camera, base, where)
+        if pitch_um is not None:
+            x, y = pitch_um
+            sensor = replace(sensor, pixel_pitch_x_m=x * 1e-6, pixel_pitch_y_m=y * 1e-6)
+        if self.detector is not None:
+            sensor = replace(sensor, detector=self.detector.detector(base.detector))
+        return read_sensor(sensor, self.roi_px, self.binning)
+
+    def metering(self, where: str) -> AutoExposure | None:
+        """How the exposure follows the light; None for a fixed one.
+
+        Raises
+        ------
+        UserError
+            If its limits are the wrong way round.
+        """
+        section = self.auto_exposure
+        if section is not None and section.shortest_s > section.longest_s:
+            raise UserError(
+                f"{where}: sensor.auto_exposure.shortest_s {section.shortest_s:g} is longer than "
+                f"longest_s {section.longest_s:g}; exchange them"
+            )
+        return section
+
+    @property
+    def shutter_model(self) -> Shutter:
+        """When rows are exposed."""
+        return Shutter(kind=self.shutter, readout_s=self.readout_s, motion_blur=self.motion_blur)
+
+
+def _camera_pitch_um(camera: CameraFile, preset: Sensor, where: str) -> tuple[float, float] | None:
+    """Pixel pitch that the camera's file gives; refused if it is not that of the detector named."""
+    given = camera.pixel_pitch_um
+    own = (preset.pixel_pitch_x_m * 1e6, preset.pixel_pitch_y_m * 1e6)
+    if (
+        given is not None
+        and preset.detector is not None
+        and max(abs(g / o - 1) for g, o in zip(given, own, strict=True)) > CONSISTENT
+    ):
+        raise UserError(
+            f"{where}: the camera's file has pixels of {given[0]:g} x {given[1]:g} um, detector "
+            f"{preset.preset} has {own[0]:g} x {own[1]:g}: say which by [sensor] pixel_pitch_um"
+        )
+    return given
+
 
 class Output(Section, frozen=True, kw_only=True):
     """Bands and quality of the picture, and the label layers that a capture writes (``all`` for every one)."""
@@ -131,39 +188,8 @@ class Scenario(Section, frozen=True, kw_only=True):
     @property
     def sensor_model(self) -> Sensor:
         """The preset with its changes."""
-        section, base = self.sensor, sensor_preset(self.sensor.preset)
-        keys = ("full_scale_j_m2_sr", "blur_sigma_px", "speckle_variance", "gaussian_variance", "bits")
-        given = {key: getattr(section, key) for key in keys}
-        sensor = replace(base, **{key: value for key, value in given.items() if value is not None})
-        pitch_um = section.pixel_pitch_um or self._camera_pitch_um(base)
-        if pitch_um is not None:
-            x, y = pitch_um
-            sensor = replace(sensor, pixel_pitch_x_m=x * 1e-6, pixel_pitch_y_m=y * 1e-6)
-        if section.detector is not None:
-            sensor = replace(sensor, detector=section.detector.detector(base.detector))
-        return read_sensor(sensor, section.roi_px, section.binning)
-
-    def _camera_pitch_um(self, preset: Sensor) -> tuple[float, float] | None:
-        """Pixel pitch that the camera's file gives.
-
-        Raises
-        ------
-        UserError
-            If it is not that of the detector named.
-        """
         camera = read_camera_file(self.camera) if isinstance(self.camera, str) else self.camera
-        given = camera.pixel_pitch_um
-        own = (preset.pixel_pitch_x_m * 1e6, preset.pixel_pitch_y_m * 1e6)
-        if (
-            given is not None
-            and preset.detector is not None
-            and max(abs(g / o - 1) for g, o in zip(given, own, strict=True)) > CONSISTENT
-        ):
-            raise UserError(
-                f"scenario {self.name}: the camera's file has pixels of {given[0]:g} x {given[1]:g} um, detector "
-                f"{preset.preset} has {own[0]:g} x {own[1]:g}: say which by [sensor] pixel_pitch_um"
-            )
-        return given
+        return self.sensor.model(camera, f"scenario {self.name}")
 
     @property
     def optics_model(self) -> Optics:
@@ -179,18 +205,9 @@ class Scenario(Section, frozen=True, kw_only=True):
         UserError
             If its limits are the wrong way round.
         """
-        section = self.sensor.auto_exposure
-        if section is None:
-            return None
-        if section.shortest_s > section.longest_s:
-            raise UserError(
-                f"scenario {self.name}: sensor.auto_exposure.shortest_s {section.shortest_s:g} is longer than "
-                f"longest_s {section.longest_s:g}; exchange them"
-            )
-        return section
+        return self.sensor.metering(f"scenario {self.name}")
 
     @property
     def shutter_model(self) -> Shutter:
         """When rows are exposed."""
-        s = self.sensor
-        return Shutter(kind=s.shutter, readout_s=s.readout_s, motion_blur=s.motion_blur)
+        return self.sensor.shutter_model

@@ -6,7 +6,7 @@ import inspect
 import re
 import tomllib
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 from msgspec import inspect as mi
@@ -14,9 +14,11 @@ from msgspec import inspect as mi
 from simulator.errors import UserError, near_names
 from simulator.runtime.validation_errors import alternatives, describe_all
 from simulator.scenario.load import list_scenarios
-from simulator.scenario.recipes import RECIPES
 from simulator.scenario.scenario import Scenario
 from simulator.scenario.write import toml_value
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 WIDTH = 100  # of a comment's lines
 _VALUES_AT = 44  # column that what is allowed stands in
@@ -31,29 +33,35 @@ def show_scenario(name: str) -> str:
     Raises
     ------
     UserError
-        If there is no such scenario, or it is a recipe, which has no file.
+        If there is no such scenario.
     """
-    if any(r.name == name for r in RECIPES):
-        raise UserError(
-            f"{name} is a recipe, which draws independent samples and has no file: capture takes it by name; "
-            f"start from a scenario, such as {list_scenarios()[0]}"
-        )
     if name not in list_scenarios():
         near = near_names(name, list_scenarios(), 3) or list_scenarios()
         raise UserError(f"there is no built-in scenario {name!r}: name one of {', '.join(near)}")
     text = files("assets").joinpath("scenarios", f"{name}.toml").read_text(encoding="utf-8")
-    raw = tomllib.loads(text)
-    lines = [
+    head = [
         f"# Scenario {name}. Keep it as mine.toml, change it, and look: flyaround render mine.toml -o mine.png",
         "# A key behind a # has the value shown unless it is given; ... is for one that has none, or is needed.",
         "# Keys are explained in docs/formats/scenario.md; units are in their names.",
-        "",
     ]
+    return annotated_text(text, Scenario, head)
+
+
+def annotated_text(text: str, root: type[msgspec.Struct], head: Sequence[str]) -> str:
+    """The text of a typed TOML file with every key that may be added as a comment.
+
+    Parameters
+    ----------
+    root : type of the file. head : comment lines that come first.
+    """
+    raw = tomllib.loads(text)
+    top = _struct_type(mi.type_info(root), raw)
+    lines = [*head, ""]
     for path, block in _text_by_section(text):
-        kind = _table_at(raw, path)[1]
+        table, kind = _table_at(raw, path, top)
         lines += [*_description(kind), *block] if path else block
-        lines += [*_keys_to_add(kind, _table_at(raw, path)[0]), *_other_kinds(raw, path), ""]
-    for path, kind, many in _sections_to_add(raw, _struct_type(mi.type_info(Scenario), raw), ""):
+        lines += [*_keys_to_add(kind, table), *_other_kinds(top, path), ""]
+    for path, kind, many in _sections_to_add(raw, top, ""):
         header = f"[[{path}]]" if many else f"[{path}]"
         lines += [*_description(kind), f"# {header}", *_keys_to_add(kind, {}), ""]
     return "\n".join(lines).rstrip() + "\n"
@@ -69,10 +77,9 @@ def _text_by_section(text: str) -> list[tuple[str, list[str]]]:
     return [(path, "\n".join(lines).rstrip().splitlines()) for path, lines in found]
 
 
-def _table_at(raw: dict[str, Any], path: str) -> tuple[dict[str, Any], mi.StructType]:
-    """The table at a path, and its type."""
+def _table_at(raw: dict[str, Any], path: str, kind: mi.StructType) -> tuple[dict[str, Any], mi.StructType]:
+    """The table at a path, and its type, in a file of a type."""
     table: Any = raw
-    kind = _struct_type(mi.type_info(Scenario), raw)
     for step in path.split(".") if path else ():
         table = table[step]
         field = next(f for f in kind.fields if f.encode_name == step)
@@ -114,10 +121,10 @@ def _keys_to_add(kind: mi.StructType, table: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _other_kinds(raw: dict[str, Any], path: str) -> list[str]:
+def _other_kinds(top: mi.StructType, path: str) -> list[str]:
     """A line that names what else a section may be, where its keys depend on one of them."""
-    top = next((f for f in _struct_type(mi.type_info(Scenario), raw).fields if f.encode_name == path), None)
-    kinds = [] if top is None else [t for t in alternatives(top.type) if isinstance(t, mi.StructType)]
+    field = next((f for f in top.fields if f.encode_name == path), None)
+    kinds = [] if field is None else [t for t in alternatives(field.type) if isinstance(t, mi.StructType)]
     if len(kinds) < 2 or kinds[0].tag_field is None:
         return []
     names = ", ".join(str(t.tag) for t in kinds)

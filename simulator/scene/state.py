@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 from simulator.camera.detector.optics import Optics
 from simulator.camera.detector.sensor import Sensor
@@ -15,6 +16,7 @@ from simulator.runtime.arrays import Quat, Vec3, vec3
 from simulator.scene.environments import ENVIRONMENTS, Environment
 from simulator.scene.illumination.bands import Bands
 from simulator.scene.illumination.lamp import Lamp
+from simulator.scene.sample import Sample
 from simulator.world.ephemeris.bodies import BodyName
 from simulator.world.frames.pose import Pose
 from simulator.world.frames.rotation import matrix_from_quat
@@ -59,6 +61,7 @@ class SceneState:
         frame: x to longitude 0, z along the axis).
     sun_visible_fraction : share of the Sun's disc that the target sees past the Earth and the Moon, 0..1.
     central_body : what the target circles. lamp : a lamp on the chaser, where it has one lit.
+    sample : what a recipe drew beside all this; absent where that is nothing.
     """
 
     epoch_utc: str
@@ -91,6 +94,7 @@ class SceneState:
     q_moon_from_eci_wxyz: Quat = (1.0, 0.0, 0.0, 0.0)
     central_body: BodyName = "earth"
     lamp: Lamp | None = None
+    sample: Sample | UnsetType = UNSET
 
     @property
     def camera_from_target(self) -> Pose:

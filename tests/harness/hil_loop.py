@@ -22,7 +22,7 @@ from hil.link.packets.packet import PacketType, decode_packet
 from simulator.camera.lens.camera_model import Camera
 from simulator.frame import NO_RADIANCE, Frame
 from simulator.labels.truth import Software, Truth
-from simulator.scenario.recipes import plan_recipe
+from simulator.recipes.plan import plan_recipe
 from simulator.scene.state import SceneState
 
 CAMERA = {"width_px": 64, "height_px": 48, "fx_px": 100.0, "fy_px": 100.0, "cx_px": 31.5, "cy_px": 23.5}

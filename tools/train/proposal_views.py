@@ -18,6 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from hil.evaluate.method_choice import board_model
@@ -26,9 +27,11 @@ from simulator.camera.lens.camera_model import Camera
 from simulator.imaging.exposure import integrate
 from simulator.imaging.image_formation import expose_scene
 from simulator.labels.surfaces import surfaces
+from simulator.recipes.load import load_recipe
+from simulator.recipes.plan import RecipePlan
+from simulator.recipes.poses import resolved_range
 from simulator.render.renderer import Renderer
 from simulator.runtime.arrays import quat, vec3
-from simulator.scenario.recipes import BASIC, RecipePlan, scaled_range_m
 from simulator.scene.environments import Environment
 from simulator.targets.library import load_target
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
@@ -102,13 +105,13 @@ def plans(target: Target, n: int, seed: int) -> tuple[RecipePlan, RecipePlan]:
     )
     black, earth = (
         RecipePlan(
-            recipe=replace(r, target=target.name, range_m=scaled_range_m(target)),
+            recipe=msgspec.structs.replace(r, target=target.name, range=resolved_range(r.range, target)),
             target=target,
             camera=camera,
             n_frames=n,
             seed=seed,
         )
-        for r in BASIC[:2]
+        for r in (load_recipe("eval-black"), load_recipe("eval-earth"))
     )
     return black, earth
 

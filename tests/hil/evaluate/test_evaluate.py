@@ -14,7 +14,7 @@ from hil.evaluate.evaluation_plots import CAPTIONS
 from hil.evaluate.failure_stage import KINDS
 from hil.evaluate.metrics import metrics_json_schema
 from simulator.dataset.capture import capture
-from simulator.scenario.recipes import plan_recipe
+from simulator.recipes.plan import plan_recipe
 
 pytestmark = pytest.mark.gl
 

@@ -26,7 +26,7 @@ from simulator.compare.references import fitted, read_references, read_speed_lab
 from simulator.dataset.single_frames import save_picture
 from simulator.errors import UserError
 from simulator.frame import take_frame
-from simulator.scenario.recipes import plan_recipe
+from simulator.recipes.plan import plan_recipe
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from simulator.camera.lens.camera_model import Camera
 from simulator.imaging.exposure import GAUSS_PX, INSTANT_PX, add_times, instants_of
 from simulator.imaging.image_motion import background_px
 from simulator.imaging.motion_blur import motion_blur, motion_blur_kernels
+from simulator.recipes.plan import plan_recipe
 from simulator.runtime.arrays import quat, vec3
-from simulator.scenario.recipes import plan_recipe
 from simulator.world.constants import EARTH_RADIUS_M
 from simulator.world.frames.rotation import quat_from_matrix
 

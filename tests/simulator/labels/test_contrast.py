@@ -13,7 +13,7 @@ from simulator.imaging.image_formation import noise_sigma
 from simulator.labels.feasible import wireframe_step_share
 from simulator.labels.keypoints import _radiometric_state
 from simulator.labels.wireframe import ProjectedEdge
-from simulator.scenario.recipes import plan_recipe
+from simulator.recipes.plan import plan_recipe
 from simulator.targets.model import Edge
 
 HEIGHT, WIDTH, LEVEL = 40, 60, 0.3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simulator.labels.wireframe import view_edges
-from simulator.scenario.recipes import plan_recipe
+from simulator.recipes.plan import plan_recipe
 from simulator.targets.joined_mesh import mesh_of
 
 pytestmark = pytest.mark.gl

@@ -75,8 +75,6 @@ def test_every_section_and_every_mode_is_named() -> None:
 def test_what_is_no_built_in_scenario_is_said() -> None:
     with pytest.raises(UserError, match="tango-flyaround"):
         show_scenario("tango-flyaruond")
-    with pytest.raises(UserError, match="is a recipe"):
-        show_scenario("eval-black")
 
 
 def test_the_list_says_how_to_start_one_of_ones_own(

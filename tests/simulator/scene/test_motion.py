@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.scenario.recipes import plan_recipe
+from simulator.recipes.plan import plan_recipe
 from simulator.scene.motion import propagated_scene
 from simulator.world.orbit.gravity import Gravity
 from simulator.world.orbit.propagation import propagate

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.scenario.recipes import plan_recipe
+from simulator.recipes.plan import plan_recipe
 from simulator.scene.environments import NOTHING
 from simulator.targets.library import load_target
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix

@@ -12,7 +12,7 @@ from simulator.camera.detector.presets import sensor_preset
 from simulator.camera.lens.camera_model import Camera
 from simulator.camera.lens.distortion import Distortion
 from simulator.imaging.image_formation import digitise_scene, expose_scene
-from simulator.scenario.recipes import plan_recipe
+from simulator.recipes.plan import plan_recipe
 from simulator.targets.craft.chessboard import COLUMNS, ROWS, SQUARE_M
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from simulator.camera.detector.presets import list_sensor_presets
@@ -13,8 +14,10 @@ from simulator.camera.detector.shutter import Shutter
 from simulator.camera.lens.camera_model import Camera, Distortion, camera_problem
 from simulator.labels.request import LAYERS, LabelRequest
 from simulator.labels.truth import FlowLabel
+from simulator.recipes.file import Recipe, Sky, UniformRange
+from simulator.recipes.plan import RecipePlan
 from simulator.runtime.arrays import vec3
-from simulator.scenario.recipes import Recipe, RecipePlan
+from simulator.scenario.scenario import SensorSection
 from simulator.scene.environments import Environment
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from simulator.scene.motion import propagated_scene
@@ -46,16 +49,15 @@ def random_frame(seed: int, k: int) -> tuple[SceneState, LabelRequest]:
     level = "@low" if rng.random() < 0.97 else ""
     target = cached_target(names[int(rng.integers(len(names)))] + level)
     camera = _camera(rng)
+    preset = str(rng.choice(list_sensor_presets()))
+    near_m, far_m = _range_m(rng, target, camera)
     recipe = Recipe(
         name="random",
         title="random",
-        sensor=str(rng.choice(list_sensor_presets())),
-        nadir_off_boresight_deg=(0.0, 180.0),
         target=target.name,
-        range_m=_range_m(rng, target, camera),
-        max_phase_deg=180.0,
-        night_share=0.3,
-        exposure_s=float(10 ** rng.uniform(-4, -2)),
+        range=UniformRange(near_m=near_m, far_m=far_m),
+        sky=[Sky(nadir_off_boresight_deg=(0.0, 180.0), max_phase_deg=180.0, night_share=0.3)],
+        sensor=msgspec.convert({"preset": preset, "exposure_s": 10 ** rng.uniform(-4, -2)}, SensorSection),
     )
     plan = RecipePlan(
         recipe=recipe,

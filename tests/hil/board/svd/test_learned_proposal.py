@@ -239,8 +239,8 @@ def test_the_true_pose_is_mostly_among_the_proposed_ones(tango: BoardModel, reci
     from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
     from hil.board.svd.propose.regions import REDUCTION, propose_regions
     from simulator.frame import take_frame
+    from simulator.recipes.plan import plan_recipe
     from simulator.render.renderer import Renderer
-    from simulator.scenario.recipes import plan_recipe
 
     plan = plan_recipe(recipe, 40, seed=6301)
     c = plan.camera

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.scenario.recipes import RECIPES, list_recipes, plan_recipe, scaled_range_m
+from simulator.recipes.load import list_recipes, load_recipe
+from simulator.recipes.plan import plan_recipe
+from simulator.recipes.poses import scaled_range_m
 from simulator.targets.library import list_targets, load_target
 from simulator.world.constants import EARTH_RADIUS_M
 from simulator.world.frames.rotation import matrix_from_quat
@@ -45,12 +47,13 @@ def test_sunlit_and_phase_below_120_degrees(scenes):
 
 
 def test_the_earth_is_where_the_recipe_wants_it(plan, scenes):
-    low, high = plan.recipe.nadir_off_boresight_deg
+    (sky,) = plan.recipe.sky
+    low, high = sky.nadir_off_boresight_deg
     for s in scenes:
         r = np.array(s.r_camera_eci_m)
         nadir = matrix_from_quat(s.q_camera_from_eci_wxyz) @ (-r / np.linalg.norm(r))
         assert low - 0.1 <= np.degrees(np.arccos(nadir[2])) <= high + 0.1
-        assert np.linalg.norm(r) == pytest.approx(EARTH_RADIUS_M + plan.recipe.altitude_m, abs=30)
+        assert np.linalg.norm(r) == pytest.approx(EARTH_RADIUS_M + 1e3 * sky.altitude_km, abs=30)
 
 
 def test_camera_and_target_positions_agree_with_the_pose(plan, scenes):
@@ -82,7 +85,7 @@ def test_sample_depends_on_seed_and_number_alone():
 
 
 def test_unknown_recipe():
-    with pytest.raises(UserError, match=r"eval-black.*thesis.*eval-black-NAME"):
+    with pytest.raises(UserError, match=r"eval-earth.*eval-black-NAME"):
         plan_recipe("eval-red", 1)
 
 
@@ -90,12 +93,27 @@ def test_thesis_recipe_flies_the_thesis_geometry_with_its_noise():
     plan = plan_recipe("thesis", 1)
     assert plan.target.name == "tango-thesis"
     assert plan.scene(0).target.name == "tango-thesis"
-    assert (plan.recipe.sensor, plan.recipe.range_m) == ("thesis", (3.0, 18.0))
+    assert (plan.recipe.sensor.preset, plan.recipe.range.near_m, plan.recipe.range.far_m) == (
+        "thesis",
+        3.0,
+        18.0,
+    )
 
 
-def test_every_target_has_its_recipe():
-    assert {f"eval-black-{name}" for name in list_targets()} <= set(list_recipes())
-    assert len(set(list_recipes())) == len(RECIPES)
+def test_every_target_has_its_recipe_by_name_and_by_option():
+    for name in list_targets():
+        by_name = plan_recipe(f"eval-black-{name}", 3, seed=4)
+        by_option = plan_recipe("eval-black", 3, seed=4, target=name)
+        assert by_name.scene(2) == by_option.scene(2)
+        assert f"eval-black-{name}" not in list_recipes()
+
+
+@pytest.mark.parametrize("name", list_recipes())
+def test_every_recipe_is_read_and_has_what_a_list_shows(name):
+    recipe = load_recipe(name)
+    assert recipe.name == name
+    assert recipe.title
+    assert all(load_recipe(member).members == [] for member in recipe.members)
 
 
 def half_diagonal_m(target):
@@ -108,11 +126,11 @@ def test_every_target_is_as_large_in_the_image_as_tango(name):
     plan = plan_recipe(f"eval-black-{name}", 60, seed=2)
     tango = half_diagonal_m(load_target("tango"))
     size = half_diagonal_m(plan.target)
-    low, high = plan.recipe.range_m
+    low, high = plan.recipe.range.near_m, plan.recipe.range.far_m
     # ranges are rounded to a millimetre
     assert size / low == pytest.approx(tango / 3, rel=1e-3)
     assert size / high == pytest.approx(tango / 18, rel=1e-3)
-    assert plan.scenario_document["range_m"] == [low, high]
+    assert plan.scenario_document["range"] == {"kind": "uniform", "near_m": low, "far_m": high}
     z = [plan.scene(k).t_camera_from_target_m[2] for k in range(60)]
     assert low <= min(z) < low + 0.2 * (high - low)
     assert high - 0.2 * (high - low) < max(z) <= high
@@ -128,7 +146,7 @@ def test_the_range_of_a_recipe_is_the_origins_depth_and_that_of_a_flight_the_cen
     """As docs/conventions.md has it: a recipe's range is z of the pose label."""
     plan = plan_recipe("eval-black", 40)
     depths = [plan.scene(k).t_camera_from_target_m[2] for k in range(40)]
-    low, high = plan.recipe.range_m
+    low, high = plan.recipe.range.near_m, plan.recipe.range.far_m
     assert low <= min(depths) < low + 3
     assert high - 3 < max(depths) <= high
     scene, com = plan.scene(0), np.array(plan.target.mass.com_m)

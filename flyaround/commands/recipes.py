@@ -1,0 +1,116 @@
+"""recipes, backgrounds: what draws independent samples, their poses as a table, and what is behind them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from flyaround.commands.options import Device, Seed
+from flyaround.commands.terminal import progress_bar, say, terminal
+from simulator.errors import UserError
+from simulator.recipes.load import list_recipes, load_recipe, show_recipe
+from simulator.recipes.plan import plan_recipe
+from simulator.recipes.samples import samples_csv
+from simulator.runtime.files import empty_folder, write_atomic
+
+
+def recipes(
+    name: Annotated[str | None, typer.Argument(help="A recipe or its file, for --samples.")] = None,
+    show: Annotated[
+        str | None,
+        typer.Option(
+            "--show", help="Print this recipe as a TOML file to start from, every key in it or as a comment."
+        ),
+    ] = None,
+    samples: Annotated[
+        Path | None,
+        typer.Option(
+            "--samples",
+            help="Write the poses of its samples to this CSV file, without drawing; replaces an earlier one.",
+        ),
+    ] = None,
+    n: Annotated[
+        int | None, typer.Option("-n", min=1, help="Samples (default: the recipe's number).")
+    ] = None,
+    target: Annotated[
+        str | None, typer.Option("--target", help="Another craft than the recipe's own.")
+    ] = None,
+    seed: Seed = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """List the built-in recipes, print one to start from, or write the poses that one draws."""
+    if show is not None:
+        text = show_recipe(show)
+        typer.echo(json.dumps({"name": show, "toml": text}) if as_json else text, nl=as_json)
+        return
+    if samples is not None:
+        if name is None:
+            raise UserError("recipes --samples needs to know which: give a recipe's name or file before it")
+        plan = plan_recipe(name, n, seed=seed, target=target)
+        with progress_bar("samples", quiet=as_json) as progress:
+            write_atomic(samples, samples_csv(plan, progress).encode())
+        done = {"samples": str(samples), "n": plan.n_frames}
+        if as_json:
+            typer.echo(json.dumps(done))
+        else:
+            say(f"{plan.n_frames} samples of {plan.scenario_name} in {samples}")
+        return
+    if name is not None:
+        raise UserError(
+            f"recipes lists them all; for {name} alone: --show {name}, or --samples FILE.csv before drawing"
+        )
+    rows = [load_recipe(r) for r in list_recipes()]
+    if as_json:
+        typer.echo(
+            json.dumps(
+                [
+                    {
+                        "name": r.name,
+                        "title": r.title,
+                        "target": r.target,
+                        "frames": r.frames,
+                        "members": r.members,
+                    }
+                    for r in rows
+                ]
+            )
+        )
+        return
+    table = Table("name", "title", "target", "images")
+    for r in rows:
+        table.add_row(r.name, r.title, "" if r.members else r.target, f"{r.frames:,}")
+    terminal().print(table)
+    say(
+        "another craft: flyaround capture eval-black --target dragon -o DIR (eval-black-dragon is the same)\n"
+        "one of your own: flyaround recipes --show eval-earth > mine.toml, then name mine.toml instead"
+    )
+
+
+def backgrounds(
+    recipe: Annotated[str, typer.Argument(help="A recipe with a [background], such as paper-dragon.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the library: new or empty.")],
+    n: Annotated[
+        int | None, typer.Option("-n", min=1, help="Views from the first on (default: all of the library).")
+    ] = None,
+    gpu: Device = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
+) -> None:
+    """Draw the library of backgrounds that a recipe puts its craft before, without the craft."""
+    from simulator.dataset.backgrounds import write_library  # noqa: PLC0415 - slow to import: it draws
+
+    plan = plan_recipe(recipe, 1)
+    if plan.recipe.background is None:
+        raise UserError(
+            f"recipe {recipe} has no section [background]; its sky is drawn anew for each sample: name another recipe"
+        )
+    empty_folder(output)
+    with progress_bar("backgrounds", quiet=as_json) as progress:
+        count = write_library(plan, output, n, device_index=gpu, progress=progress)
+    if as_json:
+        typer.echo(json.dumps({"folder": str(output), "views": count}))
+    else:
+        say(f"{count} views in {output}: images/NNNNNN.png, and views.csv with where and how the camera was")

@@ -1,0 +1,68 @@
+"""The pictures of a background library, and the table of where and how the camera was for each."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from simulator.dataset.formats.native import encode_png
+from simulator.loop import FrameRequest, open_frames, whole_frame
+from simulator.recipes.backgrounds import draw_view, without_target
+from simulator.runtime.files import write_atomic
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from simulator.recipes.plan import RecipePlan
+
+COLUMNS = ("id", "rx_deg", "ry_deg", "rz_deg", "epoch_utc", "r_x_m", "r_y_m", "r_z_m", "redraws")
+
+
+def write_library(
+    plan: RecipePlan,
+    folder: Path,
+    n: int | None = None,
+    *,
+    device_index: int | None = None,
+    progress: Callable[[int, int], None] = lambda _done, _of: None,
+) -> int:
+    """Draw the first views of a plan's library with its camera and sensor into ``images/NNNNNN.png``.
+
+    Parameters
+    ----------
+    n : views; all of the library unless given. The table is ``views.csv``: Euler angles of the camera as
+        `simulator.recipes.euler_poses` has them, its geocentric place (GCRS), draws that were not as they must be.
+
+    Returns
+    -------
+    Number of views.
+
+    Raises
+    ------
+    UserError
+        If the recipe has no library, or it has fewer views.
+    """
+    library = plan.library(n)
+    count = library.views
+    (folder / "images").mkdir(parents=True)
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(COLUMNS)
+    with open_frames(
+        whole_frame, device_index=device_index, first=plan.scene(0), target=plan.target
+    ) as producer:
+        scenes = (without_target(plan.scene_before(library, i)) for i in range(count))
+        requests = (
+            FrameRequest(scene=replace(scene, frame_index=i), labels=False) for i, scene in enumerate(scenes)
+        )
+        for i, frame in enumerate(producer.frames(requests)):
+            write_atomic(folder / "images" / f"{i:06d}.png", encode_png(frame.image))
+            view = draw_view(library, plan.camera, i)
+            place = view.place
+            table.writerow([i, *view.euler_deg, place.now.iso(), *place.camera_eci_m, view.redraws])
+            progress(i + 1, count)
+    write_atomic(folder / "views.csv", text.getvalue().encode())
+    return count

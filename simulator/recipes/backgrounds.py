@@ -1,0 +1,124 @@
+"""Background libraries: views of a body from random places in orbit, the camera turned at random.
+
+View i depends on (library's seed, i) alone. A craft is drawn before the view itself, in its light, not over a picture
+of it; `flyaround backgrounds` draws the pictures of a library.
+
+References
+----------
+Hematulin et al. (2025), Aerospace 12(4) 334, algorithm 2: three Euler angles, each uniform in +-360 degrees.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.recipes.euler_poses import from_left_handed, quat_from_euler
+from simulator.recipes.sky import PlaceInSky, random_moment, sun_and_moon, uniform_direction
+from simulator.scene.sample import BackgroundView
+from simulator.world.ephemeris.bodies import BODIES
+from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from simulator.world.frames.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.recipes.file import Background
+    from simulator.runtime.arrays import FloatArray
+    from simulator.scene.state import SceneState
+
+MOST_DRAWS = 1000
+_SUNLIT, _DAY = 0.999, 0.05
+"""Share of the Sun's disc at the craft, and sine of its elevation on the ground, from which either is lit."""
+_OUT_OF_SIGHT_M = (0.0, 0.0, -1000.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DrawnView:
+    """One view of a library.
+
+    Parameters
+    ----------
+    euler_deg : of the camera, left-handed axes. redraws : of place and turn, until both were lit.
+    """
+
+    reference: BackgroundView
+    place: PlaceInSky
+    euler_deg: FloatArray
+    redraws: int
+
+
+def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
+    """View ``number`` of a library.
+
+    Parameters
+    ----------
+    camera : whose image must show the body's day side.
+
+    Raises
+    ------
+    UserError
+        If a thousand draws give no view that is as it must be.
+    """
+    rng = np.random.Generator(
+        np.random.SFC64(np.random.SeedSequence(library.seed, spawn_key=(number, 0xBAC6)))
+    )
+    body = BODIES[library.body]
+    for draw in range(MOST_DRAWS):
+        now = random_moment(rng)
+        up, angles = uniform_direction(rng), rng.uniform(-360.0, 360.0, 3)
+        along = np.cross(up, uniform_direction(rng))
+        R = matrix_from_quat(from_left_handed(quat_from_euler(angles)))
+        r_sun, r_moon = sun_and_moon(now, body)
+        centre, v_centre = body.geocentric_state(now)
+        r = (body.radius_m + library.altitude_km * 1e3) * up
+        pole = matrix_from_quat(q_itrs_from_eci(now))[2]
+        sunlit = sun_fraction_past_earth_and_moon(centre + r, r_sun, r_moon, pole) > _SUNLIT
+        to_sun = (r_sun - centre) / np.linalg.norm(r_sun - centre)
+        behind = R[:, 2] @ to_sun > -np.cos(np.radians(library.max_phase_deg))
+        if not sunlit or behind or _sunlit_share(camera, R, body.radius_m, r, to_sun) < library.least_share:
+            continue
+        place = PlaceInSky(
+            now=now,
+            body=library.body,
+            R_eci_from_camera=R,
+            camera_eci_m=centre + r,
+            centre_eci_m=centre,
+            centre_m_s=v_centre,
+            along_eci=along,
+            r_sun_eci_m=r_sun,
+            r_moon_eci_m=r_moon,
+        )
+        reference = BackgroundView(body=library.body, library_seed=library.seed, id=number)
+        return DrawnView(reference=reference, place=place, euler_deg=angles, redraws=draw)
+    raise UserError(
+        f"section [background]: a thousand draws give no sunlit view with a phase below {library.max_phase_deg:g} deg "
+        f"and the day side of {body.title} in {library.least_share:g} of the image: "
+        "widen max_phase_deg, or lower least_share"
+    )
+
+
+def without_target(scene: SceneState) -> SceneState:
+    """The scene with the craft out of sight: what a library's picture shows."""
+    return replace(scene, t_camera_from_target_m=_OUT_OF_SIGHT_M)
+
+
+def _sunlit_share(
+    camera: Camera, R_eci_from_camera: FloatArray, radius_m: float, r_m: FloatArray, to_sun: FloatArray
+) -> float:
+    """Share of a grid of pixels that show the body's sunlit ground.
+
+    Parameters
+    ----------
+    r_m : (3,) camera from the body's centre. to_sun : (3,) unit vector.
+    """
+    u, v = np.meshgrid(np.linspace(0, camera.width_px - 1, 13), np.linspace(0, camera.height_px - 1, 10))
+    rays = camera.rays(np.stack([u.ravel(), v.ravel()], axis=1)) @ R_eci_from_camera.T
+    along = rays @ r_m
+    inside = along**2 - r_m @ r_m + radius_m**2
+    met = (inside > 0) & (along < 0)
+    ground = r_m + (-along - np.sqrt(np.maximum(inside, 0)))[:, None] * rays
+    return float(np.mean(met & (ground @ to_sun > _DAY * radius_m)))

@@ -1,0 +1,49 @@
+"""Poses by Euler angles in left-handed axes, as the data-set paper draws and writes them.
+
+Its axes are those of the engine it draws with: x right, y up, z forward, left-handed. Ours have y down and are
+right-handed: the mirror y -> -y of both the camera's axes and the model's takes a position (x, y, z) to (x, -y, z) and
+a rotation (w, x, y, z) to (w, -x, y, -z).
+
+References
+----------
+Hematulin et al. (2025), Generating Large-Scale Datasets for Spacecraft Pose Estimation via a High-Resolution Synthetic
+Image Renderer, Aerospace 12(4) 334, equations 1 and 3 to 6, algorithm 1.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from simulator.runtime.arrays import FloatArray
+
+
+def quat_from_euler(euler_deg: ArrayLike) -> FloatArray:
+    """(4,) quaternion, scalar first, of turns by rx about x, then ry about y, then rz about z, axes fixed.
+
+    Equations 3 to 6; the text of the paper has lost the minus signs of the second and the fourth.
+    """
+    half = np.radians(np.asarray(euler_deg, float)) / 2
+    (sx, sy, sz), (cx, cy, cz) = np.sin(half), np.cos(half)
+    return np.array(
+        [
+            cx * cy * cz + sx * sy * sz,
+            sx * cy * cz - cx * sy * sz,
+            cx * sy * cz + sx * cy * sz,
+            cx * cy * sz - sx * sy * cz,
+        ]
+    )
+
+
+def from_left_handed(q_wxyz: ArrayLike) -> FloatArray:
+    """(4,) the same rotation with both axes mirrored by y -> -y; its own inverse."""
+    return np.asarray(q_wxyz, float) * (1.0, -1.0, 1.0, -1.0)
+
+
+def to_left_handed(position_m: ArrayLike) -> FloatArray:
+    """(3,) the same point with y upwards instead of downwards, or the other way round."""
+    return np.asarray(position_m, float) * (1.0, -1.0, 1.0)

@@ -1,0 +1,213 @@
+"""The recipe file as typed, frozen data: what is drawn, and from where to where; units in the keys."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from simulator.camera.lens.files import CameraFile
+from simulator.camera.sections import OpticsSection
+from simulator.runtime.sections import Degrees, Metres, Range, Section
+from simulator.scenario.scenario import Output, SensorSection
+from simulator.scene.environments import EnvironmentName, EnvironmentSection
+from simulator.scene.illumination.lamp import Lamp
+from simulator.world.ephemeris.bodies import BodyName
+
+Share = Annotated[float, Meta(ge=0, le=1)]
+Angle = Annotated[float, Meta(ge=0, le=180)]
+Count = Annotated[int, Meta(ge=1, le=10_000_000)]
+AltitudeKm = Annotated[float, Meta(ge=20, le=100_000)]
+
+
+class UniformRange(Section, frozen=True, kw_only=True, tag_field="kind", tag="uniform"):
+    """Depth of the model's origin along the camera's z: uniform."""
+
+    near_m: Range
+    far_m: Range
+
+
+class ScaledRange(Section, frozen=True, kw_only=True, tag_field="kind", tag="scaled"):
+    """Uniform, from and to where a target is as large in the image as Tango is at ``near_m`` and ``far_m``."""
+
+    near_m: Range = 3.0
+    far_m: Range = 18.0
+
+
+class NormalRange(Section, frozen=True, kw_only=True, tag_field="kind", tag="normal"):
+    """Normal about ``mean_m``; what falls outside of ``near_m`` to ``far_m`` is drawn again."""
+
+    mean_m: Metres
+    sigma_m: Range
+    near_m: Range
+    far_m: Range
+
+
+class InverseRange(Section, frozen=True, kw_only=True, tag_field="kind", tag="inverse"):
+    """Uniform in one over the depth: every size in the image as often."""
+
+    near_m: Range
+    far_m: Range
+
+
+class UniformAttitude(Section, frozen=True, kw_only=True, tag_field="kind", tag="uniform"):
+    """Uniform on SO(3)."""
+
+
+class EulerAttitude(Section, frozen=True, kw_only=True, tag_field="kind", tag="euler"):
+    """Three Euler angles, each uniform, as the data-set paper has it: not uniform on SO(3)."""
+
+    from_deg: Degrees = -360.0
+    to_deg: Degrees = 360.0
+
+
+class FacingAttitude(Section, frozen=True, kw_only=True, tag_field="kind", tag="facing"):
+    """For flat boards: z looks at the camera within an angle, all over the image; it sets range and placement too."""
+
+    within_deg: Annotated[float, Meta(gt=0, lt=80)] = 45.0
+
+
+class InViewPlacement(Section, frozen=True, kw_only=True, tag_field="kind", tag="in_view"):
+    """Uniform in the image, the bounding sphere within it; on the axis where that is larger."""
+
+
+class BoundsPlacement(Section, frozen=True, kw_only=True, tag_field="kind", tag="bounds"):
+    """x and y uniform within bounds that grow with the depth: ``x_m`` and ``y_m`` at depth ``at_m``."""
+
+    x_m: Annotated[float, Meta(ge=0, le=1e5)]
+    y_m: Annotated[float, Meta(ge=0, le=1e5)]
+    at_m: Range
+
+
+class NormalPlacement(Section, frozen=True, kw_only=True, tag_field="kind", tag="normal"):
+    """Normal about the middle of the image, in halves of its width and height; origins outside are drawn again."""
+
+    sigma: Annotated[float, Meta(ge=0, le=2)] = 0.3
+
+
+class PoseList(Section, frozen=True, kw_only=True, tag_field="kind", tag="list"):
+    """Poses of a CSV file beside the recipe, one after the other: as `render --poses` or as `recipes --samples`."""
+
+    file: str
+
+
+class AboutTrajectory(Section, frozen=True, kw_only=True, tag_field="kind", tag="trajectory"):
+    """Poses, light and sky of moments of a scenario's flight, with deviations if wanted.
+
+    ``moments`` are evenly spaced over the flight, or random ones. ``scenario`` is a built-in name or a file.
+    """
+
+    scenario: str
+    moments: Literal["even", "random"] = "random"
+    position_sigma_m: Annotated[float, Meta(ge=0, le=1e4)] = 0.0
+    attitude_sigma_deg: Annotated[float, Meta(ge=0, le=180)] = 0.0
+
+
+class Sequences(Section, frozen=True, kw_only=True, tag_field="kind", tag="sequences"):
+    """Flights of a scenario, each from its own start: ``frames`` of them ``every_s`` apart.
+
+    Each starts at a random place of the orbit and at ``range_m`` from the target, whose attitude is uniform on SO(3)
+    and which turns about a random axis at a rate out of ``rate_deg_s``.
+    """
+
+    scenario: str
+    frames: Annotated[int, Meta(ge=2, le=100_000)]
+    every_s: Annotated[float, Meta(gt=0, le=3600)]
+    range_m: tuple[Range, Range]
+    rate_deg_s: tuple[Annotated[float, Meta(ge=0, le=90)], Annotated[float, Meta(ge=0, le=90)]]
+
+
+class Sky(Section, frozen=True, kw_only=True):
+    """Sun and nadir in camera axes, then a moment of the year and a place above the body that give them.
+
+    ``max_phase_deg``: largest angle at the target between Sun and camera, uniform in solid angle.
+    ``nadir_off_boresight_deg``: angle between boresight and nadir, uniform in solid angle; 64 degrees puts the Earth's
+    limb on the boresight at 700 km. ``night_share``: of samples whose ground below is dark. ``share``: of several
+    skies.
+    """
+
+    share: Annotated[float, Meta(gt=0, le=1)] = 1.0
+    body: BodyName = "earth"
+    altitude_km: AltitudeKm = 700.0
+    nadir_off_boresight_deg: tuple[Angle, Angle]
+    max_phase_deg: Angle = 120.0
+    night_share: Share = 0.1
+    least_sun_elevation_sine: Annotated[float, Meta(ge=-1, le=0.99)] | None = None
+
+
+class Background(Section, frozen=True, kw_only=True):
+    """A library of ``views`` of the sky, from random places above a body with the camera turned at random.
+
+    The place is sunlit and the Sun at most ``max_phase_deg`` behind the target, so that a craft there has light;
+    ``least_share``: of the image that must show the body's day side; place and turn are drawn again until it does.
+    """
+
+    body: BodyName = "earth"
+    views: Count = 3000
+    seed: Annotated[int, Meta(ge=0, le=2**53 - 1)] = 0
+    altitude_km: AltitudeKm = 400.0
+    max_phase_deg: Annotated[float, Meta(ge=10, le=180)] = 120.0
+    least_share: Share = 0.0
+
+
+class Constraints(Section, frozen=True, kw_only=True):
+    """What a pose must be; one that is not is drawn again, and counted.
+
+    ``clearance_m``: from the camera to the nearest point of the mesh. ``origin_in_image``: the model's origin is.
+    ``inside``: least share of the box about the projected mesh that is in the image. ``most_draws``: then it gives up.
+    """
+
+    clearance_m: Annotated[float, Meta(gt=0, le=1e4)] | None = None
+    origin_in_image: bool = False
+    inside: Annotated[float, Meta(gt=0, le=1)] | None = None
+    most_draws: Annotated[int, Meta(ge=1, le=100_000)] = 1000
+
+
+class Pairs(Section, frozen=True, kw_only=True):
+    """Every sample once in each of these environments."""
+
+    environments: Annotated[list[EnvironmentName], Meta(min_length=2, max_length=8)]
+
+
+AnyRange = UniformRange | ScaledRange | NormalRange | InverseRange
+AnyAttitude = UniformAttitude | EulerAttitude | FacingAttitude
+AnyPlacement = InViewPlacement | BoundsPlacement | NormalPlacement
+AnyPoses = PoseList | AboutTrajectory | Sequences
+
+
+class Recipe(Section, frozen=True, kw_only=True):
+    """A recipe file, read and checked.
+
+    ``base`` names a built-in recipe or a file beside this one, whose sections stand where this file has none of that
+    name. A recipe with ``members`` is the data sets of those recipes. ``frames`` are drawn where no number is asked
+    for. ``poses`` take the place of range, attitude and placement; of flights also that of the sky.
+    """
+
+    schema: Literal["flyaround.recipe"] = "flyaround.recipe"
+    version: Literal[1] = 1
+    name: str = ""
+    title: str = ""
+    description: str = ""
+    base: str = ""
+    members: Annotated[list[str], Meta(max_length=100)] = msgspec.field(default_factory=list)
+    target: str = "tango"
+    frames: Count = 20
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
+    split: Annotated[list[Count], Meta(max_length=10)] = msgspec.field(default_factory=list)
+    range: AnyRange = ScaledRange()
+    attitude: AnyAttitude = UniformAttitude()
+    placement: AnyPlacement = InViewPlacement()
+    poses: AnyPoses | None = None
+    sky: Annotated[list[Sky], Meta(min_length=1, max_length=100)] = msgspec.field(
+        default_factory=lambda: [Sky(nadir_off_boresight_deg=(0.0, 66.0))]
+    )
+    background: Background | None = None
+    constraints: Constraints = Constraints()
+    pairs: Pairs | None = None
+    camera: str | CameraFile = "speed"
+    sensor: SensorSection = SensorSection()
+    optics: OpticsSection = OpticsSection()
+    environment: EnvironmentSection = EnvironmentSection()
+    lamp: Lamp | None = None
+    output: Output = Output()

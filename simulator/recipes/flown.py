@@ -1,0 +1,140 @@
+"""Samples out of flights: about one trajectory, or sequences that start at random."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.recipes.file import AboutTrajectory, Sequences
+from simulator.recipes.poses import uniform_attitude
+from simulator.recipes.sky import uniform_direction
+from simulator.runtime.arrays import vec3
+from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import Plan, plan_flight
+from simulator.scenario.poses import scene_with_pose
+from simulator.scene.sample import Sample, SequenceStep
+from simulator.world.frames.pose import Pose
+from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
+from simulator.world.orbit.initial_orbit import ElementsOrbit
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from simulator.recipes.file import Recipe
+    from simulator.scenario.scenario import Scenario
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+_SEQUENCES = 0x5E0
+
+
+def flown_scene(
+    rng: Generator, recipe: Recipe, target: Target, seed: int, k: int, n_frames: int
+) -> SceneState:
+    """Sample k of a recipe whose poses are flown, with the light and the sky of its moment."""
+    poses = recipe.poses
+    if isinstance(poses, Sequences):
+        number, step = divmod(k, poses.frames)
+        plan = _sequence(_Asked(recipe, target.name, seed, number))
+        scene = plan.shifted((step * poses.every_s,)).scene(0)
+        return replace(scene, sample=Sample(sequence=SequenceStep(sequence=number, step=step)))
+    if not isinstance(poses, AboutTrajectory):
+        raise TypeError("poses are of no flight")
+    plan = _trajectory(_Asked(recipe, target.name, seed, 0))
+    duration = plan.scenario.duration_s
+    share = k / max(n_frames - 1, 1) if poses.moments == "even" else float(rng.random())
+    scene = plan.shifted((share * duration,)).scene(0)
+    if not poses.position_sigma_m and not poses.attitude_sigma_deg:
+        return scene
+    off = rng.normal(0.0, poses.position_sigma_m, 3)
+    turn = rng.normal(0.0, np.radians(poses.attitude_sigma_deg), 3)
+    q = quat_multiply(scene.q_camera_from_target_wxyz, quat_from_rotvec(turn))
+    pose = Pose.of("camera", "target", q, np.asarray(scene.t_camera_from_target_m) + off)
+    return scene_with_pose(scene, target, pose, k)
+
+
+class _Asked:
+    """A flight of a recipe, told apart by what it depends on."""
+
+    def __init__(self, recipe: Recipe, target: str, seed: int, number: int) -> None:
+        self.recipe, self.target, self.seed, self.number = recipe, target, seed, number
+        self._key = (msgspec.json.encode(recipe), target, seed, number)
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Asked) and self._key == other._key
+
+
+@lru_cache(maxsize=2)
+def _trajectory(asked: _Asked) -> Plan:
+    """The one flight of a recipe about a trajectory."""
+    poses = asked.recipe.poses
+    if not isinstance(poses, AboutTrajectory):
+        raise TypeError("poses are about no trajectory")
+    return _as_seen(_template(poses.scenario, asked), asked)
+
+
+@lru_cache(maxsize=8)
+def _sequence(asked: _Asked) -> Plan:
+    """The flight of one sequence: its own start, attitude and rate."""
+    poses = asked.recipe.poses
+    if not isinstance(poses, Sequences):
+        raise TypeError("poses are no sequences")
+    rng = np.random.Generator(
+        np.random.SFC64(np.random.SeedSequence(asked.seed, spawn_key=(asked.number, _SEQUENCES)))
+    )
+    scenario = _template(poses.scenario, asked)
+    distance, rate = float(rng.uniform(*poses.range_m)), float(rng.uniform(*poses.rate_deg_s))
+    attitude = msgspec.structs.replace(
+        scenario.attitude,
+        q_wxyz=tuple(float(x) for x in uniform_attitude(rng)),
+        euler_deg=None,
+        rate_deg_s=vec3(rate * uniform_direction(rng)),
+    )
+    orbit = scenario.orbit
+    if isinstance(orbit, ElementsOrbit):
+        orbit = msgspec.structs.replace(orbit, true_anomaly_deg=float(rng.uniform(0.0, 360.0)))
+    start = getattr(scenario.chaser, "position_lvlh_m", None)
+    if start is None or not np.any(start):
+        raise UserError(
+            f"recipe {asked.recipe.name}: section [poses]: the chaser of scenario {poses.scenario} has no start "
+            "position_lvlh_m to bring to range_m; name a scenario that has (mode hold, drift, keep_range)"
+        )
+    place = np.asarray(start, float)
+    chaser = msgspec.structs.replace(
+        scenario.chaser, position_lvlh_m=vec3(place * distance / np.linalg.norm(place))
+    )
+    duration = poses.every_s * (poses.frames - 1)
+    scenario = msgspec.structs.replace(
+        scenario, attitude=attitude, orbit=orbit, chaser=chaser, duration_s=duration, burns=[]
+    )
+    return _as_seen(scenario, asked)
+
+
+def _template(name: str, asked: _Asked) -> Scenario:
+    try:
+        return load_scenario(name)
+    except UserError as error:
+        raise UserError(f"recipe {asked.recipe.name}: section [poses]: {error}") from error
+
+
+def _as_seen(scenario: Scenario, asked: _Asked) -> Plan:
+    """The flight with the recipe's target, camera, sensor, optics and layers."""
+    r = asked.recipe
+    seen = msgspec.structs.replace(
+        scenario,
+        target=asked.target,
+        camera=r.camera,
+        sensor=r.sensor,
+        optics=r.optics,
+        environment=r.environment,
+        lamp=r.lamp,
+    )
+    return plan_flight(seen, times=(0.0,), seed=asked.seed)

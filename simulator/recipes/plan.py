@@ -1,0 +1,349 @@
+"""The plan of a recipe: its samples by number, each from (recipe, seed, number) alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from simulator.camera.lens.camera_model import Camera
+from simulator.camera.lens.files import read_camera_file
+from simulator.camera.sections import read_part
+from simulator.errors import UserError
+from simulator.imaging.metering import wanted_exposure_s
+from simulator.recipes.backgrounds import draw_view
+from simulator.recipes.checks import check_with_target
+from simulator.recipes.clearance import is_clear, share_inside
+from simulator.recipes.file import AboutTrajectory, FacingAttitude, PoseList, Recipe, Sequences
+from simulator.recipes.flown import flown_scene
+from simulator.recipes.load import load_recipe
+from simulator.recipes.poses import DrawnPose, draw_pose, resolved_range
+from simulator.recipes.sky import choose_sky, place_in_sky, sun_and_nadir
+from simulator.runtime.arrays import quat, vec3
+from simulator.scenario.poses import read_poses
+from simulator.scene.environments import Environment, environment_preset
+from simulator.scene.illumination.bands import Bands
+from simulator.scene.sample import PairMember, Sample
+from simulator.scene.state import Quality, SceneState, TargetRef
+from simulator.targets.library import load_target
+from simulator.targets.model import Target
+from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from simulator.world.ephemeris.moon_orientation import q_moon_from_eci
+from simulator.world.frames.pose import Pose
+from simulator.world.frames.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.random import Generator
+
+    from simulator.recipes.file import Background
+    from simulator.recipes.sky import PlaceInSky
+    from simulator.scene.sample import BackgroundView
+
+_SAMPLES, _VIEWS = 0x5CE2E, 0xBAC60
+"""Streams of random numbers: of a sample, and of which view is behind it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RecipePlan:
+    """``n_frames`` samples; the same face as ``simulator.scenario.plan.Plan`` to a capture.
+
+    Parameters
+    ----------
+    environment : layers of the world instead of the recipe's.
+    """
+
+    recipe: Recipe
+    target: Target
+    camera: Camera
+    n_frames: int
+    seed: int
+    bands: Bands = "mono"
+    quality: Quality = "default"
+    environment: Environment | None = None
+    every_s: float | None = None
+
+    @property
+    def scenario_name(self) -> str:
+        """Name of the recipe."""
+        return self.recipe.name
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Label layers that the recipe asks for."""
+        return self.recipe.output.labels
+
+    @property
+    def scenario_document(self) -> dict[str, Any]:
+        """The recipe as a JSON-able document."""
+        return dict(msgspec.json.decode(msgspec.json.encode(self.recipe)))
+
+    def scene(self, k: int) -> SceneState:
+        """Sample k.
+
+        Raises
+        ------
+        UserError
+            If no pose is as the recipe's constraints have it.
+        """
+        pairs = self.recipe.pairs
+        if pairs is None:
+            return self._sample(k, k)
+        pair, member = divmod(k, len(pairs.environments))
+        name = pairs.environments[member]
+        scene = self._sample(pair, k)
+        return _with_sample(
+            replace(scene, environment=environment_preset(name)), pair=PairMember(pair=pair, environment=name)
+        )
+
+    def next_scene(self, k: int) -> SceneState | None:
+        """The scene after sample k's in its sequence; None where samples are independent."""
+        poses = self.recipe.poses
+        if not isinstance(poses, Sequences) or self.recipe.pairs is not None:
+            return None
+        return self.scene(k + 1) if k + 1 < self.n_frames and (k + 1) % poses.frames else None
+
+    def library(self, views: int | None = None) -> Background:
+        """The recipe's library of backgrounds, or its first views.
+
+        Raises
+        ------
+        UserError
+            If it has none, or not so many.
+        """
+        library = self.recipe.background
+        if library is None:
+            raise UserError(f"recipe {self.recipe.name} has no section [background]; name another recipe")
+        if views is not None and views > library.views:
+            raise UserError(
+                f"recipe {self.recipe.name}: {views} views are asked for, and its library has {library.views}; ask for "
+                "less, or raise views in its section [background]"
+            )
+        return library if views is None else msgspec.structs.replace(library, views=views)
+
+    def scene_before(self, library: Background, number: int) -> SceneState:
+        """A scene before one view of a library, the target on the axis."""
+        drawn = DrawnPose(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 1000.0]))
+        return self._placed(number, drawn, draw_view(library, self.camera, number).place)
+
+    def _sample(self, k: int, frame_index: int) -> SceneState:
+        """Sample k as the frame of another number."""
+        rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence(self.seed, spawn_key=(k, _SAMPLES))))
+        recipe = self.recipe
+        if isinstance(recipe.poses, AboutTrajectory | Sequences):
+            scene = flown_scene(rng, recipe, self.target, self.seed, k, self.n_frames)
+            scene = replace(scene, seed=self.seed, bands=self.bands, quality=self.quality, camera=self.camera)
+            scene = scene if self.environment is None else replace(scene, environment=self.environment)
+            return replace(scene, frame_index=frame_index)
+        if isinstance(recipe.poses, PoseList):
+            pose = _listed(recipe.poses.file)[k]
+            redraws: dict[str, int] = {}
+            drawn = DrawnPose(np.asarray(pose.q_wxyz), np.asarray(pose.t_m))
+        else:
+            drawn, redraws = self._constrained_pose(rng, k)
+        view: BackgroundView | None = None
+        if recipe.background is not None:
+            library = recipe.background
+            among = np.random.Generator(
+                np.random.SFC64(np.random.SeedSequence(self.seed, spawn_key=(k, _VIEWS)))
+            )
+            behind = draw_view(library, self.camera, int(among.integers(library.views)))
+            place, view = behind.place, behind.reference
+        else:
+            sky = choose_sky(rng, recipe.sky)
+            place = place_in_sky(rng, sky, drawn.t_camera_from_target_m, *sun_and_nadir(rng, sky))
+        scene = self._placed(frame_index, drawn, place)
+        return _with_sample(scene, redraws=redraws, raw=drawn.raw, background=view)
+
+    def _constrained_pose(self, rng: Generator, k: int) -> tuple[DrawnPose, dict[str, int]]:
+        """The first pose that is as the constraints have it, and how often each of them was broken."""
+        c = self.recipe.constraints
+        redraws = {
+            name: 0
+            for name, asked in (
+                ("clearance_m", c.clearance_m is not None),
+                ("origin_in_image", c.origin_in_image),
+                ("inside", c.inside is not None),
+            )
+            if asked
+        }
+        while True:
+            drawn = draw_pose(rng, self.recipe, self.camera, self.target, k)
+            broken = self._broken(drawn)
+            if broken is None:
+                return drawn, redraws
+            redraws[broken] += 1
+            if sum(redraws.values()) >= c.most_draws:
+                worst = max(redraws, key=lambda name: redraws[name])
+                raise UserError(
+                    f"recipe {self.recipe.name}: {c.most_draws} poses in a row for sample {k} break its constraints, "
+                    f"most of them ({redraws[worst]}) {worst} = {_toml(getattr(c, worst))}, with {self.target.name} at "
+                    f"{_bounds(self.recipe, self.target)}: widen [range] or [placement], or loosen "
+                    f"{worst} in [constraints]"
+                )
+
+    def _broken(self, drawn: DrawnPose) -> str | None:
+        """The first constraint that a pose breaks."""
+        c, camera = self.recipe.constraints, self.camera
+        pose = Pose.of("camera", "target", drawn.q_camera_from_target_wxyz, drawn.t_camera_from_target_m)
+        if c.clearance_m is not None and not is_clear(pose, self.target, c.clearance_m):
+            return "clearance_m"
+        if c.origin_in_image:
+            pixel = camera.project(drawn.t_camera_from_target_m)
+            if not np.all((pixel >= -0.5) & (pixel <= [camera.width_px - 0.5, camera.height_px - 0.5])):
+                return "origin_in_image"
+        if c.inside is not None and share_inside(pose, self.target, camera) < c.inside:
+            return "inside"
+        return None
+
+    def _placed(self, frame_index: int, drawn: DrawnPose, place: PlaceInSky) -> SceneState:
+        q, t, now = drawn.q_camera_from_target_wxyz, drawn.t_camera_from_target_m, place.now
+        recipe = self.recipe
+        com = place.R_eci_from_camera @ (matrix_from_quat(q) @ np.asarray(self.target.mass.com_m))
+        origin = place.origin_eci_m
+        if origin is None:
+            origin = place.camera_eci_m + place.R_eci_from_camera @ t
+        r_target = origin + com
+        v = place.velocity_m_s(r_target)
+        q_ie = q_itrs_from_eci(now)
+        where = f"recipe {recipe.name}"
+        scene = SceneState(
+            epoch_utc=now.iso(),
+            t_s=0.0,
+            frame_index=frame_index,
+            seed=self.seed,
+            camera=self.camera,
+            sensor=recipe.sensor.model(_camera_file(recipe), where),
+            exposure_s=recipe.sensor.exposure_s,
+            optics=recipe.optics.optics(),
+            shutter=recipe.sensor.shutter_model,
+            quality=self.quality,
+            bands=self.bands,
+            environment=recipe.environment.layers() if self.environment is None else self.environment,
+            target=TargetRef(name=self.target.name, sha256=self.target.sha256),
+            q_camera_from_target_wxyz=quat(q),
+            t_camera_from_target_m=vec3(t),
+            omega_target_rad_s=(0.0, 0.0, 0.0),
+            v_target_camera_m_s=(0.0, 0.0, 0.0),
+            r_camera_eci_m=vec3(place.camera_eci_m),
+            v_camera_eci_m_s=vec3(v),
+            q_camera_from_eci_wxyz=quat(place.q_camera_from_eci_wxyz),
+            omega_camera_rad_s=(0.0, 0.0, 0.0),
+            r_target_eci_m=vec3(r_target),
+            v_target_eci_m_s=vec3(v),
+            r_sun_eci_m=vec3(place.r_sun_eci_m),
+            r_moon_eci_m=vec3(place.r_moon_eci_m),
+            q_itrs_from_eci_wxyz=quat(q_ie),
+            q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
+            sun_visible_fraction=sun_fraction_past_earth_and_moon(
+                r_target, place.r_sun_eci_m, place.r_moon_eci_m, matrix_from_quat(q_ie)[2]
+            ),
+            central_body=place.body,
+            lamp=recipe.lamp,
+        )
+        auto = recipe.sensor.metering(where)
+        return (
+            scene if auto is None else replace(scene, exposure_s=wanted_exposure_s(auto, scene, self.target))
+        )
+
+
+def plan_recipe(
+    name: str | Path | Recipe,
+    n: int | None = None,
+    *,
+    seed: int | None = None,
+    target: str | None = None,
+    bands: Bands | None = None,
+    quality: Quality | None = None,
+    camera: str | Path | None = None,
+    environment: Environment | None = None,
+) -> RecipePlan:
+    """A plan of ``n`` samples of a recipe.
+
+    Parameters
+    ----------
+    name : of a built-in recipe, a file, or the recipe itself. n : the recipe's own number unless given.
+    target, camera : name or file of one to use instead of the recipe's. environment : layers of the world, likewise.
+
+    Raises
+    ------
+    UserError
+        If there is no recipe of that name, or its bounds are impossible: what makes them so.
+    """
+    recipe = name if isinstance(name, Recipe) else load_recipe(name)
+    if recipe.members:
+        raise UserError(
+            f"recipe {recipe.name} is {len(recipe.members)} data sets: plan one of {', '.join(recipe.members)}"
+        )
+    if seed is not None and seed < 0:
+        raise UserError(f"the seed is {seed}, allowed: 0 or more")
+    if camera is not None:
+        recipe = msgspec.structs.replace(recipe, camera=read_camera_file(camera))
+    craft = load_target(target or recipe.target)
+    # the range and the target that were drawn from stand in the data set's card
+    recipe = msgspec.structs.replace(
+        recipe, target=craft.name if target is None else target, range=resolved_range(recipe.range, craft)
+    )
+    where = f"recipe {recipe.name}"
+    whole = _camera_file(recipe).camera(f"camera of {where}")
+    plan = RecipePlan(
+        recipe=recipe,
+        target=craft,
+        camera=read_part(whole, recipe.sensor.roi_px, recipe.sensor.binning, where),
+        n_frames=_count(recipe, n),
+        seed=recipe.seed if seed is None else seed,
+        bands=bands or recipe.output.bands,
+        quality=quality or recipe.output.quality,
+        environment=environment,
+    )
+    check_with_target(recipe, craft)
+    plan.scene(0)  # what is impossible is said before anything is written
+    return plan
+
+
+def _count(recipe: Recipe, n: int | None) -> int:
+    """Number of frames, no more than a list of poses has."""
+    if not isinstance(recipe.poses, PoseList):
+        return recipe.frames if n is None else n
+    there = len(_listed(recipe.poses.file)) * (1 if recipe.pairs is None else len(recipe.pairs.environments))
+    if n is not None and n > there:
+        raise UserError(
+            f"recipe {recipe.name}: {n} frames are asked for, and {recipe.poses.file} has poses for {there}; "
+            f"give -n {there} or less, or a longer list"
+        )
+    return there if n is None else n
+
+
+@lru_cache(maxsize=2)
+def _listed(file: str) -> tuple[Pose, ...]:
+    from pathlib import Path  # noqa: PLC0415 - needed here alone at run time
+
+    return read_poses(Path(file))
+
+
+def _camera_file(recipe: Recipe) -> Any:  # noqa: ANN401 - loaded, a recipe's camera is the camera itself
+    return read_camera_file(recipe.camera) if isinstance(recipe.camera, str) else recipe.camera
+
+
+def _with_sample(scene: SceneState, **fields: Any) -> SceneState:  # noqa: ANN401 - of `Sample`
+    """The scene with what was drawn for it; a record says nothing of what is nothing."""
+    before = Sample() if isinstance(scene.sample, msgspec.UnsetType) else scene.sample
+    sample = msgspec.structs.replace(before, **fields)
+    return scene if sample == Sample() else replace(scene, sample=sample)
+
+
+def _bounds(recipe: Recipe, target: Target) -> str:
+    """The range in words."""
+    if isinstance(recipe.attitude, FacingAttitude):
+        return "the distance at which it fills its place"
+    kind = resolved_range(recipe.range, target)
+    return f"{kind.near_m:g} to {kind.far_m:g} m"
+
+
+def _toml(value: object) -> str:
+    return {True: "true", False: "false"}.get(value, f"{value}") if isinstance(value, bool) else f"{value:g}"

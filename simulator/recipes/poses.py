@@ -1,0 +1,148 @@
+"""Poses by a recipe: depth, attitude, then the place in the image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.recipes.board_poses import board_pose
+from simulator.recipes.euler_poses import from_left_handed, quat_from_euler, to_left_handed
+from simulator.recipes.file import (
+    BoundsPlacement,
+    EulerAttitude,
+    FacingAttitude,
+    InverseRange,
+    NormalPlacement,
+    NormalRange,
+    ScaledRange,
+    UniformRange,
+)
+from simulator.runtime.arrays import quat, vec3
+from simulator.scene.sample import RawPose
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.recipes.file import AnyPlacement, AnyRange, Recipe
+    from simulator.runtime.arrays import FloatArray
+    from simulator.targets.model import Target
+
+MOST_DRAWS = 10_000
+TANGO_SIZE_M = 0.80320
+"""Half the diagonal of the box about Tango."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnPose:
+    """A pose of the target in the camera, and the Euler angles where it was drawn as such."""
+
+    q_camera_from_target_wxyz: FloatArray
+    t_camera_from_target_m: FloatArray
+    raw: RawPose | None = None
+
+
+def draw_pose(rng: Generator, recipe: Recipe, camera: Camera, target: Target, k: int) -> DrawnPose:
+    """One pose by a recipe's range, attitude and placement.
+
+    Parameters
+    ----------
+    k : number of the sample, by which boards go all over the image.
+
+    Raises
+    ------
+    UserError
+        If the recipe's bounds leave nothing to draw.
+    """
+    attitude = recipe.attitude
+    if isinstance(attitude, FacingAttitude):
+        return DrawnPose(*board_pose(rng, camera, target, k, attitude.within_deg))
+    z = _depth_m(rng, recipe.range, target)
+    if isinstance(attitude, EulerAttitude):
+        angles = rng.uniform(attitude.from_deg, attitude.to_deg, 3)
+        q_raw = quat_from_euler(angles)
+        q = from_left_handed(q_raw)
+        t = _translation_m(rng, recipe.placement, camera, target, z)
+        position = t * (1.0, -1.0, 1.0)
+        raw = RawPose(position_m=vec3(position), euler_deg=vec3(angles), q_wxyz=quat(q_raw))
+        return DrawnPose(q if q[0] >= 0 else -q, t, raw)
+    q = uniform_attitude(rng)
+    return DrawnPose(q, _translation_m(rng, recipe.placement, camera, target, z))
+
+
+def resolved_range(kind: AnyRange, target: Target) -> AnyRange:
+    """The range with its numbers: a scaled one is worked out for the target."""
+    if not isinstance(kind, ScaledRange):
+        return kind
+    near, far = scaled_range_m(target, (kind.near_m, kind.far_m))
+    return UniformRange(near_m=near, far_m=far)
+
+
+def scaled_range_m(target: Target, tango_m: tuple[float, float] = (3.0, 18.0)) -> tuple[float, float]:
+    """Where a target is as large in the image as Tango at two ranges [m], from the size of its mesh."""
+    corners = np.concatenate([(p.positions_m.min(axis=0), p.positions_m.max(axis=0)) for p in target.parts])
+    size_m = float(np.linalg.norm(np.ptp(corners.astype(float), axis=0))) / 2
+    near, far = (round(r * size_m / TANGO_SIZE_M, 3) for r in tango_m)
+    return near, far
+
+
+def uniform_attitude(rng: Generator) -> FloatArray:
+    """Uniform on SO(3): a normalised 4-vector of normals (Marsaglia 1972), with w >= 0."""
+    q = rng.standard_normal(4)
+    q /= np.linalg.norm(q)
+    return np.asarray(q if q[0] >= 0 else -q, float)
+
+
+@lru_cache(maxsize=8)
+def radius_m(target: Target) -> float:
+    """Distance of the mesh's farthest vertex from the model's origin [m]."""
+    return float(max(np.linalg.norm(p.positions_m, axis=1).max() for p in target.parts))
+
+
+def _depth_m(rng: Generator, kind: AnyRange, target: Target) -> float:
+    kind = resolved_range(kind, target)
+    if isinstance(kind, InverseRange):
+        return 1 / float(rng.uniform(1 / kind.far_m, 1 / kind.near_m))
+    if isinstance(kind, NormalRange):
+        for _ in range(MOST_DRAWS):
+            z = float(rng.normal(kind.mean_m, kind.sigma_m))
+            if kind.near_m <= z <= kind.far_m:
+                return z
+        raise UserError(
+            f"section [range]: a normal of mean_m {kind.mean_m:g} and sigma_m {kind.sigma_m:g} gives nothing between "
+            f"near_m {kind.near_m:g} and far_m {kind.far_m:g}: widen one of them"
+        )
+    return float(rng.uniform(kind.near_m, kind.far_m))
+
+
+def _translation_m(
+    rng: Generator, kind: AnyPlacement, camera: Camera, target: Target, z: float
+) -> FloatArray:
+    """Model origin at depth z, camera axes."""
+    if isinstance(kind, BoundsPlacement):
+        # equation 1 of the data-set paper: what is seen grows in proportion to the depth
+        x_max, y_max = kind.x_m / kind.at_m * z, kind.y_m / kind.at_m * z
+        x, y_up = rng.uniform(-x_max, x_max), rng.uniform(-y_max, y_max)
+        return np.asarray(to_left_handed(np.array([x, y_up, z])), float)
+    size = np.array([camera.width_px, camera.height_px])
+    middle = (size - 1) / 2
+    if isinstance(kind, NormalPlacement):
+        for _ in range(MOST_DRAWS):
+            off = rng.normal(0.0, kind.sigma, 2) if kind.sigma else np.zeros(2)
+            if np.abs(off).max() <= 1:
+                return _at(camera, middle + off * size / 2, z)
+        raise RuntimeError("no normal of at most two falls within one in ten thousand draws")
+    radius_px = camera.fx_px * radius_m(target) / z
+    slack = np.maximum(size / 2 - radius_px, 0)
+    return _at(camera, middle + rng.uniform(-1, 1, 2) * slack, z)
+
+
+def _at(camera: Camera, pixel: FloatArray, z: float) -> FloatArray:
+    """The point at depth z that an undistorted camera sees at a pixel."""
+    x = (pixel[0] - camera.cx_px) / camera.fx_px * z
+    y = (pixel[1] - camera.cy_px) / camera.fy_px * z
+    return np.array([x, y, z])

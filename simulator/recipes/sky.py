@@ -1,0 +1,165 @@
+"""Where a sample is in the real sky: Sun and nadir drawn in camera axes, then a moment and a place that give them.
+
+The moment is a random one of the year, the Sun stands where it is, and the target above the point of the body that
+gives the drawn angle between Sun and nadir.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.world.ephemeris.bodies import BODIES, MOON
+from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from simulator.world.frames.rotation import quat_from_matrix
+from simulator.world.time.instant import Instant
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from simulator.recipes.file import Sky
+    from simulator.runtime.arrays import FloatArray
+    from simulator.world.ephemeris.bodies import Body, BodyName
+
+YEAR_START_UTC = "2026-01-01T00:00:00Z"
+YEAR_S = 365.0 * 86400.0
+MOST_DRAWS = 1000
+LIT = 0.9
+"""Share of the horizon's dip that the Sun may stand below the horizontal, and the target is still lit."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlaceInSky:
+    """Where the camera is, how it is turned, and what is about it.
+
+    Parameters
+    ----------
+    R_eci_from_camera : (3, 3). camera_eci_m : (3,). origin_eci_m : (3,) of the model, where that was placed.
+    along_eci : (3,) direction of flight about the body, any length. centre_m_s : (3,) the body's own velocity.
+    r_sun_eci_m, r_moon_eci_m : (3,) apparent; about the Moon its own is the geometric one.
+    """
+
+    now: Instant
+    body: BodyName
+    R_eci_from_camera: FloatArray
+    camera_eci_m: FloatArray
+    centre_eci_m: FloatArray
+    centre_m_s: FloatArray
+    along_eci: FloatArray
+    r_sun_eci_m: FloatArray
+    r_moon_eci_m: FloatArray
+    origin_eci_m: FloatArray | None = None
+
+    def velocity_m_s(self, r_eci_m: FloatArray) -> FloatArray:
+        """Of a craft on a circle through a place (3,) [m s-1]."""
+        speed = np.sqrt(BODIES[self.body].mu_m3_s2 / np.linalg.norm(r_eci_m - self.centre_eci_m))
+        return np.asarray(self.centre_m_s + speed * self.along_eci / np.linalg.norm(self.along_eci))
+
+    @property
+    def q_camera_from_eci_wxyz(self) -> FloatArray:
+        """How the camera is turned."""
+        return quat_from_matrix(self.R_eci_from_camera.T)
+
+
+def random_moment(rng: Generator) -> Instant:
+    """A whole second of the year."""
+    return Instant.from_utc(YEAR_START_UTC).plus(float(np.floor(rng.uniform(0, YEAR_S))))
+
+
+def sun_and_moon(now: Instant, body: Body) -> tuple[FloatArray, FloatArray]:
+    """Where Sun and Moon are seen, geocentric [m], each (3,); about the Moon that is where it is."""
+    moon = body.geocentric_state(now)[0] if body is MOON else moon_eci_m(now.tt1, now.tt2)
+    return sun_eci_m(now.tt1, now.tt2), moon
+
+
+def choose_sky(rng: Generator, skies: list[Sky]) -> Sky:
+    """One of the skies by its share; nothing is drawn where there is but one."""
+    if len(skies) == 1:
+        return skies[0]
+    shares = np.array([s.share for s in skies])
+    return skies[int(rng.choice(len(skies), p=shares / shares.sum()))]
+
+
+def sun_and_nadir(rng: Generator, sky: Sky) -> tuple[FloatArray, FloatArray]:
+    """Directions to the Sun and to nadir in camera axes, each (3,); the target is always sunlit.
+
+    The phase angle is measured at the target from the boresight reversed; the nadir's angle from the boresight.
+
+    Raises
+    ------
+    UserError
+        If no draw has the target sunlit above the ground that was drawn, dark or lit.
+    """
+    night = rng.random() < sky.night_share
+    radius = BODIES[sky.body].radius_m
+    dip = np.sin(np.arccos(radius / (radius + sky.altitude_km * 1e3)))
+    lowest = -LIT * dip if sky.least_sun_elevation_sine is None else sky.least_sun_elevation_sine
+    for _ in range(MOST_DRAWS):
+        sun = in_cone(rng, np.array([0.0, 0.0, -1.0]), 0.0, sky.max_phase_deg)
+        nadir = in_cone(rng, np.array([0.0, 0.0, 1.0]), *sky.nadir_off_boresight_deg)
+        elevation = float(-nadir @ sun)  # sine of the Sun's elevation above the target's horizon
+        if (elevation < 0.0) == night and elevation > lowest:
+            return sun, nadir
+    low, high = sky.nadir_off_boresight_deg
+    raise UserError(
+        f"section [[sky]]: nadir_off_boresight_deg [{low:g}, {high:g}] and max_phase_deg {sky.max_phase_deg:g} leave "
+        f"no {'dark' if night else 'lit'} ground below a sunlit target (night_share {sky.night_share:g}): widen one"
+    )
+
+
+def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nadir: FloatArray) -> PlaceInSky:
+    """A moment and a place at which Sun and nadir are as drawn.
+
+    Parameters
+    ----------
+    t_m : (3,) model's origin, camera axes; it is at the sky's altitude. sun, nadir : (3,) directions, camera axes.
+    """
+    body = BODIES[sky.body]
+    now = random_moment(rng)
+    r_sun, r_moon = sun_and_moon(now, body)
+    centre, v_centre = body.geocentric_state(now)
+    to_sun = r_sun - centre
+    to_sun /= np.linalg.norm(to_sun)
+    # the target's zenith stands at the drawn angle from the Sun, at a random azimuth about it
+    side = np.cross(to_sun, uniform_direction(rng))
+    side /= np.linalg.norm(side)
+    cosine = float(-nadir @ sun)
+    up = cosine * to_sun + np.sqrt(max(1 - cosine**2, 0.0)) * side
+    R_eci_from_camera = _triad(to_sun, -up) @ _triad(sun, nadir).T
+    origin = centre + (body.radius_m + sky.altitude_km * 1e3) * up
+    return PlaceInSky(
+        now=now,
+        body=sky.body,
+        R_eci_from_camera=R_eci_from_camera,
+        camera_eci_m=origin - R_eci_from_camera @ t_m,
+        centre_eci_m=centre,
+        centre_m_s=v_centre,
+        along_eci=np.cross(up, uniform_direction(rng)),
+        origin_eci_m=origin,
+        r_sun_eci_m=r_sun,
+        r_moon_eci_m=r_moon,
+    )
+
+
+def uniform_direction(rng: Generator) -> FloatArray:
+    """(3,) unit vector, uniform on the sphere."""
+    v = rng.standard_normal(3)
+    return np.asarray(v / np.linalg.norm(v), float)
+
+
+def in_cone(rng: Generator, axis: FloatArray, low_deg: float, high_deg: float) -> FloatArray:
+    """Uniform in solid angle between two angles from an axis along z."""
+    c = rng.uniform(np.cos(np.radians(high_deg)), np.cos(np.radians(low_deg)))
+    azimuth = rng.uniform(0, 2 * np.pi)
+    s = np.sqrt(1 - c**2)
+    return np.array([s * np.cos(azimuth), s * np.sin(azimuth), c * axis[2]])
+
+
+def _triad(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Right-handed axes (columns): the first direction, and the second made normal to it."""
+    b = second - (second @ first) * first
+    b /= np.linalg.norm(b)
+    return np.stack([first, b, np.cross(first, b)], axis=1)

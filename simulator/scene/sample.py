@@ -1,0 +1,61 @@
+"""What a recipe drew for a frame beside the scene itself; it stands in the frame's truth record."""
+
+from __future__ import annotations
+
+import msgspec
+
+from simulator.runtime.arrays import Quat, Vec3
+from simulator.world.ephemeris.bodies import BodyName
+
+
+class RawPose(msgspec.Struct, frozen=True, kw_only=True):
+    """A pose as Euler angles were drawn: left-handed axes, x right, y up, z forward.
+
+    Attributes
+    ----------
+    position_m : origin of the model. euler_deg : about x, y and z, applied in that order about fixed axes.
+    q_wxyz : the same rotation. The camera's right-handed axes have y down: x, -y, z and w, -x, y, -z.
+    """
+
+    position_m: Vec3
+    euler_deg: Vec3
+    q_wxyz: Quat
+
+
+class BackgroundView(msgspec.Struct, frozen=True, kw_only=True):
+    """A view out of a background library: of what body, which library, and the view's number in it."""
+
+    body: BodyName
+    library_seed: int
+    id: int
+
+
+class SequenceStep(msgspec.Struct, frozen=True, kw_only=True):
+    """Which sequence a frame belongs to, and which of its frames it is; rates and velocities are the scene's."""
+
+    sequence: int
+    step: int
+
+
+class PairMember(msgspec.Struct, frozen=True, kw_only=True):
+    """Frames of one ``pair`` differ in nothing but the environment's layers, here those of this name."""
+
+    pair: int
+    environment: str
+
+
+class Sample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What was drawn for a frame.
+
+    Attributes
+    ----------
+    redraws : how often each of the recipe's constraints had the pose drawn again.
+    raw : the Euler angles, where the attitude was drawn as such. background : where it is a view of a library.
+    pair, sequence : where frames belong together.
+    """
+
+    redraws: dict[str, int] = msgspec.field(default_factory=dict)
+    raw: RawPose | None = None
+    background: BackgroundView | None = None
+    pair: PairMember | None = None
+    sequence: SequenceStep | None = None
