@@ -23,7 +23,7 @@ from hil.navigation.closed_loop import (
     check_closed_loop,
     fly_closed_loop,
 )
-from hil.navigation.measurement import PoseMeasurement, PoseNoise, Snapshot
+from hil.navigation.measurement import PoseNoise
 from hil.navigation.pose_sources import NoisyPoses, TruePoses
 from simulator.errors import UserError
 from simulator.frame import Frame
@@ -37,7 +37,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from hil.navigation.closed_loop import LoopStep
+    from hil.navigation.measurement import PoseMeasurement, Snapshot
     from simulator.scenario.plan import Plan
+    from simulator.scene.state import SceneState
 
 STEPS_CSV = "closed_loop.csv"
 COLUMNS = (
@@ -88,13 +90,7 @@ class BoardPoses:
         if snapshot is None or row.outcome != ACCEPTED or row.q_wxyz is None or row.t_m is None:
             return
         q, t = np.array(row.q_wxyz), np.array(row.t_m)
-        pose = PoseMeasurement(
-            t_s=snapshot.t_s,
-            q_camera_from_target_wxyz=q / np.linalg.norm(q),
-            t_camera_from_target_m=t,
-            q_camera_from_eci_wxyz=snapshot.q_camera_from_eci_wxyz,
-            covariance=self._noise.covariance(t),
-        )
+        pose = self._noise.measured(snapshot.t_s, q / np.linalg.norm(q), t, snapshot.q_camera_from_eci_wxyz)
         self._queue.put(row.frame_id, pose)
 
     def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
@@ -156,16 +152,7 @@ class BoardLoop:
                 if realtime and origin is not None:
                     time.sleep(max(origin + snapshot.t_s - time.monotonic(), 0.0))
                 self.poses.note(number, snapshot)
-                world = self.plan.flight.state_with_chaser(
-                    ChaserState(
-                        t_s=snapshot.t_s,
-                        position_eci_m=vec3(snapshot.position_eci_m),
-                        velocity_eci_m_s=vec3(snapshot.velocity_eci_m_s),
-                        q_camera_from_eci_wxyz=quat(snapshot.q_camera_from_eci_wxyz),
-                        omega_camera_rad_s=vec3(snapshot.omega_camera_rad_s),
-                    )
-                )
-                producer.submit(FrameRequest(scene=self.plan.scene_of(world, number)))
+                producer.submit(FrameRequest(scene=scene_flown(self.plan, snapshot, number)))
                 yield producer.result()
                 if origin is None:
                     # the first has been sent: a board is there
@@ -174,6 +161,20 @@ class BoardLoop:
     def figures(self) -> ClosedLoopFigures | None:
         """What it came to so far; None before its first period."""
         return figures(self.loop.result(), "board", self.seed) if self.loop.steps else None
+
+
+def scene_flown(plan: Plan, snapshot: Snapshot, number: int) -> SceneState:
+    """The scene of picture ``number``, of what was flown instead of what the plan's flight has."""
+    world = plan.flight.state_with_chaser(
+        ChaserState(
+            t_s=snapshot.t_s,
+            position_eci_m=vec3(snapshot.position_eci_m),
+            velocity_eci_m_s=vec3(snapshot.velocity_eci_m_s),
+            q_camera_from_eci_wxyz=quat(snapshot.q_camera_from_eci_wxyz),
+            omega_camera_rad_s=vec3(snapshot.omega_camera_rad_s),
+        )
+    )
+    return plan.scene_of(world, number)
 
 
 def fly_without_pictures(

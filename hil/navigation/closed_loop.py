@@ -63,7 +63,8 @@ class LoopStep:
     Parameters
     ----------
     t_s : start of the period. phase, reason : of guidance. status : of the filter.
-    position_lvlh_m, velocity_lvlh_m_s : (3,) truth. delta_v_lvlh_m_s : (3,) what the thrusters gave.
+    position_lvlh_m, velocity_lvlh_m_s : (3,) truth.
+    commanded_lvlh_m_s, delta_v_lvlh_m_s : (3,) what the thrusters were told to give, and what they gave.
     estimate : foretold to ``t_s``, or None. error : (12,) truth minus estimate. nees : of it.
     pose_age_s : of the newest pose in the estimate. violation : inside the sphere, outside the corridor.
     pointing_error_rad : the camera against the attitude that it should have at its true place.
@@ -75,6 +76,7 @@ class LoopStep:
     status: Status
     position_lvlh_m: FloatArray
     velocity_lvlh_m_s: FloatArray
+    commanded_lvlh_m_s: FloatArray
     delta_v_lvlh_m_s: FloatArray
     estimate: RelativeEstimate | None
     error: FloatArray | None
@@ -221,8 +223,8 @@ class ClosedLoop:
             camera = self._camera(seen, frame)
             snapshot = self._snapshot(t, camera)
             step = self._step(t, frame, estimate, decision, camera)
-            given = self._thrust(t, h, decision.wanted_m_s, frame)
-            step = replace(step, delta_v_lvlh_m_s=given)
+            commanded, given = self._thrust(t, h, decision.wanted_m_s, frame)
+            step = replace(step, commanded_lvlh_m_s=commanded, delta_v_lvlh_m_s=given)
             self.steps.append(step)
             if step.phase == "arrived" or (step.phase == "abort" and self._is_away(step)):
                 return
@@ -260,6 +262,7 @@ class ClosedLoop:
             status=self._filter.status,
             position_lvlh_m=p,
             velocity_lvlh_m_s=v,
+            commanded_lvlh_m_s=np.zeros(3),
             delta_v_lvlh_m_s=np.zeros(3),
             estimate=estimate,
             error=error,
@@ -276,7 +279,9 @@ class ClosedLoop:
         p, v = frame.to_eci(*state_lvlh)
         return self._flight.pointing.attitude(-p, -v, frame)
 
-    def _thrust(self, t: float, h: float, wanted_m_s: FloatArray, frame: Lvlh) -> FloatArray:
+    def _thrust(
+        self, t: float, h: float, wanted_m_s: FloatArray, frame: Lvlh
+    ) -> tuple[FloatArray, FloatArray]:
         """Fire, tell the filter what was commanded, and fly what the thrusters gave."""
         commanded, self._mass_kg = self._thrusters.fire(wanted_m_s, self._mass_kg)
         if commanded.any():
@@ -287,7 +292,7 @@ class ClosedLoop:
         self._delta_v_m_s += float(np.linalg.norm(given))
         push = ThrustHold(frame.R_eci_from_lvlh @ given / h)
         self._state = relative_step(self._flight.orbit, t, h, self._state, push)
-        return given
+        return np.asarray(commanded), given
 
     def _is_away(self, step: LoopStep) -> bool:
         """After an abort: twice the sphere's radius away, or, where nobody knows where it is, at once."""

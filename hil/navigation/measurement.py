@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.frames.rotation import (
-    matrix_from_quat,
-    quat_conjugate,
-    quat_from_rotvec,
-    quat_multiply,
-)
+from simulator.world.frames.rotation import matrix_from_quat, quat_conjugate, quat_multiply
 
 if TYPE_CHECKING:
-    from numpy.random import Generator
-
     from simulator.runtime.arrays import FloatArray
 
 
@@ -29,7 +22,9 @@ class PoseMeasurement:
     t_s : mid-exposure, from the flight's start [s].
     q_camera_from_target_wxyz, t_camera_from_target_m : (4,), (3,) pose of the model's frame.
     q_camera_from_eci_wxyz : (4,) attitude of the camera then, which the chaser knows by its star tracker.
-    covariance : (6, 6) of the translation along camera axes [m] and of the turn about target axes [rad].
+    covariance : (6, 6) of what is new in this pose's error: translation along camera axes [m], turn about target axes
+        [rad].
+    remembered : (6, 6) by which six remembered errors of unit variance, alike from pose to pose, are added to it.
     """
 
     t_s: float
@@ -37,6 +32,25 @@ class PoseMeasurement:
     t_camera_from_target_m: FloatArray
     q_camera_from_eci_wxyz: FloatArray
     covariance: FloatArray
+    remembered: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorMemory:
+    """How long an estimator's errors stay alike: while the view does, for the same shadow pulls the same edge.
+
+    Parameters
+    ----------
+    turn_rad : turn of the target in the camera after which 1/e of an error is left.
+    range_ratio : ratio of two ranges of which the same is true.
+    """
+
+    turn_rad: float = 0.6
+    range_ratio: float = 4.0
+
+    def kept(self, turn_rad: float, ratio: float) -> float:
+        """Share of a remembered error that is left after a turn and between two ranges of this ratio."""
+        return float(np.exp(-abs(turn_rad) / self.turn_rad - abs(np.log(ratio) / np.log(self.range_ratio))))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -69,59 +83,62 @@ class Snapshot:
 
 @dataclass(frozen=True, kw_only=True)
 class PoseNoise:
-    """Errors of accepted poses, normal and without correlation; how often there is one.
+    """Errors of accepted poses: normal, a part of them remembered from pose to pose; how often there is a pose.
 
-    The defaults are the RMS errors of the estimator `svd` on Tango with the SPEED camera over 191 accepted poses of 200
-    feasible frames (``eval-black`` seed 2501, ``eval-earth`` seed 2502; docs/hil_closed_loop.md); the share of
-    wrong ones is that of docs/svd.md.
+    The defaults are those of the estimator `svd` on Tango with the SPEED camera, measured along closed loops with the
+    target seen from everywhere (``python -m tools.studies.pose_errors``; docs/hil_closed_loop.md).
 
     Parameters
     ----------
-    lateral_share : sigma across the boresight over the range.
-    boresight_m : sigma along the boresight at 10 m [m]; it grows with the square of the range, from
-        ``boresight_least_m`` on. turn_rad : sigma of the turn about each axis [rad].
+    across_m, across_share : sigma across the boresight: a length [m], and a share of the range; squares add.
+    along_share : sigma along the boresight over the range.
+    tilt_rad, roll_rad : sigma of the turn about each axis across the boresight, and about it [rad].
+    remembered : share of each variance that is alike from pose to pose, as long as ``memory`` says.
     available : share of the pictures whose pose is accepted. wrong : share of those that is wrong.
     """
 
-    lateral_share: float = 1.9e-4
-    boresight_m: float = 0.014
-    boresight_least_m: float = 0.006
-    turn_rad: float = 0.0021
+    across_m: float = 5.5e-4
+    across_share: float = 4.5e-5
+    along_share: float = 1e-3
+    tilt_rad: float = 0.0026
+    roll_rad: float = 0.00085
+    remembered: float = 0.9
+    memory: ErrorMemory = field(default_factory=ErrorMemory)
     available: float = 0.955
     wrong: float = 0.004
 
     def sigmas(self, range_m: float) -> FloatArray:
-        """(6,) standard deviations: right, down, forward [m], turn about three axes [rad]."""
-        across = self.lateral_share * range_m
-        along = max(self.boresight_m * (range_m / 10.0) ** 2, self.boresight_least_m)
-        return np.array([across, across, along, *[self.turn_rad] * 3])
+        """(6,) standard deviations along camera axes: right, down, forward [m], turn about the same [rad]."""
+        across = float(np.hypot(self.across_m, self.across_share * range_m))
+        along = self.along_share * range_m
+        return np.array([across, across, along, self.tilt_rad, self.tilt_rad, self.roll_rad])
 
-    def covariance(self, t_camera_from_target_m: FloatArray) -> FloatArray:
-        """(6, 6) of `PoseMeasurement`, for the boresight near the target."""
-        return np.diag(self.sigmas(float(np.linalg.norm(t_camera_from_target_m))) ** 2)
-
-    def draw(self, snapshot: Snapshot, rng: Generator) -> PoseMeasurement | None:
-        """A pose of a snapshot with errors drawn; None where none is accepted.
-
-        A wrong one is turned by any angle, and a tenth of the range away.
-        """
-        q, t = snapshot.pose()
-        covariance = self.covariance(t)
-        # the same numbers are drawn whatever becomes of them, so that runs differ by their seed alone
-        error = np.sqrt(np.diag(covariance)) * rng.standard_normal(6)
-        is_there, is_wrong = rng.random(2) < (self.available, self.wrong)
-        anywhere = rng.standard_normal(7)
-        if not is_there:
-            return None
-        if is_wrong:
-            error = np.concatenate([0.1 * np.linalg.norm(t) * anywhere[:3], 2.0 * anywhere[3:6]])
-        return PoseMeasurement(
-            t_s=snapshot.t_s,
-            q_camera_from_target_wxyz=quat_multiply(q, quat_from_rotvec(error[3:])),
-            t_camera_from_target_m=t + error[:3],
-            q_camera_from_eci_wxyz=snapshot.q_camera_from_eci_wxyz,
-            covariance=covariance,
+    def measured(
+        self,
+        t_s: float,
+        q_camera_from_target_wxyz: FloatArray,
+        t_camera_from_target_m: FloatArray,
+        q_camera_from_eci_wxyz: FloatArray,
+    ) -> PoseMeasurement:
+        """A pose with what is known of its errors, for the boresight near the target."""
+        errors = self._axes(q_camera_from_target_wxyz) * self.sigmas(
+            float(np.linalg.norm(t_camera_from_target_m))
         )
+        return PoseMeasurement(
+            t_s=t_s,
+            q_camera_from_target_wxyz=q_camera_from_target_wxyz,
+            t_camera_from_target_m=t_camera_from_target_m,
+            q_camera_from_eci_wxyz=q_camera_from_eci_wxyz,
+            covariance=(1.0 - self.remembered) * errors @ errors.T,
+            remembered=np.sqrt(self.remembered) * errors,
+        )
+
+    @staticmethod
+    def _axes(q_camera_from_target_wxyz: FloatArray) -> FloatArray:
+        """(6, 6) from camera axes to those of a pose's errors, whose turn is about the target's."""
+        axes = np.eye(6)
+        axes[3:, 3:] = matrix_from_quat(q_camera_from_target_wxyz).T
+        return axes
 
 
 def rotvec_between(q_a_from_b_wxyz: FloatArray, q_a_from_c_wxyz: FloatArray) -> FloatArray:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from hil.navigation.consistency import chi_square_quantile
-from hil.navigation.measurement import PoseMeasurement, rotvec_between
+from hil.navigation.measurement import ErrorMemory, PoseMeasurement, rotvec_between
 from hil.navigation.relative_estimate import (
     A,
+    B,
     MotionModel,
     P,
     RelativeEstimate,
@@ -41,7 +42,7 @@ class FilterSettings:
     gate : share of right poses that pass the chi-square test of the innovation.
     found_after : poses consistent with each other that start a track. lost_after : gated in a row that end trust in it.
     start_speed_m_s, start_rate_rad_s : sigma of what a first pose leaves open, each axis.
-    history_s : how late a pose may come.
+    history_s : how late a pose may come. memory : of the poses' errors.
     """
 
     gate: float = 0.9999
@@ -50,6 +51,7 @@ class FilterSettings:
     start_speed_m_s: float = 0.1
     start_rate_rad_s: float = 0.1
     history_s: float = 20.0
+    memory: ErrorMemory = field(default_factory=ErrorMemory)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,15 +160,25 @@ class NavigationFilter:
         later = fixes[len(before) :]
         if not before:
             return "too old"
-        foretold = self.motion.propagated(before[-1].after, pose.t_s, self._thrust)
-        updated, distance = self.updated(foretold, pose)
+        updated, distance = self.updated(self._foretold_to(before[-1], pose), pose)
         if distance > self._gate:
             return None
         result = [*before, _Fix(pose, updated)]
         for fix in later:
-            again = self.motion.propagated(result[-1].after, fix.pose.t_s, self._thrust)
+            again = self._foretold_to(result[-1], fix.pose)
             result.append(_Fix(fix.pose, self.updated(again, fix.pose)[0]))
         return result
+
+    def _foretold_to(self, fix: _Fix, pose: PoseMeasurement) -> RelativeEstimate:
+        """The estimate at a later pose's exposure; of what errors remember so much is left as the view is the same."""
+        old, new = fix.after, self.motion.propagated(fix.after, pose.t_s, self._thrust)
+        frame = self._lvlh(old.t_s)
+        p, v = frame.to_eci(old.position_lvlh_m, old.velocity_lvlh_m_s)
+        # by the estimated rates, not from pose to pose, whose noise would be taken for a turn
+        target = matrix_from_quat(old.q_eci_from_target_wxyz) @ old.omega_target_rad_s
+        turn = (target - np.cross(p, v) / (p @ p)) * (new.t_s - old.t_s)
+        ratio = np.linalg.norm(new.position_lvlh_m) / np.linalg.norm(old.position_lvlh_m)
+        return new.with_older_bias(self.settings.memory.kept(float(np.linalg.norm(turn)), float(ratio)))
 
     def _forget(self, t_s: float) -> None:
         oldest = t_s - self.settings.history_s
@@ -188,17 +200,19 @@ class NavigationFilter:
                 rotvec_between(estimate.q_eci_from_target_wxyz, measured),
             ]
         )
-        H = np.zeros((6, 12))
+        innovation -= pose.remembered @ estimate.pose_bias
+        H = np.zeros((6, 18))
         H[:3, P] = -R_camera_from_eci @ R_eci_from_lvlh
         R_eci_from_target = matrix_from_quat(estimate.q_eci_from_target_wxyz)
         H[:3, A] = R_camera_from_eci @ R_eci_from_target @ skew(self._com)
         H[3:, A] = np.eye(3)
-        C = estimate.covariance
+        H[:, B] = pose.remembered
+        C = estimate.joint_covariance
         S = H @ C @ H.T + pose.covariance
         K = np.linalg.solve(S, H @ C).T
         distance = float(innovation @ np.linalg.solve(S, innovation))
         # Joseph's form keeps it symmetric and positive
-        left = np.eye(12) - K @ H
+        left = np.eye(18) - K @ H
         covariance = left @ C @ left.T + K @ pose.covariance @ K.T
         return estimate.corrected(K @ innovation, (covariance + covariance.T) / 2), distance
 
@@ -215,7 +229,12 @@ class NavigationFilter:
         M[P, :3] = -R_lvlh_from_eci @ R_eci_from_camera
         M[P, 3:] = R_lvlh_from_eci @ R_eci_from_target @ skew(self._com)
         M[A, 3:] = np.eye(3)
-        covariance = M @ pose.covariance @ M.T
+        of_bias = M @ pose.remembered
+        covariance = np.zeros((18, 18))
+        covariance[:12, :12] = M @ pose.covariance @ M.T + of_bias @ of_bias.T
+        # the pose's error is added to the estimate, so that what is missing has the other sign
+        covariance[:12, B], covariance[B, :12] = -of_bias, -of_bias.T
+        covariance[B, B] = np.eye(6)
         covariance[V, V] += self.settings.start_speed_m_s**2 * np.eye(3)
         covariance[W, W] += self.settings.start_rate_rad_s**2 * np.eye(3)
         return RelativeEstimate(
@@ -224,5 +243,5 @@ class NavigationFilter:
             velocity_lvlh_m_s=np.zeros(3),
             q_eci_from_target_wxyz=q,
             omega_target_rad_s=np.zeros(3),
-            covariance=covariance,
+            joint_covariance=covariance,
         )

@@ -7,10 +7,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from hil.navigation.measurement import PoseMeasurement, PoseNoise, Snapshot
+from hil.navigation.measurement import rotvec_between
+from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.random import Generator
+
+    from hil.navigation.measurement import PoseMeasurement, PoseNoise, Snapshot
+    from simulator.runtime.arrays import FloatArray
 
 
 class PoseSource(Protocol):
@@ -23,7 +29,69 @@ class PoseSource(Protocol):
         """Poses whose answers have come by ``t_s`` and were not handed out before."""
 
 
-class NoisyPoses:
+class PoseErrors:
+    """Draws the errors of one run's poses, which remember each other.
+
+    Parameters
+    ----------
+    noise : of the poses. rng : new for each run.
+    """
+
+    def __init__(self, noise: PoseNoise, rng: Generator) -> None:
+        self._noise, self._rng = noise, rng
+        self._bias = rng.standard_normal(6)
+        self._before: tuple[FloatArray, FloatArray] | None = None
+
+    def draw(self, snapshot: Snapshot) -> PoseMeasurement | None:
+        """A pose of a snapshot with errors drawn; None where none is accepted.
+
+        A wrong one is turned by any angle, and a tenth of the range away.
+        """
+        q, t = snapshot.pose()
+        # the same numbers are drawn whatever becomes of them, so that runs differ by their seed alone
+        fresh, other = self._rng.standard_normal((2, 6))
+        is_there, is_wrong = self._rng.random(2) < (self._noise.available, self._noise.wrong)
+        anywhere = self._rng.standard_normal(6)
+        if self._before is not None:
+            turn = float(np.linalg.norm(rotvec_between(self._before[0], q)))
+            ratio = float(np.linalg.norm(t) / np.linalg.norm(self._before[1]))
+            kept = self._noise.memory.kept(turn, ratio)
+            self._bias = kept * self._bias + np.sqrt(1.0 - kept * kept) * fresh
+        self._before = q, t
+        if not is_there:
+            return None
+        told = self._noise.measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz)
+        error = told.remembered @ self._bias + np.linalg.cholesky(told.covariance) @ other
+        if is_wrong:
+            error = np.concatenate([0.1 * np.linalg.norm(t) * anywhere[:3], 2.0 * anywhere[3:]])
+        return self._noise.measured(
+            snapshot.t_s,
+            quat_multiply(q, quat_from_rotvec(error[3:])),
+            t + error[:3],
+            snapshot.q_camera_from_eci_wxyz,
+        )
+
+
+class LatePoses:
+    """Poses that wait until their answers are there, a constant while after the exposure."""
+
+    def __init__(self, latency_s: float) -> None:
+        self._latency_s = latency_s
+        self._waiting: deque[PoseMeasurement] = deque()
+
+    def wait(self, pose: PoseMeasurement) -> None:
+        """Keep a pose until it is old enough."""
+        self._waiting.append(pose)
+
+    def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
+        """Poses of pictures that are old enough."""
+        ready = []
+        while self._waiting and self._waiting[0].t_s + self._latency_s <= t_s + 1e-9:
+            ready.append(self._waiting.popleft())
+        return ready
+
+
+class NoisyPoses(LatePoses):
     """The truth with errors of an estimator, a constant while after the exposure.
 
     Parameters
@@ -32,47 +100,24 @@ class NoisyPoses:
     """
 
     def __init__(self, noise: PoseNoise, latency_s: float, seed: int) -> None:
-        self._noise, self._latency_s = noise, latency_s
-        self._rng = np.random.default_rng([seed, 0])
-        self._waiting: deque[PoseMeasurement] = deque()
+        super().__init__(latency_s)
+        self._errors = PoseErrors(noise, np.random.default_rng([seed, 0]))
 
     def look(self, snapshot: Snapshot) -> None:
         """Draw the errors of this moment's pose."""
-        pose = self._noise.draw(snapshot, self._rng)
+        pose = self._errors.draw(snapshot)
         if pose is not None:
-            self._waiting.append(pose)
-
-    def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Poses of pictures that are old enough."""
-        ready = []
-        while self._waiting and self._waiting[0].t_s + self._latency_s <= t_s + 1e-9:
-            ready.append(self._waiting.popleft())
-        return ready
+            self.wait(pose)
 
 
-class TruePoses:
+class TruePoses(LatePoses):
     """The truth itself, as late; the filter is told the accuracy of ``noise`` all the same."""
 
     def __init__(self, noise: PoseNoise, latency_s: float) -> None:
-        self._noise, self._latency_s = noise, latency_s
-        self._waiting: deque[PoseMeasurement] = deque()
+        super().__init__(latency_s)
+        self._noise = noise
 
     def look(self, snapshot: Snapshot) -> None:
         """Note the pose of this moment."""
         q, t = snapshot.pose()
-        self._waiting.append(
-            PoseMeasurement(
-                t_s=snapshot.t_s,
-                q_camera_from_target_wxyz=q,
-                t_camera_from_target_m=t,
-                q_camera_from_eci_wxyz=snapshot.q_camera_from_eci_wxyz,
-                covariance=self._noise.covariance(t),
-            )
-        )
-
-    def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Poses of pictures that are old enough."""
-        ready = []
-        while self._waiting and self._waiting[0].t_s + self._latency_s <= t_s + 1e-9:
-            ready.append(self._waiting.popleft())
-        return ready
+        self.wait(self._noise.measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz))

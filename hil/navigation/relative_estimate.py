@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
 
 _LONGEST_STEP_S = 1.0
-P, V, A, W = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
-"""Places in the error state: position, velocity, attitude, rate."""
+P, V, A, W, B = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 18)
+"""Places in the error state: position, velocity, attitude, rate; and what the poses' errors remember."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,8 +32,9 @@ class RelativeEstimate:
     t_s : from the flight's start [s].
     position_lvlh_m, velocity_lvlh_m_s : (3,) chaser minus target's centre of mass, in the rotating LVLH frame.
     q_eci_from_target_wxyz : (4,) attitude of the target. omega_target_rad_s : (3,) its rate to ECI, own axes.
-    covariance : (12, 12) of the errors of position [m], velocity [m s-1], attitude (turn about target axes) [rad],
-        rate [rad s-1].
+    joint_covariance : (18, 18) of the errors of position [m], velocity [m s-1], attitude (turn about target axes)
+        [rad], rate [rad s-1], and of ``pose_bias``.
+    pose_bias : (6,) what the poses' errors are taken to remember, each of unit variance (`PoseMeasurement`).
     """
 
     t_s: float
@@ -40,7 +42,13 @@ class RelativeEstimate:
     velocity_lvlh_m_s: FloatArray
     q_eci_from_target_wxyz: FloatArray
     omega_target_rad_s: FloatArray
-    covariance: FloatArray
+    joint_covariance: FloatArray
+    pose_bias: FloatArray = field(default_factory=lambda: np.zeros(6))
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(12, 12) of the errors of position, velocity, attitude and rate, whatever the poses' errors are."""
+        return self.joint_covariance[:12, :12]
 
     @property
     def position_sigma_m(self) -> float:
@@ -53,7 +61,7 @@ class RelativeEstimate:
         return float(np.sqrt(max(np.linalg.eigvalsh(self.covariance[A, A])[-1], 0.0)))
 
     def corrected(self, error: FloatArray, covariance: FloatArray) -> RelativeEstimate:
-        """With an estimated error (12,) taken out; the attitude's multiplies (Lefferts, Markley & Shuster 1982)."""
+        """With an estimated error (18,) taken out; the attitude's multiplies (Lefferts, Markley & Shuster 1982)."""
         turned = quat_multiply(self.q_eci_from_target_wxyz, quat_from_rotvec(error[A]))
         return RelativeEstimate(
             t_s=self.t_s,
@@ -61,8 +69,20 @@ class RelativeEstimate:
             velocity_lvlh_m_s=self.velocity_lvlh_m_s + error[V],
             q_eci_from_target_wxyz=quat_normalize(turned),
             omega_target_rad_s=self.omega_target_rad_s + error[W],
-            covariance=covariance,
+            joint_covariance=covariance,
+            pose_bias=self.pose_bias + error[B],
         )
+
+    def with_older_bias(self, kept: float) -> RelativeEstimate:
+        """With the poses' remembered errors as they are once a share ``kept`` of them is left.
+
+        A Gauss-Markov process of first order and unit variance: what goes is replaced by what nobody knows.
+        """
+        keep = np.ones(18)
+        keep[B] = kept
+        covariance = self.joint_covariance * np.outer(keep, keep)
+        covariance[B, B] += (1.0 - kept * kept) * np.eye(6)
+        return replace(self, joint_covariance=covariance, pose_bias=kept * self.pose_bias)
 
     def error_of(
         self,
@@ -148,11 +168,11 @@ class MotionModel:
         return estimate
 
     def _step(self, estimate: RelativeEstimate, h: float, thrust: ThrustInterval | None) -> RelativeEstimate:
-        Phi = np.zeros((12, 12))
+        Phi = np.eye(18)
         Phi[:6, :6] = transition_matrix(self.n_rad_s, h)
-        Phi[6:, 6:] = self._attitude_transition(estimate.omega_target_rad_s, h)
+        Phi[6:12, 6:12] = self._attitude_transition(estimate.omega_target_rad_s, h)
         moved = Phi[:6, :6] @ np.concatenate([estimate.position_lvlh_m, estimate.velocity_lvlh_m_s])
-        Q = np.zeros((12, 12))
+        Q = np.zeros((18, 18))
         I3 = np.eye(3)
         for at, density in ((0, self.acceleration_noise), (6, self.rate_noise)):
             white = density * density
@@ -174,7 +194,8 @@ class MotionModel:
             velocity_lvlh_m_s=moved[3:],
             q_eci_from_target_wxyz=q,
             omega_target_rad_s=w,
-            covariance=Phi @ estimate.covariance @ Phi.T + Q,
+            joint_covariance=Phi @ estimate.joint_covariance @ Phi.T + Q,
+            pose_bias=estimate.pose_bias,
         )
 
     def _pushed(self, push: FloatArray, since_s: float, left_s: float) -> FloatArray:
@@ -215,7 +236,13 @@ class MotionModel:
         """Angular acceleration of a free body [rad s-2]."""
         J = self.inertia_kg_m2
         assert J is not None  # noqa: S101 - a constant rate asks for none
-        return np.asarray(np.linalg.solve(J, -np.cross(w, J @ w)), float)
+        return np.asarray(self._inverse_inertia @ -(skew(w) @ (J @ w)), float)
+
+    @cached_property
+    def _inverse_inertia(self) -> FloatArray:
+        J = self.inertia_kg_m2
+        assert J is not None  # noqa: S101 - a constant rate asks for none
+        return np.asarray(np.linalg.inv(J), float)
 
     def _attitude_transition(self, w: FloatArray, h: float) -> FloatArray:
         """(6, 6) transition of the errors of attitude and rate, the rate held over the step."""
@@ -223,7 +250,7 @@ class MotionModel:
         F[:3, :3], F[:3, 3:] = -skew(w), np.eye(3)
         J = self.inertia_kg_m2
         if J is not None:
-            F[3:, 3:] = np.linalg.solve(J, skew(J @ w) - skew(w) @ J)
+            F[3:, 3:] = self._inverse_inertia @ (skew(J @ w) - skew(w) @ J)
         term, total = np.eye(6), np.eye(6)
         for k in range(1, 5):
             term = term @ F * (h / k)

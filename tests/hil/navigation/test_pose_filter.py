@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from hil.navigation.attitude_forecast import forecast_errors
 from hil.navigation.consistency import chi_square_quantile, nees, nees_band
 from hil.navigation.measurement import PoseMeasurement, PoseNoise, Snapshot, rotvec_between
 from hil.navigation.pose_filter import NavigationFilter
+from hil.navigation.pose_sources import PoseErrors
 from hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
 from simulator.world.attitude.rigid_body import propagate_attitude
 from simulator.world.frames.lvlh import Lvlh
@@ -61,8 +64,8 @@ def snapshot(t_s: float) -> Snapshot:
 
 
 def measured(count: int, seed: int = 1) -> list[PoseMeasurement]:
-    rng = np.random.default_rng(seed)
-    drawn = [NOISE.draw(snapshot(float(k)), rng) for k in range(count)]
+    errors = PoseErrors(NOISE, np.random.default_rng(seed))
+    drawn = [errors.draw(snapshot(float(k))) for k in range(count)]
     return [pose for pose in drawn if pose is not None]
 
 
@@ -108,13 +111,7 @@ def test_one_wrong_pose_changes_nothing() -> None:
         clean.add(pose)
         if k == 20:
             turned = quat_multiply(pose.q_camera_from_target_wxyz, quat_from_rotvec([0.0, 0.0, np.pi / 2]))
-            wrong = PoseMeasurement(
-                t_s=pose.t_s,
-                q_camera_from_target_wxyz=turned,
-                t_camera_from_target_m=pose.t_camera_from_target_m,
-                q_camera_from_eci_wxyz=pose.q_camera_from_eci_wxyz,
-                covariance=pose.covariance,
-            )
+            wrong = replace(pose, q_camera_from_target_wxyz=turned)
             assert struck.add(wrong) == "gated"
             assert struck.status == "tracking"
         struck.add(pose)
@@ -129,17 +126,7 @@ def test_a_target_that_jumps_is_lost_and_found() -> None:
     said = []
     for pose in poses[30:40]:
         turned = quat_multiply(pose.q_camera_from_target_wxyz, quat_from_rotvec([0.5, 0.0, 0.0]))
-        said.append(
-            filter_.add(
-                PoseMeasurement(
-                    t_s=pose.t_s,
-                    q_camera_from_target_wxyz=turned,
-                    t_camera_from_target_m=pose.t_camera_from_target_m,
-                    q_camera_from_eci_wxyz=pose.q_camera_from_eci_wxyz,
-                    covariance=pose.covariance,
-                )
-            )
-        )
+        said.append(filter_.add(replace(pose, q_camera_from_target_wxyz=turned)))
     assert said[:5] == ["gated"] * 4 + ["found"]
     assert set(said[5:]) == {"used"}
     assert filter_.status == "tracking"
@@ -150,10 +137,9 @@ def test_wrong_poses_that_contradict_each_other_leave_the_filter_lost() -> None:
     filter_ = new_filter()
     for pose in poses[:30]:
         filter_.add(pose)
-    rng = np.random.default_rng(5)
-    wrong = PoseNoise(available=1.0, wrong=1.0)
+    wrong = PoseErrors(PoseNoise(available=1.0, wrong=1.0), np.random.default_rng(5))
     for k in range(30, 37):
-        assert filter_.add(wrong.draw(snapshot(float(k)), rng)) == "gated"
+        assert filter_.add(wrong.draw(snapshot(float(k)))) == "gated"
     assert filter_.status == "lost"
     # what it knew still holds
     assert filter_.add(poses[37]) == "used"
@@ -180,7 +166,7 @@ def test_commanded_thrust_is_flown_as_the_simulator_flies_it() -> None:
         velocity_lvlh_m_s=np.zeros(3),
         q_eci_from_target_wxyz=Q0,
         omega_target_rad_s=W0,
-        covariance=np.eye(12),
+        joint_covariance=np.eye(18),
     )
     push = np.array([0.004, -0.006, 0.002])
     thrust = ThrustInterval(start_s=0.0, end_s=5.0, acceleration_lvlh_m_s2=push)

@@ -1,0 +1,172 @@
+"""Closed loops on drawn pictures without a link: the board's estimator answers in this process, its errors are kept.
+
+    python -m tools.studies.drawn_loop OUT --seeds 9000-9007 --pose truth --any-view   # on the truth
+    python -m tools.studies.drawn_loop OUT --seeds 7000-7004               # on the estimator's poses
+
+Each flight writes ``OUT/SCENARIO-SEED.npz``: what came of it, and of every picture time, true pose and measured one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import msgspec
+import numpy as np
+
+from hil.board.svd import CameraIntrinsics, make_estimator
+from hil.evaluate.greyscale import grey
+from hil.evaluate.method_choice import board_model
+from hil.host.closed_loop import scene_flown
+from hil.host.pose_link import LATENCY_S
+from hil.navigation.closed_loop import ClosedLoop, ClosedLoopConfig, ClosedLoopResult
+from hil.navigation.measurement import PoseNoise, Snapshot
+from hil.navigation.pose_sources import LatePoses, TruePoses
+from simulator.frame import Frame
+from simulator.loop import FrameRequest, open_frames
+from simulator.runtime.files import write_atomic
+from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import Plan, plan_flight
+
+if TYPE_CHECKING:
+
+    from hil.board.svd import Estimator
+    from simulator.loop import FrameProducer
+    from simulator.scenario.scenario import Scenario
+
+SCENARIOS = ("tango-vbar-closed-loop", "tango-vbar-closed-loop-tumble")
+
+
+class DrawnPoses(LatePoses):
+    """A pose source that draws what it looks at and asks the estimator; every answer is kept.
+
+    Parameters
+    ----------
+    plan : whose scenes are drawn. draw : takes frames. estimator : of the board.
+    """
+
+    def __init__(self, plan: Plan, draw: FrameProducer[Frame], estimator: Estimator) -> None:
+        super().__init__(LATENCY_S)
+        self._plan, self._draw, self._estimator = plan, draw, estimator
+        self.looks: list[Snapshot] = []
+        self.answers: list[tuple[bool, np.ndarray, np.ndarray, np.ndarray]] = []
+
+    def look(self, snapshot: Snapshot) -> None:
+        """Draw, estimate, keep."""
+        self._draw.submit(
+            FrameRequest(scene=scene_flown(self._plan, snapshot, len(self.looks)), labels=False)
+        )
+        result = self._estimator.estimate(grey(self._draw.result().image), None, snapshot.t_s)
+        q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
+        covariance = result.covariance
+        nothing = np.full(7, np.nan)
+        q, t = (nothing[:4], nothing[4:]) if q is None or t is None else (np.asarray(q), np.asarray(t))
+        self.looks.append(snapshot)
+        self.answers.append(
+            (bool(result.accepted), q, t, np.full((6, 6), np.nan) if covariance is None else covariance)
+        )
+        if result.accepted:
+            self.wait(PoseNoise().measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz))
+
+
+def planned(scenario: str, seed: int, *, any_view: bool) -> Plan:
+    """The plan of a flight; with ``any_view`` its target starts at an attitude drawn from the seed."""
+    flown = load_scenario(scenario)
+    if any_view:
+        q = np.random.default_rng([seed, 2]).standard_normal(4)
+        q_wxyz = tuple(float(x) for x in q / np.linalg.norm(q))
+        flown = replace_attitude(flown, q_wxyz)
+    return plan_flight(flown, n=1, seed=seed)
+
+
+def replace_attitude(scenario: Scenario, q_wxyz: tuple[float, ...]) -> Scenario:
+    """The scenario with another attitude of the target at the start."""
+    attitude = msgspec.structs.replace(scenario.attitude, q_wxyz=q_wxyz, euler_deg=None)
+    return msgspec.structs.replace(scenario, attitude=attitude)
+
+
+def fly(plan: Plan, draw: FrameProducer[Frame], pose: str) -> tuple[ClosedLoopResult, DrawnPoses]:
+    """One flight; with ``pose`` "truth" it is flown on the truth, and the estimator only watches."""
+    intrinsics = CameraIntrinsics.from_dict(msgspec.to_builtins(plan.camera))
+    drawn = DrawnPoses(plan, draw, make_estimator(board_model(plan.target), intrinsics, "svd"))
+    true = TruePoses(PoseNoise(), LATENCY_S)
+    mass = plan.target.mass
+    flown_on = true.arrived if pose == "truth" else drawn.arrived
+    loop = ClosedLoop(plan.flight, mass.com_m, mass.inertia_kg_m2, flown_on, ClosedLoopConfig(seed=plan.seed))
+    for picture in loop.pictures():
+        drawn.look(picture)
+        true.look(picture)
+    return loop.result(), drawn
+
+
+def write(path: Path, result: ClosedLoopResult, drawn: DrawnPoses) -> None:
+    """A flight as arrays: steps of the loop, pictures and their answers."""
+    steps, looks = result.steps, drawn.looks
+    nothing = np.full(12, np.nan)
+    accepted, q, t, covariance = zip(*drawn.answers, strict=True)
+    data = BytesIO()
+    np.savez_compressed(
+        data,
+        outcome=result.outcome,
+        reason=result.reason,
+        final=np.array(
+            [result.final_error_m, result.final_error_deg, result.min_range_m, result.delta_v_m_s]
+        ),
+        violations=result.keep_out_violations,
+        t_s=np.array([s.t_s for s in steps]),
+        state_lvlh=np.array([[*s.position_lvlh_m, *s.velocity_lvlh_m_s] for s in steps]),
+        commanded=np.array([s.commanded_lvlh_m_s for s in steps]),
+        phase=np.array([s.phase for s in steps]),
+        error=np.array([nothing if s.error is None else s.error for s in steps]),
+        variance=np.array(
+            [nothing if s.estimate is None else np.diag(s.estimate.covariance)[:12] for s in steps]
+        ),
+        nees=np.array([np.nan if s.nees is None else s.nees for s in steps]),
+        look_s=np.array([s.t_s for s in looks]),
+        q_camera_from_eci=np.array([s.q_camera_from_eci_wxyz for s in looks]),
+        true_q=np.array([s.pose()[0] for s in looks]),
+        true_t=np.array([s.pose()[1] for s in looks]),
+        accepted=np.array(accepted),
+        q=np.array(q),
+        t=np.array(t),
+        covariance=np.array(covariance),
+    )
+    write_atomic(path, data.getvalue())
+
+
+def main() -> None:
+    """Fly what is asked for; a flight whose file is there is not flown again."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--seeds", default="9000-9003", help="FIRST-LAST")
+    parser.add_argument("--scenarios", nargs="*", default=SCENARIOS)
+    parser.add_argument("--pose", choices=("truth", "board"), default="board")
+    parser.add_argument("--any-view", action="store_true")
+    given = parser.parse_args()
+    cv2.setNumThreads(1)
+    given.out.mkdir(parents=True, exist_ok=True)
+    first, last = (int(x) for x in given.seeds.split("-"))
+    with open_frames(Frame.image_and_truth, processes=1, ahead=1) as draw:
+        for seed in range(first, last + 1):
+            for scenario in given.scenarios:
+                path = given.out / f"{scenario}-{seed}.npz"
+                if path.exists():
+                    continue
+                since = time.monotonic()
+                result, drawn = fly(planned(scenario, seed, any_view=given.any_view), draw, given.pose)
+                write(path, result, drawn)
+                nees = np.array([s.nees for s in result.steps[20:] if s.nees is not None])
+                print(
+                    f"{path.stem}: {result.outcome} {result.reason} at {1e3 * result.final_error_m:.1f} mm, "
+                    f"{result.final_error_deg:.2f} deg; {sum(a[0] for a in drawn.answers)} of {len(drawn.looks)}; "
+                    f"NEES {nees.mean():.1f}; {time.monotonic() - since:.0f} s",
+                    flush=True,
+                )
+
+
+if __name__ == "__main__":
+    main()
