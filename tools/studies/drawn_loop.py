@@ -33,7 +33,6 @@ from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import Plan, plan_flight
 
 if TYPE_CHECKING:
-
     from hil.board.svd import Estimator
     from simulator.loop import FrameProducer
     from simulator.scenario.scenario import Scenario

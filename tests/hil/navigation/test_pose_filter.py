@@ -9,7 +9,7 @@ import pytest
 
 from hil.navigation.attitude_forecast import forecast_errors
 from hil.navigation.consistency import chi_square_quantile, nees, nees_band
-from hil.navigation.measurement import PoseMeasurement, PoseNoise, Snapshot, rotvec_between
+from hil.navigation.measurement import ErrorMemory, PoseMeasurement, PoseNoise, Snapshot, rotvec_between
 from hil.navigation.pose_filter import NavigationFilter
 from hil.navigation.pose_sources import PoseErrors
 from hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
@@ -156,6 +156,38 @@ def test_errors_are_as_large_as_the_covariance_says() -> None:
         values.append(nees(error(estimate), estimate.covariance))
     low, high = nees_band(20, 12, 0.999)
     assert low < float(np.mean(values)) < high
+
+
+def test_errors_that_are_alike_are_not_averaged_away() -> None:
+    steady = propagate_attitude(Q0, np.zeros(3), J, 200.0)
+    values: dict[str, list[float]] = {"alike": [], "white": []}
+    for seed in range(10):
+        errors = PoseErrors(NOISE, np.random.default_rng(seed))
+        poses = [
+            errors.draw(replace(snapshot(float(k)), q_eci_from_target_wxyz=steady(float(k))[0]))
+            for k in range(60)
+        ]
+        for name, found in values.items():
+            filter_ = new_filter()
+            for pose in poses:
+                every = pose.covariance + pose.remembered @ pose.remembered.T
+                white = replace(pose, covariance=every, remembered=np.zeros((6, 6)))
+                filter_.add(pose if name == "alike" else white)
+            estimate = filter_.estimate(60.0)
+            x = truth(60.0)
+            off = estimate.error_of(x[:3], x[3:], *steady(60.0))
+            found.append(nees(off, estimate.covariance))
+    low, high = nees_band(10, 12, 0.999)
+    assert low < float(np.mean(values["alike"])) < high
+    # who takes the same errors for white believes itself far too much
+    assert float(np.mean(values["white"])) > 3 * high
+
+
+def test_a_bias_goes_with_the_view() -> None:
+    memory = ErrorMemory(turn_rad=0.5, range_ratio=4.0)
+    assert memory.kept(0.0, 1.0) == 1.0
+    assert memory.kept(0.5, 1.0) == pytest.approx(np.exp(-1.0))
+    assert memory.kept(0.0, 4.0) == memory.kept(0.0, 0.25) == pytest.approx(np.exp(-1.0))
 
 
 def test_commanded_thrust_is_flown_as_the_simulator_flies_it() -> None:

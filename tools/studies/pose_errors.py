@@ -1,0 +1,129 @@
+"""The statistics that `hil.navigation.measurement.PoseNoise` stands on: sizes of errors of poses, and their memory.
+
+    python -m tools.studies.drawn_loop OUT --seeds 9000-9006 --pose truth --any-view
+    python -m tools.studies.pose_errors OUT
+
+It prints two tables in Markdown. An error counts as wrong where any of its parts is beyond five sigma, by a sigma that
+is found without the wrong ones; a filter's gate keeps those out.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from hil.navigation.measurement import rotvec_between
+from simulator.world.frames.rotation import matrix_from_quat
+
+RANGES_M = ((15.0, 19.0), (10.0, 15.0), (6.0, 10.0), (4.0, 6.0), (2.0, 4.0))
+LAGS_S = (1, 2, 5, 10, 20, 30, 45, 60, 90, 120)
+WRONG_SIGMAS = 5.0
+PARTS = {"across": slice(0, 2), "along": slice(2, 3), "tilt": slice(3, 5), "roll": slice(5, 6)}
+
+
+@dataclass(frozen=True, eq=False)
+class FlightErrors:
+    """Errors of one flight's accepted poses, one row a picture.
+
+    Parameters
+    ----------
+    t_s, range_m : (n,). turn_rad : (n,) that the target has turned in the camera so far.
+    errors : (n, 6) along camera axes, right, down, forward [m], turn about the same [rad]; NaN where none is accepted.
+    """
+
+    t_s: np.ndarray
+    range_m: np.ndarray
+    turn_rad: np.ndarray
+    errors: np.ndarray
+
+
+def read_flight(path: Path) -> FlightErrors:
+    """Errors of the poses in a file of `tools.studies.drawn_loop`."""
+    with np.load(path) as file:
+        accepted, true_q, true_t = file["accepted"], file["true_q"], file["true_t"]
+        q, t, t_s = file["q"], file["t"], file["look_s"]
+    errors = np.full((len(t_s), 6), np.nan)
+    for k in np.flatnonzero(accepted):
+        errors[k, :3] = t[k] - true_t[k]
+        errors[k, 3:] = matrix_from_quat(true_q[k]) @ rotvec_between(true_q[k], q[k])
+    turns = [float(np.linalg.norm(rotvec_between(a, b))) for a, b in pairwise(true_q)]
+    return FlightErrors(t_s, np.linalg.norm(true_t, axis=1), np.cumsum([0.0, *turns]), errors)
+
+
+def normalised(flights: list[FlightErrors]) -> list[np.ndarray]:
+    """Errors over the sigma of their range, wrong ones as NaN."""
+    shares = [f.errors / np.column_stack([*[f.range_m] * 3, *[np.ones(len(f.range_m))] * 3]) for f in flights]
+    every = np.vstack(shares)
+    sigma = 1.4826 * np.nanmedian(np.abs(every), axis=0)
+    for _ in range(20):
+        right = np.all(np.abs(every) <= WRONG_SIGMAS * sigma, axis=1)
+        sigma = np.sqrt(np.mean(every[right] ** 2, axis=0))
+    result = []
+    for share in shares:
+        wrong = ~np.all(np.abs(share) <= WRONG_SIGMAS * sigma, axis=1)
+        result.append(np.where(wrong[:, None], np.nan, share / sigma))
+    return result
+
+
+def by_range(flights: list[FlightErrors], kept: list[np.ndarray]) -> str:
+    """RMS of each part of the errors by range, without the wrong ones."""
+    ranges = np.concatenate([f.range_m for f in flights])
+    errors = np.vstack([f.errors for f in flights])
+    right = np.isfinite(np.vstack(kept)[:, 0])
+    lines = [
+        "| range [m] | poses | across [mm] | along [mm] | tilt [deg] | roll [deg] |",
+        "|---|---|---|---|---|---|",
+    ]
+    for low, high in RANGES_M:
+        rows = errors[right & (ranges >= low) & (ranges < high)]
+        across, along, tilt, roll = (float(np.sqrt(np.mean(rows[:, part] ** 2))) for part in PARTS.values())
+        lines.append(
+            f"| {low:g}-{high:g} | {len(rows)} | {1e3 * across:.2f} | {1e3 * along:.1f} | {np.degrees(tilt):.3f} | "
+            f"{np.degrees(roll):.3f} |"
+        )
+    accepted = np.isfinite(errors[:, 0])
+    wrong = 1 - right.sum() / accepted.sum()
+    lines.append(f"\nOf {len(errors)} pictures {accepted.mean():.1%} accepted, of those {wrong:.1%} wrong.")
+    return "\n".join(lines)
+
+
+def by_lag(flights: list[FlightErrors], kept: list[np.ndarray]) -> str:
+    """Autocorrelation of the normalised errors over the lag, all parts together."""
+    head = " | ".join(str(lag) for lag in LAGS_S)
+    lines = [f"| lag [s] | {head} |", "|---" * (len(LAGS_S) + 1) + "|"]
+    turning = [f.turn_rad[-1] / f.t_s[-1] > np.radians(0.5) for f in flights]
+    for name, which in (("steady", False), ("tumbling", True)):
+        chosen = [(f, x) for f, x, turns in zip(flights, kept, turning, strict=True) if bool(turns) is which]
+        variance = np.nanmean(np.vstack([x for _, x in chosen]) ** 2)
+        cells, turned, nearer = [], [], []
+        for lag in LAGS_S:
+            products = np.concatenate([(x[lag:] * x[:-lag]).ravel() for _, x in chosen])
+            cells.append(f"{np.nanmean(products) / variance:.2f}")
+            turned.append(
+                np.degrees(np.mean([np.mean(f.turn_rad[lag:] - f.turn_rad[:-lag]) for f, _ in chosen]))
+            )
+            nearer.append(np.mean([np.mean(f.range_m[:-lag] / f.range_m[lag:]) for f, _ in chosen]))
+        lines.append(f"| {name}: correlation | {' | '.join(cells)} |")
+        lines.append(f"| turned meanwhile [deg] | {' | '.join(f'{x:.1f}' for x in turned)} |")
+        lines.append(f"| ratio of the ranges | {' | '.join(f'{x:.2f}' for x in nearer)} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("flights", type=Path)
+    flights = [read_flight(path) for path in sorted(parser.parse_args().flights.glob("*.npz"))]
+    kept = normalised(flights)
+    print(f"{len(flights)} flights\n")
+    print(by_range(flights, kept))
+    print()
+    print(by_lag(flights, kept))
+
+
+if __name__ == "__main__":
+    main()
