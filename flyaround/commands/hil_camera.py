@@ -3,23 +3,36 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
+import msgspec
 import typer
 
 from flyaround.commands.scenario_argument import load_flown
 from flyaround.commands.terminal import say
 from hil.host.camera_endpoint.camera import WARNING, run_camera
+from hil.host.camera_endpoint.camera_ledger import CameraLedger
 from hil.host.camera_endpoint.genicam_xml import OWN_NAME, read_xml, write_xml
 from hil.host.camera_endpoint.interface import check_address, find_interface
-from hil.host.camera_endpoint.messages import EndpointConfig
+from hil.host.camera_endpoint.messages import AnswerTerms, EndpointConfig
 from hil.host.camera_endpoint.pictures import DrawnPictures, check_one_channel, image_alone, loop_of
 from hil.host.camera_endpoint.registers import RATE_HZ, CameraTerms
+from hil.host.link_process.host_link import choose_pixel_format
+from hil.host.link_process.ipc import LinkConfig
+from hil.host.truth_policy import check_access
+from hil.link.packets.messages import HelloAck, Mode
+from hil.link.security import read_key
 from simulator.errors import UserError
 from simulator.loop import open_frames
+from simulator.runtime.files import empty_folder
 from simulator.scenario.plan import plan_flight
 
+if TYPE_CHECKING:
+    from simulator.scenario.plan import Plan
+
 SCHEME = "gige://"
+# a picture without an answer after so long has none
+ANSWER_S = 30.0
 
 
 def camera(
@@ -60,6 +73,19 @@ def camera(
             min=0, max=50, help="Per cent of the stream's packets to leave out, to try packet resend."
         ),
     ] = 0.0,
+    answers: Annotated[
+        str | None,
+        typer.Option(
+            help="Let a board that reads the camera say its poses here: tcp://HOST:PORT, for its --answer."
+        ),
+    ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(help="Folder for the ledger of pictures and answers (with --answers), as of hil host."),
+    ] = None,
+    key: Annotated[
+        Path | None, typer.Option(help="File with the key that a board's --answer has to prove.")
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed (default: the scenario's).")] = None,
     gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
 ) -> None:
@@ -86,6 +112,10 @@ def camera(
     if write is not None:
         write_xml_file(write, terms)
         return
+    if answers is None and (log is not None or key is not None):
+        raise UserError(
+            "--log and --key are about a board's answers: give --answers tcp://127.0.0.1:5602, too"
+        )
     there = find_interface(interface, address)
     allowed = tuple(check_address(a, "--allow") for a in allow) if allow else ()
     allowed = allowed or tuple(dict.fromkeys(("127.0.0.1", there.address)))
@@ -96,25 +126,72 @@ def camera(
         terms=terms,
         xml=description,
         xml_name=name,
+        answers=None if answers is None else answer_terms(plan, answers, key),
         loss_share=loss / 100,
         loss_seed=plan.seed,
     )
 
-    def opened() -> None:
+    ledger = None
+    if config.answers is not None:
+        if log is not None:
+            empty_folder(log, option="--log")
+        ledger = CameraLedger(log, config.answers.link)
+
+    def opened(answers_url: str | None) -> None:
+        told = " --camera CAMERA.json" if answers_url is None else f" --answer {answers_url}"
         say(
             f"camera endpoint on {interface}, {there.address}; controllers: {', '.join(allowed)}. {WARNING}\n"
-            f"Try: arv-tool-0.8 --address {there.address} control ExposureTime   or: arv-viewer-0.8   Ctrl-C ends it",
+            f"Try: arv-tool-0.8 --address {there.address} control ExposureTime   or: arv-viewer-0.8   Ctrl-C ends it\n"
+            f"or a board: flyaround hil board gige://{there.address} --target {plan.target.name}{told}",
             stderr=True,
         )
 
     def note(sentence: str) -> None:
         say(sentence, stderr=True)
 
-    if loop is not None:
-        run_camera(loop_of(plan, device_index=gpu), config, on_opened=opened, on_note=note)
-        return
-    with open_frames(image_alone, processes=1, device_index=gpu, first=first, restarts=True) as producer:
-        run_camera(DrawnPictures(plan, producer), config, on_opened=opened, on_note=note)
+    told: dict[str, Any] = {"ledger": ledger, "on_opened": opened, "on_note": note}
+    try:
+        if loop is not None:
+            run_camera(loop_of(plan, device_index=gpu), config, **told)
+            return
+        with open_frames(image_alone, processes=1, device_index=gpu, first=first, restarts=True) as producer:
+            drawn = DrawnPictures(plan, producer)
+            drawn.warm_up()
+            run_camera(drawn, config, **told)
+    finally:
+        if ledger is not None:
+            summary = ledger.close()
+            say(
+                f"{summary.sent} pictures sent: {summary.accepted} accepted, {summary.declined} declined,"
+                f" {summary.dropped_total} without an answer" + ("" if log is None else f"; ledger: {log}"),
+                stderr=True,
+            )
+
+
+def answer_terms(plan: Plan, url: str, key: Path | None) -> AnswerTerms:
+    """What a board is told that says its poses at ``url``."""
+    if not url.startswith("tcp://"):
+        raise UserError(f"--answers {url} is no TCP address: write tcp://127.0.0.1:5602")
+    link = LinkConfig(
+        url=url,
+        mode="realtime",
+        truth="off",
+        timeout_s=ANSWER_S,
+        key=None if key is None else read_key(str(key)),
+    )
+    check_access(link)
+    scene = plan.scene(0)
+    ack = HelloAck(
+        camera=msgspec.to_builtins(scene.camera),
+        width_px=scene.camera.width_px,
+        height_px=scene.camera.height_px,
+        bits=scene.sensor.bits,
+        mode=Mode.REALTIME,
+        pixel_format=choose_pixel_format(scene.sensor.bits, (), "auto"),
+        target_name=plan.target.name,
+        target_sha256=plan.target.sha256,
+    )
+    return AnswerTerms(link, ack)
 
 
 def write_xml_file(path: Path, terms: CameraTerms) -> None:

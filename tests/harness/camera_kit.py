@@ -65,7 +65,7 @@ def camera(pictures, settings):
     thread = threading.Thread(
         target=run_camera,
         args=(looped, settings),
-        kwargs={"on_opened": opened.set, "on_note": notes.append, "stopped": stop.is_set},
+        kwargs={"on_opened": lambda _url: opened.set(), "on_note": notes.append, "stopped": stop.is_set},
     )
     thread.start()
     try:

@@ -9,7 +9,6 @@ from typing import Any, Dict, Optional
 from hil.link.clock import answer_time_sync, now_ns
 from hil.link.errors import LinkClosed, LinkError, PacketError
 from hil.link.packets.messages import (
-    NO_FRAME,
     Bye,
     Credit,
     ErrorCode,
@@ -50,7 +49,6 @@ class AnswerLine:
         self.ended = ""
         """Why the session is over, one sentence; empty while it goes on."""
         self.goodbye = False
-        self._newest = NO_FRAME
         line = connect(url, timeout_s)
         try:
             self._link = Link(line if key is None else prove_to_host(line, key))
@@ -70,7 +68,6 @@ class AnswerLine:
 
     def send(self, pose: PoseMessage) -> None:
         """One answer; earlier pictures without one get none."""
-        self._newest = pose.frame_id
         try:
             self._link.send(pose)
             self._link.send(Credit(pose.frame_id, self._terms.window))
@@ -100,7 +97,8 @@ class AnswerLine:
                 self.ended = f"the host said nothing for {self._silence_ns * 1e-9:g} s"
             if isinstance(message, TimeSyncRequest):
                 try:
-                    self._link.send(answer_time_sync(message, heard_ns, self._newest))
+                    # it does not say which pictures came: the host would count those in work as lost
+                    self._link.send(answer_time_sync(message, heard_ns))
                 except LinkClosed:
                     continue  # the next recv says why
             elif isinstance(message, Bye):

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
+import time
 from typing import TYPE_CHECKING
 
 from hil.host.camera_endpoint.endpoint import serve_endpoint
-from hil.host.camera_endpoint.messages import CameraFailed, FrameTaken, FrameWanted, Note, Opened
+from hil.host.camera_endpoint.messages import (
+    CameraFailed,
+    FrameTaken,
+    FrameWanted,
+    Note,
+    Opened,
+    PictureOutcome,
+    Stop,
+)
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from multiprocessing.connection import Connection
 
+    from hil.host.camera_endpoint.camera_ledger import CameraLedger
     from hil.host.camera_endpoint.messages import EndpointConfig
     from hil.host.camera_endpoint.pictures import Pictures
 
@@ -29,7 +41,8 @@ def run_camera(
     pictures: Pictures,
     config: EndpointConfig,
     *,
-    on_opened: Callable[[], None] | None = None,
+    ledger: CameraLedger | None = None,
+    on_opened: Callable[[str | None], None] | None = None,
     on_note: Callable[[str], None] | None = None,
     stopped: Callable[[], bool] | None = None,
 ) -> None:
@@ -38,8 +51,9 @@ def run_camera(
     Parameters
     ----------
     pictures : where its pictures come from.
-    on_opened : told once it can be found.
-    on_note : told of controllers that come, go or are refused, a sentence each.
+    ledger : told of each picture and of what a board made of it, where ``config`` has boards answer.
+    on_opened : told once it can be found, with the URL where boards answer.
+    on_note : told of controllers and boards that come, go or are refused, a sentence each.
     stopped : asked several times a second; never stops without it but by Ctrl-C.
 
     Raises
@@ -62,22 +76,44 @@ def run_camera(
                 continue
             message = pipe.recv()
             if isinstance(message, FrameWanted):
-                image = pictures.take(message)
-                while image is None:  # what draws died and was started again
-                    image = pictures.take(message)
-                pipe.send(FrameTaken(message.request_id, image))
+                _draw(pictures, message, pipe, ledger)
+            elif isinstance(message, PictureOutcome):
+                if ledger is not None:
+                    ledger.came_to(message.request_id, message.result)
             elif isinstance(message, Note) and on_note is not None:
                 on_note(message.sentence)
             elif isinstance(message, Opened) and on_opened is not None:
-                on_opened()
+                on_opened(message.answers_url)
             elif isinstance(message, CameraFailed):
                 raise UserError(message.sentence)
     except (EOFError, BrokenPipeError, ConnectionResetError):
         raise UserError(_ENDED) from None
     finally:
+        with contextlib.suppress(OSError, EOFError):
+            _stop(pipe, ledger)
         pipe.close()
         process.join(END_S)
         if process.is_alive():
             process.kill()
             process.join()
         process.close()
+
+
+def _draw(pictures: Pictures, wanted: FrameWanted, pipe: Connection, ledger: CameraLedger | None) -> None:
+    """Hand a picture over; what draws may die and be started again."""
+    begun_s = time.monotonic()
+    taken = pictures.take(wanted)
+    while taken is None:
+        taken = pictures.take(wanted)
+    if ledger is not None and taken.scene is not None:
+        ledger.drawn(wanted.request_id, taken.scene, 1e3 * (time.monotonic() - begun_s))
+    pipe.send(FrameTaken(wanted.request_id, taken.image))
+
+
+def _stop(pipe: Connection, ledger: CameraLedger | None) -> None:
+    """Tell the endpoint to end, and take its last outcomes."""
+    pipe.send(Stop())
+    while pipe.poll(END_S):
+        message = pipe.recv()
+        if isinstance(message, PictureOutcome) and ledger is not None:
+            ledger.came_to(message.request_id, message.result)

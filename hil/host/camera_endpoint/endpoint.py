@@ -12,31 +12,37 @@ import signal
 import socket
 import struct
 import time
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from hil.host.camera_endpoint import gvcp
+from hil.host.camera_endpoint.acquisition import Acquisition
+from hil.host.camera_endpoint.answer_port import AnswerPort
 from hil.host.camera_endpoint.gvcp import GvcpCommand, GvcpRequest, RefusedError, Status
-from hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat, pixels_of
 from hil.host.camera_endpoint.interface import open_socket
-from hil.host.camera_endpoint.messages import CameraFailed, FrameTaken, FrameWanted, Note, Opened
+from hil.host.camera_endpoint.messages import (
+    CameraFailed,
+    FrameTaken,
+    Note,
+    Opened,
+    PictureOutcome,
+    Stop,
+)
 from hil.host.camera_endpoint.registers import (
-    CONTINUOUS,
     DO_NOT_FRAGMENT,
     EXCLUSIVE,
     FIRE_TEST_PACKET,
-    SINGLE_FRAME,
-    TICKS_PER_S,
     Place,
     Registers,
 )
 from hil.host.camera_endpoint.stream_channel import StreamChannel
+from hil.link.errors import LinkError
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
     from hil.host.camera_endpoint.messages import EndpointConfig
+    from hil.host.link_process.ipc import FrameResult
 
     Peer = tuple[str, int]
 
@@ -58,23 +64,12 @@ def serve_endpoint(pipe: Connection, config: EndpointConfig) -> None:
         pipe.send(CameraFailed(str(error)))
         return
     try:
-        pipe.send(Opened())
+        pipe.send(Opened(endpoint.answers_url))
         while endpoint.step():
             pass
+        endpoint.close()
     except (EOFError, BrokenPipeError, ConnectionResetError):
         pass  # the drawing side is gone
-    finally:
-        endpoint.close()
-
-
-@dataclass(frozen=True)
-class _Due:
-    """A frame that was asked for, as the controller wanted it."""
-
-    request_id: int
-    timestamp_ns: int
-    region: ReadoutRegion
-    pixel_format: StreamFormat
 
 
 class CameraEndpoint:
@@ -91,11 +86,17 @@ class CameraEndpoint:
         interface = config.interface
         self._control = open_socket(interface, interface.address, gvcp.PORT)
         self._sockets = [self._control]
+        self._answers: AnswerPort | None = None
         try:
             for address in dict.fromkeys(("255.255.255.255", interface.broadcast)):
                 if address != "0.0.0.0":  # noqa: S104 - compared with, not listened on: lo has no broadcast
                     self._sockets.append(open_socket(interface, address, gvcp.PORT))
             stream = open_socket(interface, interface.address, 0)
+            if config.answers is not None:
+                self._answers = AnswerPort(config.answers, self._came_to, self._note)
+        except LinkError as error:
+            self.close()
+            raise UserError(str(error)) from error
         except UserError:
             self.close()
             raise
@@ -105,48 +106,57 @@ class CameraEndpoint:
         self._registers = Registers(
             config.terms, interface, self._stream.source_port, config.xml, config.xml_name
         )
-        self._origin_ns = time.monotonic_ns()
+        self._acquisition = Acquisition(self._registers, self._stream, pipe.send)
+        self._acquisition.answers = self._answers
         self._controller: Peer | None = None
         self._heard_s = 0.0
         self._last: tuple[float, Peer, bytes, bytes] | None = None
         self._strangers: set[str] = set()
-        self._started_s = self._next_s = 0.0
-        self._triggered = False
-        self._frames_left: int | None = None
-        self._number = self._block_id = self._request_id = 0
-        self._due: _Due | None = None
         self._after = {
             Place.STREAM_PACKET_BYTES: self._packet_size_written,
-            Place.TIMESTAMP_CONTROL: self._timestamp_control_written,
-            Place.ACQUISITION_START: self._start,
-            Place.ACQUISITION_STOP: self._stop_written,
-            Place.TRIGGER_SOFTWARE: self._trigger,
+            Place.TIMESTAMP_CONTROL: self._acquisition.control_timestamp,
+            Place.ACQUISITION_START: self._acquisition.start,
+            Place.ACQUISITION_STOP: self._acquisition_stop_written,
+            Place.TRIGGER_SOFTWARE: self._acquisition.trigger,
         }
 
+    @property
+    def answers_url(self) -> str | None:
+        """Where boards say their poses."""
+        return None if self._answers is None else self._answers.url
+
     def close(self) -> None:
-        """Close the sockets."""
+        """Close the sockets, boards told goodbye."""
+        if self._answers is not None:
+            self._answers.close()
         for sock in self._sockets:
             sock.close()
         if hasattr(self, "_stream"):
             self._stream.close()
 
     def step(self) -> bool:
-        """Wait for what comes next and deal with it; False once the drawing side has gone."""
+        """Wait for what comes next and deal with it; False once it is to end."""
         sources: list[Any] = [*self._sockets, self._pipe]
+        if self._answers is not None:
+            sources += self._answers.sources
         ready = select.select(sources, [], [], self._sleep_s())[0]
         for sock in self._sockets:
             if sock in ready:
                 self._hear(sock)
         if self._pipe in ready:
             message = self._pipe.recv()
+            if isinstance(message, Stop):
+                return False
             if isinstance(message, FrameTaken):
-                self._send_frame(message)
+                self._acquisition.take(message, self._receiver)
+        if self._answers is not None:
+            self._answers.step(ready)
         now = time.monotonic()
         if self._controller is not None and now > self._heard_s + self._registers[Place.HEARTBEAT_MS] * 1e-3:
             self._release(
                 f"controller {self._controller[0]} said nothing for too long: control is free again"
             )
-        self._ask_for_frame(now)
+        self._acquisition.ask_for_frame(now)
         self._stream.step(now)
         return True
 
@@ -156,8 +166,10 @@ class CameraEndpoint:
             times.append(self._stream.due_s)
         if self._controller is not None:
             times.append(self._heard_s + self._registers[Place.HEARTBEAT_MS] * 1e-3)
-        if self._wants_frame:
-            times.append(self._next_s)
+        if self._acquisition.wants_frame:
+            times.append(self._acquisition.next_s)
+        if self._answers is not None and self._answers.due_s is not None:
+            times.append(self._answers.due_s)
         return max(0.0, min(times) - time.monotonic())
 
     # --- commands ---------------------------------------------------------------------------
@@ -297,7 +309,7 @@ class CameraEndpoint:
         self._registers[Place.CONTROLLER_ADDRESS] = int.from_bytes(socket.inet_aton(peer[0]), "big")
 
     def _release(self, sentence: str) -> None:
-        self._stop()
+        self._acquisition.stop()
         self._controller = None
         for place in (
             Place.CONTROL_PRIVILEGE,
@@ -329,49 +341,6 @@ class CameraEndpoint:
                 self._stream.send_test_packet(to, value & 0xFFFF)
         self._stream.set_fragments(allowed=not value & DO_NOT_FRAGMENT)
 
-    def _timestamp_control_written(self) -> None:
-        if self._registers[Place.TIMESTAMP_CONTROL] == 1:
-            self._origin_ns = time.monotonic_ns()
-        else:
-            now = time.monotonic_ns() - self._origin_ns
-            self._registers[Place.TIMESTAMP_HIGH] = now >> 32
-            self._registers[Place.TIMESTAMP_LOW] = now
-        self._registers[Place.TIMESTAMP_CONTROL] = 0
-
-    def _start(self) -> None:
-        registers = self._registers
-        registers[Place.ACQUISITION_START] = 0
-        if registers.acquiring:
-            return
-        mode = registers[Place.ACQUISITION_MODE]
-        self._frames_left = (
-            None
-            if mode == CONTINUOUS
-            else 1
-            if mode == SINGLE_FRAME
-            else registers[Place.ACQUISITION_FRAME_COUNT]
-        )
-        registers.acquiring = True
-        self._number = self._block_id = 0
-        self._triggered, self._due = False, None
-        self._stream.stop()
-        self._started_s = self._next_s = time.monotonic()
-
-    def _stop_written(self) -> None:
-        self._registers[Place.ACQUISITION_STOP] = 0
-        self._stop()
-
-    def _stop(self) -> None:
-        self._registers.acquiring = False
-        self._due = None
-        self._stream.stop()
-
-    def _trigger(self) -> None:
-        self._registers[Place.TRIGGER_SOFTWARE] = 0
-        self._triggered = self._registers.acquiring
-
-    # --- frames -----------------------------------------------------------------------------
-
     @property
     def _receiver(self) -> Peer | None:
         """Where pictures go: to the controller, once it has named a port."""
@@ -380,68 +349,12 @@ class CameraEndpoint:
             return None
         return self._controller[0], port
 
-    @property
-    def _wants_frame(self) -> bool:
-        if not self._registers.acquiring or self._due is not None or not self._stream.has_room:
-            return False
-        return self._triggered or not self._registers[Place.TRIGGER_MODE]
+    def _acquisition_stop_written(self) -> None:
+        self._registers[Place.ACQUISITION_STOP] = 0
+        self._acquisition.stop()
 
-    @property
-    def _interval_s(self) -> float:
-        """From frame to frame: none begins before the exposure of the last has ended."""
-        registers = self._registers
-        return max(
-            1 / registers.number(Place.ACQUISITION_FRAME_RATE), 1e-6 * registers.number(Place.EXPOSURE_TIME)
-        )
-
-    def _ask_for_frame(self, now_s: float) -> None:
-        """Ask the drawing side for a picture once it is due; one at a time, from the newest state."""
-        registers = self._registers
-        if not self._wants_frame or now_s < self._next_s:
-            return
-        if registers[Place.TRIGGER_MODE]:
-            self._next_s = now_s
-        else:
-            # the pace is kept where it can be, and what is missed is not made up for
-            self._next_s = max(self._next_s + self._interval_s, now_s)
-        self._triggered = False
-        self._request_id += 1
-        self._due = _Due(
-            self._request_id, time.monotonic_ns() - self._origin_ns, registers.region, registers.pixel_format
-        )
-        self._pipe.send(
-            FrameWanted(
-                request_id=self._request_id,
-                number=self._number,
-                t_s=now_s - self._started_s,
-                exposure_s=1e-6 * registers.number(Place.EXPOSURE_TIME),
-                gain_db=registers.number(Place.GAIN),
-            )
-        )
-        self._number += 1
-
-    def _send_frame(self, taken: FrameTaken) -> None:
-        due, to, registers = self._due, self._receiver, self._registers
-        if due is None or taken.request_id != due.request_id:
-            return  # of an acquisition that was stopped
-        self._due = None
-        if self._frames_left is not None:
-            self._frames_left -= 1
-            registers.acquiring = self._frames_left > 0
-        if to is None:
-            return
-        self._block_id = self._block_id % 0xFFFF + 1
-        block = Block(
-            block_id=self._block_id,
-            timestamp_ns=due.timestamp_ns,
-            pixel_format=due.pixel_format,
-            region=due.region,
-            data=pixels_of(taken.image, self._config.terms.bits, due.region, due.pixel_format),
-            packet_bytes=registers[Place.STREAM_PACKET_BYTES] & 0xFFFF,
-        )
-        delay_s = registers[Place.STREAM_PACKET_DELAY] / TICKS_PER_S
-        self._stream.start(block, to, time.monotonic(), interval_s=self._interval_s, delay_s=delay_s)
-        registers[Place.FRAMES_SENT] = registers[Place.FRAMES_SENT] + 1
+    def _came_to(self, result: FrameResult) -> None:
+        self._pipe.send(PictureOutcome(result.frame_id, result))
 
 
 _WRITES = (GvcpCommand.WRITE_REGISTER, GvcpCommand.WRITE_MEMORY)

@@ -11,6 +11,16 @@ if TYPE_CHECKING:
 
     from hil.host.camera_endpoint.interface import Interface
     from hil.host.camera_endpoint.registers import CameraTerms
+    from hil.host.link_process.ipc import FrameResult, LinkConfig
+    from hil.link.packets.messages import HelloAck
+
+
+@dataclass(frozen=True)
+class AnswerTerms:
+    """How a board that reads the stream says its poses, and what it is told of camera and target."""
+
+    link: LinkConfig
+    ack: HelloAck
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +31,7 @@ class EndpointConfig:
     ----------
     allowed : addresses that are heard.
     xml, xml_name : the GenICam description and the file name it is served under.
+    answers : where boards say their poses; None: nowhere.
     loss_share : stream packets that are left out, to try a client's requests. loss_seed : which ones.
     """
 
@@ -29,13 +40,16 @@ class EndpointConfig:
     terms: CameraTerms
     xml: bytes
     xml_name: str
+    answers: AnswerTerms | None = None
     loss_share: float = 0.0
     loss_seed: int = 0
 
 
 @dataclass(frozen=True)
 class Opened:
-    """The endpoint listens."""
+    """The endpoint listens, and where boards answer, if anywhere."""
+
+    answers_url: str | None = None
 
 
 @dataclass(frozen=True)
@@ -75,3 +89,16 @@ class FrameTaken:
 
     request_id: int
     image: NDArray[np.unsignedinteger]
+
+
+@dataclass(frozen=True)
+class PictureOutcome:
+    """What a board made of a picture that was taken; ``result`` is None where it was not sent."""
+
+    request_id: int
+    result: FrameResult | None
+
+
+@dataclass(frozen=True)
+class Stop:
+    """The camera is to end: what has no outcome yet is told before."""

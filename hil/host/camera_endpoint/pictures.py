@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import contextlib
+import time
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -24,11 +26,28 @@ if TYPE_CHECKING:
     Image = NDArray[np.unsignedinteger]
 
 
+# Pictures that are drawn before a camera can be found, and the time for them.
+WARM_UP_PICTURES, WARM_UP_S = 16, 15.0
+
+
+@dataclass(frozen=True)
+class TakenPicture:
+    """A picture, and what it was drawn of.
+
+    Parameters
+    ----------
+    image : (H, W) digital numbers of the whole detector. scene : None where nobody knows.
+    """
+
+    image: Image
+    scene: SceneState | None = None
+
+
 class Pictures(Protocol):
     """Anything that has a picture for the endpoint when one is due."""
 
-    def take(self, wanted: FrameWanted) -> Image | None:
-        """(H, W) digital numbers of the whole detector; None where this one is lost."""
+    def take(self, wanted: FrameWanted) -> TakenPicture | None:
+        """The picture; None where this one is lost."""
 
 
 class DrawnPictures:
@@ -42,13 +61,24 @@ class DrawnPictures:
     def __init__(self, plan: Plan, producer: FrameProducer[Image]) -> None:
         self._plan, self._producer = plan, producer
 
-    def take(self, wanted: FrameWanted) -> Image | None:
+    def warm_up(self) -> None:
+        """Draw moments of the whole flight for nothing: the first of a kind takes seconds, and a client would wait."""
+        until_s = time.monotonic() + WARM_UP_S
+        for t_s in np.linspace(0.0, self._plan.scenario.duration_s, WARM_UP_PICTURES, endpoint=False):
+            if time.monotonic() > until_s:
+                return
+            scene = self._plan.scene_of(self._plan.flight.state(float(t_s)), 0)
+            with contextlib.suppress(FramesLostError):
+                self._producer.submit(FrameRequest(scene=scene, labels=False))
+                self._producer.result()
+
+    def take(self, wanted: FrameWanted) -> TakenPicture | None:
         """Draw with the exposure and gain that the controller has set."""
         t_s = wanted.t_s % self._plan.scenario.duration_s
-        scene = self._plan.scene_of(self._plan.flight.state(t_s), wanted.number)
+        scene = exposed_as(self._plan.scene_of(self._plan.flight.state(t_s), wanted.number), wanted)
         try:
-            self._producer.submit(FrameRequest(scene=exposed_as(scene, wanted), labels=False))
-            return self._producer.result()
+            self._producer.submit(FrameRequest(scene=scene, labels=False))
+            return TakenPicture(self._producer.result(), scene)
         except FramesLostError:
             return None
 
@@ -60,27 +90,36 @@ class LoopedPictures:
     ----------
     images : (H, W) each. bits : of their numbers. exposure_s : they were taken with.
     black_dn : number of a pixel that no light falls on.
+    scenes : that they were drawn of, one each; none where nobody knows.
     """
 
     def __init__(
-        self, images: Sequence[Image], *, bits: int, exposure_s: float, black_dn: float = 0.0
+        self,
+        images: Sequence[Image],
+        *,
+        bits: int,
+        exposure_s: float,
+        black_dn: float = 0.0,
+        scenes: Sequence[SceneState] = (),
     ) -> None:
         if not images:
             raise UserError("there is no picture to loop; ask for at least one")
-        self._images, self._exposure_s = images, exposure_s
+        self._images, self._scenes, self._exposure_s = images, scenes, exposure_s
         self._full, self._black_dn = 2**bits - 1, black_dn
         self._table: tuple[float, Image] | None = None
 
-    def take(self, wanted: FrameWanted) -> Image:
+    def take(self, wanted: FrameWanted) -> TakenPicture:
         """The next one, made as bright as the controller wants it."""
-        image = self._images[wanted.number % len(self._images)]
+        k = wanted.number % len(self._images)
+        scene = self._scenes[k] if self._scenes else None
+        image = self._images[k]
         factor = wanted.exposure_s / self._exposure_s * 10 ** (wanted.gain_db / 20)
         if abs(factor - 1) < 1e-5:  # exposures travel in single precision
-            return image
+            return TakenPicture(image, scene)
         if self._table is None or self._table[0] != factor:
             light = (np.arange(self._full + 1) - self._black_dn) * factor + self._black_dn
             self._table = (factor, np.clip(np.rint(light), 0, self._full).astype(image.dtype))
-        return self._table[1][image]
+        return TakenPicture(self._table[1][image], None if scene is None else exposed_as(scene, wanted))
 
 
 def exposed_as(scene: SceneState, wanted: FrameWanted) -> SceneState:
@@ -130,4 +169,5 @@ def loop_of(plan: Plan, *, device_index: int | None = None) -> LoopedPictures:
         bits=first.sensor.bits,
         exposure_s=first.exposure_s,
         black_dn=0.0 if detector is None else detector.black_level_dn,
+        scenes=[plan.scene(k) for k in range(len(images))],
     )

@@ -124,9 +124,9 @@ def test_repeated_command_is_carried_out_once(endpoint):
         write(camera, place, 1)
     trigger = command(0x82, struct.pack(">II", Place.TRIGGER_SOFTWARE, 1))
     first = camera._answer(trigger, PEER)
-    camera._triggered = False
+    camera._acquisition.triggered = False
     assert camera._answer(trigger, PEER) == first
-    assert not camera._triggered
+    assert not camera._acquisition.triggered
 
 
 def test_what_is_refused(endpoint):

@@ -16,9 +16,9 @@ def wanted(number=0, exposure_s=0.01, gain_db=0.0):
 def test_looped_pictures_take_exposure_and_gain():
     image = np.array([[10, 20, 100, 255]], np.uint8)
     looped = LoopedPictures([image], bits=8, exposure_s=0.01, black_dn=10)
-    assert looped.take(wanted(3)) is image
-    assert looped.take(wanted(exposure_s=0.02)).tolist() == [[10, 30, 190, 255]]
-    assert looped.take(wanted(gain_db=20 * np.log10(0.5))).tolist() == [[10, 15, 55, 132]]
+    assert looped.take(wanted(3)).image is image
+    assert looped.take(wanted(exposure_s=0.02)).image.tolist() == [[10, 30, 190, 255]]
+    assert looped.take(wanted(gain_db=20 * np.log10(0.5))).image.tolist() == [[10, 15, 55, 132]]
 
 
 def test_drawn_scenes_take_exposure_and_gain():

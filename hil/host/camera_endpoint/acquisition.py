@@ -1,0 +1,198 @@
+"""Acquisition: which picture is asked for when, sent to whom, and what a board made of it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat, pixels_of
+from hil.host.camera_endpoint.messages import FrameTaken, FrameWanted, PictureOutcome
+from hil.host.camera_endpoint.registers import CONTINUOUS, SINGLE_FRAME, TICKS_PER_S, Place
+from hil.host.link_process.ipc import FrameJob
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.host.camera_endpoint.answer_port import AnswerPort
+    from hil.host.camera_endpoint.registers import Registers
+    from hil.host.camera_endpoint.stream_channel import StreamChannel
+
+
+@dataclass(frozen=True)
+class _Due:
+    """A frame that was asked for, as the controller wanted it."""
+
+    request_id: int
+    asked_ns: int
+    timestamp_ns: int
+    exposure_s: float
+    region: ReadoutRegion
+    pixel_format: StreamFormat
+
+
+class Acquisition:
+    """Frames while a controller wants them: one is asked for at a time, from the newest state.
+
+    Parameters
+    ----------
+    tell : says something to the drawing side.
+    """
+
+    def __init__(self, registers: Registers, stream: StreamChannel, tell: Callable[[object], None]) -> None:
+        self._registers, self._stream, self._tell = registers, stream, tell
+        self.answers: AnswerPort | None = None
+        """Where boards say what they made of the pictures, if anywhere."""
+        self._origin_ns = time.monotonic_ns()
+        self._started_s = 0.0
+        self.next_s = 0.0
+        """When the next frame is due, where one is wanted."""
+        self.triggered = False
+        self._frames_left: int | None = None
+        self._number = self._block_id = self._sent = self._request_id = 0
+        self._due: _Due | None = None
+
+    # --- what a controller does -------------------------------------------------------------
+
+    def start(self) -> None:
+        """Begin, by the mode that is set; nothing where it runs."""
+        registers = self._registers
+        registers[Place.ACQUISITION_START] = 0
+        if registers.acquiring:
+            return
+        mode = registers[Place.ACQUISITION_MODE]
+        self._frames_left = (
+            None
+            if mode == CONTINUOUS
+            else 1
+            if mode == SINGLE_FRAME
+            else registers[Place.ACQUISITION_FRAME_COUNT]
+        )
+        registers.acquiring = True
+        self._number = self._block_id = self._sent = 0
+        self.triggered, self._due = False, None
+        self._stream.stop()
+        if self.answers is not None:
+            self.answers.begin_anew()
+        self._started_s = self.next_s = time.monotonic()
+
+    def stop(self) -> None:
+        """End; a picture that is on its way here comes to nothing."""
+        self._registers.acquiring = False
+        self._due = None
+        self._stream.stop()
+
+    def trigger(self) -> None:
+        """Want a frame, where acquisition runs."""
+        self._registers[Place.TRIGGER_SOFTWARE] = 0
+        self.triggered = self._registers.acquiring
+
+    def control_timestamp(self) -> None:
+        """Latch the time stamp, or set it to nothing."""
+        if self._registers[Place.TIMESTAMP_CONTROL] == 1:
+            self._origin_ns = time.monotonic_ns()
+        else:
+            now = time.monotonic_ns() - self._origin_ns
+            self._registers[Place.TIMESTAMP_HIGH] = now >> 32
+            self._registers[Place.TIMESTAMP_LOW] = now
+        self._registers[Place.TIMESTAMP_CONTROL] = 0
+
+    # --- frames -----------------------------------------------------------------------------
+
+    @property
+    def wants_frame(self) -> bool:
+        """Whether a frame is to be asked for once it is due."""
+        if not self._registers.acquiring or self._due is not None or not self._stream.has_room:
+            return False
+        return self.triggered or not self._registers[Place.TRIGGER_MODE]
+
+    @property
+    def _interval_s(self) -> float:
+        """From frame to frame: none begins before the exposure of the last has ended."""
+        registers = self._registers
+        return max(
+            1 / registers.number(Place.ACQUISITION_FRAME_RATE), 1e-6 * registers.number(Place.EXPOSURE_TIME)
+        )
+
+    def ask_for_frame(self, now_s: float) -> None:
+        """Ask the drawing side for a picture once it is due; one at a time, from the newest state."""
+        registers = self._registers
+        if not self.wants_frame or now_s < self.next_s:
+            return
+        if registers[Place.TRIGGER_MODE]:
+            self.next_s = now_s
+        else:
+            # the pace is kept where it can be, and what is missed is not made up for
+            self.next_s = max(self.next_s + self._interval_s, now_s)
+        self.triggered = False
+        self._request_id += 1
+        asked_ns, exposure_s = time.monotonic_ns(), 1e-6 * registers.number(Place.EXPOSURE_TIME)
+        self._due = _Due(
+            self._request_id,
+            asked_ns,
+            asked_ns - self._origin_ns,
+            exposure_s,
+            registers.region,
+            registers.pixel_format,
+        )
+        self._tell(
+            FrameWanted(
+                request_id=self._request_id,
+                number=self._number,
+                t_s=now_s - self._started_s,
+                exposure_s=exposure_s,
+                gain_db=registers.number(Place.GAIN),
+            )
+        )
+        self._number += 1
+
+    def take(self, taken: FrameTaken, to: tuple[str, int] | None) -> None:
+        """A picture that was asked for is there: send it to the controller, if it named a port."""
+        if not self._send(taken, to) and self.answers is not None:
+            self._tell(PictureOutcome(taken.request_id, None))
+
+    def _send(self, taken: FrameTaken, to: tuple[str, int] | None) -> bool:
+        """Begin to send a picture; whether there is anybody to send it to."""
+        due, registers = self._due, self._registers
+        if due is None or taken.request_id != due.request_id:
+            return False  # of an acquisition that was stopped
+        self._due = None
+        if self._frames_left is not None:
+            self._frames_left -= 1
+            registers.acquiring = self._frames_left > 0
+        if to is None:
+            return False
+        self._block_id = self._block_id % 0xFFFF + 1
+        block = Block(
+            block_id=self._block_id,
+            timestamp_ns=due.timestamp_ns,
+            pixel_format=due.pixel_format,
+            region=due.region,
+            data=pixels_of(taken.image, self._registers.terms.bits, due.region, due.pixel_format),
+            packet_bytes=registers[Place.STREAM_PACKET_BYTES] & 0xFFFF,
+        )
+        delay_s = registers[Place.STREAM_PACKET_DELAY] / TICKS_PER_S
+        self._stream.start(block, to, time.monotonic(), interval_s=self._interval_s, delay_s=delay_s)
+        registers[Place.FRAMES_SENT] = registers[Place.FRAMES_SENT] + 1
+        if self.answers is not None:
+            self.answers.sent(self._job(due, taken), self._sent)
+        self._sent += 1
+        return True
+
+    def _job(self, due: _Due, taken: FrameTaken) -> FrameJob:
+        """A picture as the ledger knows it; the stream has its pixels."""
+        now_ns = time.monotonic_ns()
+        return FrameJob(
+            slot=0,
+            frame_id=due.request_id,
+            shape=taken.image.shape,
+            dtype=taken.image.dtype.str,
+            bits=self._registers.terms.bits,
+            epoch_utc="",
+            t_s=0.0,
+            exposure_s=due.exposure_s,
+            due_ns=None,
+            truth=None,
+            latency_s=(now_ns - due.asked_ns) * 1e-9 - due.exposure_s,
+            ready_ns=now_ns,
+        )

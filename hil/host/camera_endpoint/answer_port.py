@@ -1,0 +1,139 @@
+"""Where boards that read the camera say their poses: a session as on any link, in which pictures come another way.
+
+A GigE Vision camera takes nothing back. So the board connects here as it would to a host; the pictures that the stream
+sends meanwhile count as those it was sent, each by its number since acquisition started, and each has one outcome.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from hil.host.link_process.board_session import BoardSession
+from hil.host.link_process.in_flight import FramesInFlight
+from hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, Terms
+from hil.host.link_process.pending import PendingLinks
+from hil.link.clock import now_ns
+from hil.link.packets.messages import ErrorCode
+from hil.link.security import HostTransport
+from hil.link.session import Link, refuse
+from hil.link.transports.url import listen
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
+    from hil.host.camera_endpoint.messages import AnswerTerms
+    from hil.host.link_process.ipc import FrameResult
+
+BUSY = "another board answers for this camera: stop it first"
+STOPPED = "the camera was stopped"
+
+
+class AnswerPort:
+    """One board at a time, and the pictures that it may answer.
+
+    Parameters
+    ----------
+    terms : how the board connects and what it is told.
+    report : given each picture's outcome, with the number that it was announced by as ``frame_id``.
+    note : given a sentence on boards that come and go.
+
+    Raises
+    ------
+    LinkError
+        If the port is in use or the URL is bad.
+    """
+
+    def __init__(
+        self, terms: AnswerTerms, report: Callable[[FrameResult], None], note: Callable[[str], None]
+    ) -> None:
+        self._listener = listen(terms.link.url)
+        self._key = terms.link.key
+        self._report, self._note = report, note
+        self._requests: dict[int, int] = {}
+        self._in_flight = FramesInFlight(self._came_to, terms.link.timeout_s)
+        self._board = BoardSession(terms.link, self._told, self._in_flight)
+        self._board.terms = Terms(terms.ack, 0, 0)
+        self._pending = PendingLinks(lambda reason: note(f"a connection was closed: {reason}"))
+
+    @property
+    def url(self) -> str:
+        """Where boards connect, with the port that was given."""
+        return self._listener.url
+
+    @property
+    def sources(self) -> list[Any]:
+        """What to wait on."""
+        line = [] if self._board.link is None else [self._board.link.transport]
+        return [self._listener, *line, *self._pending.transports]
+
+    @property
+    def due_s(self) -> float | None:
+        """When something has to be done, though nothing comes, on the monotonic clock; None where nothing has."""
+        if self._board.unread:
+            return 0.0
+        times = [self._in_flight.first_deadline_ns, self._pending.first_deadline_ns]
+        if self._board.link is not None:
+            times.append(self._board.next_sync_ns)
+        return min((at * 1e-9 for at in times if at is not None), default=None)
+
+    def step(self, ready: Collection[Any]) -> None:
+        """Take what came, let what is too late go."""
+        self._in_flight.expire(now_ns())
+        self._pending.expire(now_ns())
+        self._board.sync_clock()
+        if self._board.link is not None and (self._board.unread or self._board.link.transport in ready):
+            self._board.listen()
+        heard = None if self._board.link is not None else self._pending.hear(ready)
+        if self._listener in ready:
+            heard = self._accept() or heard
+        if heard is not None and self._board.begin(*heard):
+            self._pending.turn_away(BUSY)
+            self._board.listen()
+
+    def sent(self, job: FrameJob, number: int) -> None:
+        """A picture is on its way to the board.
+
+        Parameters
+        ----------
+        job : ``frame_id`` is what its outcome is reported by. number : what the board calls it.
+        """
+        job = replace(job, handed_over_ns=now_ns())
+        if self._board.link is None or self._board.ack is None:
+            self._report(job.result("dropped:disconnected", "no board was connected"))
+            return
+        self._requests[number] = job.frame_id
+        flight = self._in_flight.start(replace(job, frame_id=number), now_ns())
+        self._in_flight.sent(flight, now_ns())
+
+    def begin_anew(self) -> None:
+        """Acquisition starts: numbers begin again, and earlier pictures get no answers any more."""
+        self._in_flight.lose("acquisition was started anew")
+
+    def close(self) -> None:
+        """Say goodbye; what has no answer by now gets none."""
+        self._in_flight.lose(STOPPED)
+        self._pending.turn_away(STOPPED)
+        self._board.end(STOPPED, goodbye=True)
+        self._listener.close()
+
+    def _accept(self) -> Any:  # noqa: ANN401 - a link and its HELLO, or None
+        transport = self._listener.accept(0.0)
+        if transport is None:
+            return None
+        if self._key is not None:
+            transport = HostTransport(transport, self._key)
+        if self._board.link is not None:
+            refuse(Link(transport), ErrorCode.BUSY, BUSY)
+            return None
+        self._pending.add(transport)
+        return self._pending.hear([transport])
+
+    def _came_to(self, result: FrameResult) -> None:
+        self._report(replace(result, frame_id=self._requests.pop(result.frame_id)))
+
+    def _told(self, event: object) -> None:
+        if isinstance(event, BoardUp):
+            self._note(f"a board answers from {event.peer}: {event.board}, method {event.method}")
+        elif isinstance(event, BoardDown):
+            self._note(f"the board answers no more: {event.reason}")

@@ -1,0 +1,98 @@
+"""The ledger of a camera's pictures: what a board at the stream made of each, beside what was drawn."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from hil.host.ledger.frames_csv import LedgerWriter, ledger_row, pose_errors
+from hil.host.ledger.summary import RUN_JSON, SUMMARY_JSON, LedgerTally, RunTerms, summarise
+from simulator.frame import NO_RADIANCE, Frame
+from simulator.runtime.files import write_atomic
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hil.host.ledger.summary import LedgerSummary
+    from hil.host.link_process.ipc import FrameResult, LinkConfig
+    from simulator.scene.state import SceneState
+
+_NO_IMAGE = np.zeros((0, 0), np.uint8)
+
+
+class CameraLedger:
+    """Rows of the pictures that were sent while the camera ran.
+
+    Parameters
+    ----------
+    folder : where the files go; None keeps none. link : where boards answer.
+
+    Raises
+    ------
+    UserError
+        If the folder cannot be written or holds a ledger, now or later.
+    """
+
+    def __init__(self, folder: Path | None, link: LinkConfig) -> None:
+        self._folder, self._link = folder, link
+        self._started_utc = datetime.now(UTC).isoformat(timespec="seconds")
+        self._utc_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
+        self._open: dict[int, tuple[SceneState, float]] = {}
+        self._tally = LedgerTally()
+        self._writer: LedgerWriter | None = None
+        if folder is not None:
+            self._writer = LedgerWriter(folder)
+            terms = RunTerms(
+                started_utc=self._started_utc,
+                mode="realtime",
+                truth="off",
+                url=link.url,
+                timeout_s=link.timeout_s,
+            )
+            write_atomic(folder / RUN_JSON, msgspec.json.format(msgspec.json.encode(terms), indent=1) + b"\n")
+
+    def drawn(self, request_id: int, scene: SceneState, drawing_ms: float) -> None:
+        """A picture that the endpoint has now, and that may be sent."""
+        self._open[request_id] = scene, drawing_ms
+
+    def came_to(self, request_id: int, result: FrameResult | None) -> None:
+        """The outcome of a picture; None where it was not sent."""
+        scene, drawing_ms = self._open.pop(request_id)
+        if result is None:
+            return
+        frame = Frame(scene, _NO_IMAGE, NO_RADIANCE, None, stage_ms={"render": drawing_ms})
+        q, t = scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m
+        row = replace(
+            ledger_row(frame, result, self._utc_minus_monotonic_ns),
+            frame_id=request_id,
+            truth_q_wxyz=q,
+            truth_t_m=t,
+        )
+        if row.q_wxyz is not None and row.t_m is not None:
+            error_m, error_deg = pose_errors(row.q_wxyz, row.t_m, q, t)
+            row = replace(row, E_T_m=error_m, E_R_deg=error_deg)
+        self._tally.add(row)
+        if self._writer is not None:
+            self._writer.add(row)
+
+    def close(self) -> LedgerSummary:
+        """The summary, written where there is a folder."""
+        summary = summarise(
+            self._tally,
+            started_utc=self._started_utc,
+            ended="completed",
+            mode="realtime",
+            truth="off",
+            url=self._link.url,
+            timeout_s=self._link.timeout_s,
+        )
+        if self._writer is not None and self._folder is not None:
+            self._writer.close()
+            text = msgspec.json.format(msgspec.json.encode(summary), indent=1)
+            write_atomic(self._folder / SUMMARY_JSON, text + b"\n")
+        return summary
