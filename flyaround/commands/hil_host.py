@@ -52,6 +52,7 @@ POSE_S, CONNECT_S = 30.0, 60.0
 
 
 def host(
+    context: typer.Context,
     scenario: Annotated[str, typer.Argument(help="Built-in name or TOML file.")],
     listen: Annotated[
         str,
@@ -183,13 +184,7 @@ def host(
     serial:///dev/ttyUSB0?baud=921600 (its baud rate is 115200 unless given).
     """
     if listen.startswith(SCHEME):
-        _be_camera(
-            scenario,
-            listen,
-            seed,
-            gpu,
-            others=(n, every_s, log, key, mcap, live, ccsds, faults, time_code or None, closed_loop or None),
-        )
+        _be_camera(context, scenario, listen, seed, gpu)
         return
     if mode not in {"lockstep", "realtime"}:
         raise UserError(f"unknown mode '{mode}' in --mode; choose lockstep or realtime")
@@ -297,15 +292,19 @@ def _warn_of_a_slow_line(link: LinkConfig, plan: Plan) -> None:
         say(f"flyaround: {advice}", stderr=True)
 
 
-def _be_camera(
-    scenario: str, listen: str, seed: int | None, gpu: int | None, *, others: tuple[object, ...]
-) -> None:
+def _be_camera(context: typer.Context, scenario: str, listen: str, seed: int | None, gpu: int | None) -> None:
     """The camera endpoint with its defaults: it has no board, no poses and so no ledger."""
     interface = listen.removeprefix(SCHEME).rstrip("/")
-    if any(other is not None for other in others):
+    given = [
+        option.opts[0]
+        for option in context.command.params
+        if option.name not in {"scenario", "listen", "seed", "gpu"}
+        and getattr(context.get_parameter_source(option.name or ""), "name", "") == "COMMANDLINE"
+    ]
+    if given:
         raise UserError(
-            f"{listen} serves a camera, without board or ledger: only --seed and --gpu go with it;"
-            f" flyaround hil camera {scenario} --interface {interface} has options of its own"
+            f"{listen} serves a camera, and {', '.join(given)} {'is' if len(given) == 1 else 'are'} about a board's"
+            f" link: leave out; flyaround hil camera {scenario} --interface {interface} has options of its own"
         )
     camera(scenario, interface, seed=seed, gpu=gpu)
 

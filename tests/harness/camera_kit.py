@@ -57,15 +57,31 @@ def config(size=SIZE, bits=8, interface="lo", address=ADDRESS, allowed=("127.0.0
     )
 
 
+class Notes(list):
+    """What an endpoint says, and where boards answer."""
+
+    answers_url = None
+
+
 @contextmanager
-def camera(pictures, settings):
+def camera(pictures, settings, *, ledger=None, scenes=()):
     """An endpoint in its process, its pictures from a thread of this one; yields what it says."""
-    opened, stop, notes = threading.Event(), threading.Event(), []
-    looped = LoopedPictures(pictures, bits=settings.terms.bits, exposure_s=0.01)
+    opened, stop, notes = threading.Event(), threading.Event(), Notes()
+    looped = LoopedPictures(pictures, bits=settings.terms.bits, exposure_s=0.01, scenes=scenes)
+
+    def on_opened(answers_url):
+        notes.answers_url = answers_url
+        opened.set()
+
     thread = threading.Thread(
         target=run_camera,
         args=(looped, settings),
-        kwargs={"on_opened": lambda _url: opened.set(), "on_note": notes.append, "stopped": stop.is_set},
+        kwargs={
+            "ledger": ledger,
+            "on_opened": on_opened,
+            "on_note": notes.append,
+            "stopped": stop.is_set,
+        },
     )
     thread.start()
     try:

@@ -51,6 +51,7 @@ class Acquisition:
         self._frames_left: int | None = None
         self._number = self._block_id = self._sent = self._request_id = 0
         self._due: _Due | None = None
+        self._exposed: FrameTaken | None = None
 
     # --- what a controller does -------------------------------------------------------------
 
@@ -70,7 +71,8 @@ class Acquisition:
         )
         registers.acquiring = True
         self._number = self._block_id = self._sent = 0
-        self.triggered, self._due = False, None
+        self.triggered = False
+        self._forget()
         self._stream.stop()
         if self.answers is not None:
             self.answers.begin_anew()
@@ -79,8 +81,14 @@ class Acquisition:
     def stop(self) -> None:
         """End; a picture that is on its way here comes to nothing."""
         self._registers.acquiring = False
-        self._due = None
+        self._forget()
         self._stream.stop()
+
+    def _forget(self) -> None:
+        """The picture that was asked for is not wanted any more."""
+        if self._exposed is not None:
+            self._tell_unsent(self._exposed)
+        self._due = self._exposed = None
 
     def trigger(self) -> None:
         """Want a frame, where acquisition runs."""
@@ -146,17 +154,36 @@ class Acquisition:
         )
         self._number += 1
 
-    def take(self, taken: FrameTaken, to: tuple[str, int] | None) -> None:
-        """A picture that was asked for is there: send it to the controller, if it named a port."""
-        if not self._send(taken, to) and self.answers is not None:
+    def take(self, taken: FrameTaken) -> None:
+        """A picture that was asked for is there."""
+        if self._due is None or taken.request_id != self._due.request_id:
+            self._tell_unsent(taken)  # of an acquisition that was stopped
+        else:
+            self._exposed = taken
+
+    @property
+    def read_out_s(self) -> float | None:
+        """When the picture that is there may leave: no camera reads one before its exposure is over."""
+        if self._exposed is None or self._due is None:
+            return None
+        return self._due.asked_ns * 1e-9 + self._due.exposure_s
+
+    def send_exposed(self, now_s: float, to: tuple[str, int] | None) -> None:
+        """Send the picture whose exposure is over to the controller, if it named a port."""
+        taken, due, read_out_s = self._exposed, self._due, self.read_out_s
+        if taken is None or due is None or read_out_s is None or now_s < read_out_s:
+            return
+        self._exposed = self._due = None
+        if not self._send(taken, due, to):
+            self._tell_unsent(taken)
+
+    def _tell_unsent(self, taken: FrameTaken) -> None:
+        if self.answers is not None:
             self._tell(PictureOutcome(taken.request_id, None))
 
-    def _send(self, taken: FrameTaken, to: tuple[str, int] | None) -> bool:
+    def _send(self, taken: FrameTaken, due: _Due, to: tuple[str, int] | None) -> bool:
         """Begin to send a picture; whether there is anybody to send it to."""
-        due, registers = self._due, self._registers
-        if due is None or taken.request_id != due.request_id:
-            return False  # of an acquisition that was stopped
-        self._due = None
+        registers = self._registers
         if self._frames_left is not None:
             self._frames_left -= 1
             registers.acquiring = self._frames_left > 0

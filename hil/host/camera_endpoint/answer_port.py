@@ -110,12 +110,14 @@ class AnswerPort:
         """Acquisition starts: numbers begin again, and earlier pictures get no answers any more."""
         self._in_flight.lose("acquisition was started anew")
 
-    def close(self) -> None:
-        """Say goodbye; what has no answer by now gets none."""
+    def close(self) -> bool:
+        """Say goodbye; what has no answer by now gets none. Whether a board was there to hear it."""
+        met = self._board.link is not None
         self._in_flight.lose(STOPPED)
         self._pending.turn_away(STOPPED)
         self._board.end(STOPPED, goodbye=True)
         self._listener.close()
+        return met
 
     def _accept(self) -> Any:  # noqa: ANN401 - a link and its HELLO, or None
         transport = self._listener.accept(0.0)

@@ -53,6 +53,8 @@ MOST_STRANGERS = 16
 REPEATED_S = 1.0
 """A command that comes twice within this time is answered twice and carried out once."""
 IDLE_S = 0.5
+LAST_WORDS_S = 1.5
+"""For a board that heard the goodbye to give control back."""
 
 
 def serve_endpoint(pipe: Connection, config: EndpointConfig) -> None:
@@ -67,7 +69,7 @@ def serve_endpoint(pipe: Connection, config: EndpointConfig) -> None:
         pipe.send(Opened(endpoint.answers_url))
         while endpoint.step():
             pass
-        endpoint.close()
+        endpoint.end()
     except (EOFError, BrokenPipeError, ConnectionResetError):
         pass  # the drawing side is gone
 
@@ -125,8 +127,18 @@ class CameraEndpoint:
         """Where boards say their poses."""
         return None if self._answers is None else self._answers.url
 
+    def end(self) -> None:
+        """Say goodbye to the board and let it give control back, which takes it long once nobody answers; close."""
+        self._acquisition.stop()
+        answers, self._answers = self._answers, None
+        if answers is not None and answers.close():
+            until_s = time.monotonic() + LAST_WORDS_S
+            while self._controller is not None and time.monotonic() < until_s:
+                self.step()
+        self.close()
+
     def close(self) -> None:
-        """Close the sockets, boards told goodbye."""
+        """Close the sockets."""
         if self._answers is not None:
             self._answers.close()
         for sock in self._sockets:
@@ -148,7 +160,7 @@ class CameraEndpoint:
             if isinstance(message, Stop):
                 return False
             if isinstance(message, FrameTaken):
-                self._acquisition.take(message, self._receiver)
+                self._acquisition.take(message)
         if self._answers is not None:
             self._answers.step(ready)
         now = time.monotonic()
@@ -156,6 +168,7 @@ class CameraEndpoint:
             self._release(
                 f"controller {self._controller[0]} said nothing for too long: control is free again"
             )
+        self._acquisition.send_exposed(now, self._receiver)
         self._acquisition.ask_for_frame(now)
         self._stream.step(now)
         return True
@@ -168,6 +181,8 @@ class CameraEndpoint:
             times.append(self._heard_s + self._registers[Place.HEARTBEAT_MS] * 1e-3)
         if self._acquisition.wants_frame:
             times.append(self._acquisition.next_s)
+        if self._acquisition.read_out_s is not None:
+            times.append(self._acquisition.read_out_s)
         if self._answers is not None and self._answers.due_s is not None:
             times.append(self._answers.due_s)
         return max(0.0, min(times) - time.monotonic())

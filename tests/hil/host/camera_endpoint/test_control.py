@@ -3,9 +3,11 @@
 import random
 import socket
 import struct
+import time
 import tracemalloc
 from multiprocessing import Pipe
 
+import numpy as np
 import pytest
 from camera_kit import ADDRESS, SIZE, config
 
@@ -13,7 +15,7 @@ from hil.host.camera_endpoint import gvcp
 from hil.host.camera_endpoint.endpoint import CameraEndpoint
 from hil.host.camera_endpoint.genicam_xml import OWN_NAME
 from hil.host.camera_endpoint.gvsp import StreamFormat
-from hil.host.camera_endpoint.messages import Note
+from hil.host.camera_endpoint.messages import FrameTaken, Note
 from hil.host.camera_endpoint.registers import XML_ADDRESS, XML_URL, Place
 
 
@@ -115,6 +117,30 @@ def test_settings_reach_the_next_picture(endpoint):
     wanted = pipe.recv()
     assert wanted.exposure_s == pytest.approx(2.5e-3)
     assert wanted.gain_db == 6.0
+
+
+def test_no_picture_leaves_before_its_exposure_is_over(endpoint):
+    camera, pipe = endpoint
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(5.0)
+        write(camera, Place.CONTROL_PRIVILEGE, 2)
+        here = int.from_bytes(socket.inet_aton("127.0.0.1"), "big")
+        for place, value in (
+            (Place.STREAM_PORT, receiver.getsockname()[1]),
+            (Place.STREAM_ADDRESS, here),
+            (Place.EXPOSURE_TIME, as_float(2e5)),
+            (Place.ACQUISITION_START, 1),
+        ):
+            assert write(camera, place, value) == 0
+        camera.step()
+        assert isinstance(pipe.recv(), Note)
+        wanted, begun_s = pipe.recv(), time.monotonic()
+        pipe.send(FrameTaken(wanted.request_id, np.zeros(SIZE, np.uint8)))
+        while camera._registers[Place.FRAMES_SENT] == 0:
+            camera.step()
+        assert time.monotonic() - begun_s >= 0.19
+        assert receiver.recv(2000)[4] == 1  # its leader
 
 
 def test_repeated_command_is_carried_out_once(endpoint):

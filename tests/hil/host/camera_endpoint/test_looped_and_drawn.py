@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hil.host.camera_endpoint.messages import FrameWanted
-from hil.host.camera_endpoint.pictures import LoopedPictures, exposed_as
+from hil.host.camera_endpoint.pictures import WARM_UP_PICTURES, DrawnPictures, LoopedPictures, exposed_as
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
 
@@ -30,3 +30,32 @@ def test_drawn_scenes_take_exposure_and_gain():
     )
     # what is amplified is signal and noise alike
     assert changed.sensor.gaussian_variance / scene.sensor.gaussian_variance == pytest.approx(3.981, abs=1e-3)
+
+
+class CountingProducer:
+    """Draws nothing, and remembers of what."""
+
+    def __init__(self) -> None:
+        self.scenes = []
+
+    def submit(self, request) -> None:
+        self.scenes.append(request.scene)
+
+    def result(self):
+        return np.zeros((4, 4), np.uint8)
+
+
+def test_moments_of_the_whole_flight_are_drawn_before_anybody_waits():
+    """The first picture of a kind takes seconds: a client that waited 5 s for it took the camera for dead."""
+    plan = plan_flight(load_scenario("tango-limb"), n=1)
+    producer = CountingProducer()
+    drawn = DrawnPictures(plan, producer)
+    drawn.warm_up()
+    times = [scene.t_s for scene in producer.scenes]
+    assert len(times) == WARM_UP_PICTURES
+    assert times == sorted(times)
+    assert times[-1] > 0.9 * plan.scenario.duration_s
+    # and they change nothing in what is sent
+    taken = drawn.take(wanted())
+    assert taken.scene.t_s == pytest.approx(0.0, abs=1e-9)
+    assert taken.scene.frame_index == 0
