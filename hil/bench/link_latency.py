@@ -49,20 +49,30 @@ def _frames(width_px: int, height_px: int, n_frames: int) -> Iterator[Frame]:
 
 
 def link_latency_ms(
-    width_px: int, height_px: int, *, n_frames: int, compression: Compression = "raw"
+    width_px: int,
+    height_px: int,
+    *,
+    n_frames: int,
+    compression: Compression = "raw",
+    scheme: str = "tcp",
+    key: bytes | None = None,
 ) -> list[float]:
-    """End-to-end latency of each frame over loopback TCP, lockstep, with an instant estimator [ms]."""
+    """End-to-end latency of each frame over the loopback, lockstep, with an instant estimator [ms]."""
     boards: list[threading.Thread] = []
 
     def start_board(url: str, _truth_url: str | None) -> None:
-        boards.append(
-            threading.Thread(target=run_board, args=(url,), kwargs={"make_estimator": _Answer}, daemon=True)
-        )
+        options = {"make_estimator": _Answer, "key": key}
+        boards.append(threading.Thread(target=run_board, args=(url,), kwargs=options, daemon=True))
         boards[0].start()
 
     laps_ms: list[float] = []
     link = LinkConfig(
-        url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=10.0, compression=compression
+        url=f"{scheme}://127.0.0.1:0",
+        mode="lockstep",
+        truth="off",
+        timeout_s=10.0,
+        compression=compression,
+        key=key,
     )
     run_host(
         _frames(width_px, height_px, n_frames),
@@ -75,13 +85,20 @@ def link_latency_ms(
 
 
 def bench_link(n_frames: int = 60) -> tuple[PartCost, ...]:
-    """Frame out to pose in, by image size and compression; the first frames warm up and are left out."""
-    compressions: tuple[Compression, ...] = ("raw", "zstd")
-    return tuple(
-        cost(
-            f"link tcp {width}x{height} {compression}",
-            link_latency_ms(width, height, n_frames=n_frames + 5, compression=compression)[5:],
-        )
-        for width, height in SIZES_PX
-        for compression in compressions
+    """Frame out to pose in, by image size, compression, line and key; the first frames warm up and are left out."""
+    lines: tuple[tuple[str, Compression, bytes | None], ...] = (
+        ("tcp", "raw", None),
+        ("tcp", "zstd", None),
+        ("tcp", "raw", bytes(32)),
+        ("udp", "raw", None),
+        ("udp", "raw", bytes(32)),
     )
+    costs = []
+    for width, height in SIZES_PX:
+        for scheme, compression, key in lines:
+            laps_ms = link_latency_ms(
+                width, height, n_frames=n_frames + 5, compression=compression, scheme=scheme, key=key
+            )
+            name = f"link {scheme} {width}x{height} {compression}" + (" sealed" if key else "")
+            costs.append(cost(name, laps_ms[5:]))
+    return tuple(costs)

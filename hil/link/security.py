@@ -36,6 +36,8 @@ WINDOW = 1024
 LEAST_KEY_BYTES, MOST_KEY_BYTES = 16, 4096
 ANSWER_S = 10.0
 REPEAT_S = 1.0
+MOST_ASKS = 32
+"""Requests on one line before a proof: a board asks each second for ten, and nobody is answered without end."""
 _ABOUT = struct.Struct("<HBQI")
 _IN_CLEAR = (PacketType.ERROR, PacketType.BYE)
 
@@ -130,6 +132,7 @@ class HostHandshake:
     def __init__(self, key: bytes) -> None:
         self._key = key
         self._nonces: Optional[bytes] = None
+        self._asks = 0
         self.seal: Optional[Seal] = None
 
     def take(self, packet: Packet) -> Optional[Packet]:
@@ -140,9 +143,13 @@ class HostHandshake:
         Raises
         ------
         LinkClosed
-            If a proof is wrong: whoever sent it has another key, and gets no second try on this line.
+            If a proof is wrong, whoever sent it has another key, and gets no second try on this line; or if it asks
+            again and again without one.
         """
         if packet.type is PacketType.AUTH_REQUEST and len(packet.payload) == NONCE_BYTES:
+            self._asks += 1
+            if self._asks > MOST_ASKS:
+                raise LinkClosed("it asks again and again, and proves nothing")
             nonces = packet.payload + os.urandom(NONCE_BYTES)
             self._nonces = nonces
             answer = nonces[NONCE_BYTES:] + _proof(self._key, "flyaround host", nonces)
@@ -152,6 +159,7 @@ class HostHandshake:
                 self._nonces = None
                 raise LinkClosed("it has another key")
             if self.seal is None or self._nonces != self._of_seal:
+                self._asks = 0
                 self.seal, self._of_seal = Seal(self._key, self._nonces, is_host=True), self._nonces
         return None
 

@@ -203,11 +203,15 @@ class TruthEndpoint:
         client.sequence += 1
 
     def _make_room(self) -> None:
-        """Where it is full, drop those that closed their end: most have left, though nothing sent has shown it yet."""
-        if len(self._clients) >= MAX_CLIENTS:
-            self.flush()
-            for client in [client for client in self._clients if client.said_all]:
-                self._drop(client)
+        """Where it is full, drop those that closed their end, which have left, or else the oldest without a proof."""
+        if len(self._clients) < MAX_CLIENTS:
+            return
+        self.flush()
+        for client in [client for client in self._clients if client.said_all]:
+            self._drop(client)
+        strangers = [client for client in self._clients if not client.is_known]
+        if len(self._clients) >= MAX_CLIENTS and strangers:
+            self._drop(strangers[0])
 
     def _refuse(self, client: _Client, code: ErrorCode, sentence: str) -> None:
         """Turn it away with a sentence; an estimator is never handed the truth."""
