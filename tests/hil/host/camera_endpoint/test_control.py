@@ -140,6 +140,7 @@ def test_no_picture_leaves_before_its_exposure_is_over(endpoint):
         while camera._registers[Place.FRAMES_SENT] == 0:
             camera.step()
         assert time.monotonic() - begun_s >= 0.19
+        camera.step()
         assert receiver.recv(2000)[4] == 1  # its leader
 
 
