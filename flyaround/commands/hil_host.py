@@ -35,6 +35,7 @@ from hil.host.run import RunConfig
 from hil.host.serial_time import serial_advice
 from hil.host.truth_policy import check_access
 from hil.link.security import read_key
+from hil.link.session import SILENCE_S
 from hil.link.transports.url import parse_url
 from hil.navigation.closed_loop import ClosedLoopConfig
 from simulator.errors import UserError
@@ -116,6 +117,14 @@ def host(
         float | None,
         typer.Option("--wait", min=0.1, help="Seconds to wait for the first board, instead of --timeout."),
     ] = None,
+    silence_s: Annotated[
+        float,
+        typer.Option(
+            "--silence",
+            min=0.5,
+            help="Seconds after which a board that says nothing, not even that it still works, counts as gone.",
+        ),
+    ] = SILENCE_S,
     max_misses: Annotated[
         int,
         typer.Option(
@@ -216,6 +225,7 @@ def host(
         timeout_s=timeout_s or POSE_S,
         compression=_one_of(encoding, Compression, "--encoding"),
         pixel_format=_one_of(pixel_format, PixelFormatName, "--pixel-format"),
+        silence_s=silence_s,
         max_misses=max_misses,
         faults=given,
         key=None if key is None else read_key(str(key)),

@@ -22,15 +22,12 @@ from hil.link.packets.images import check_terms, supported_encodings
 from hil.link.packets.messages import ErrorCode, ErrorMessage, Hello, HelloAck, PixelFormat
 from hil.link.packets.packet import PacketType
 from hil.link.security import prove_to_host
-from hil.link.session import Link, greet_host
+from hil.link.session import SILENCE_S, Link, greet_host
 from hil.link.transports.url import connect, parse_url
 
 logger = logging.getLogger(__name__)
 
 SUFFIX = ".board.json"
-
-# a host asks for the clock once a second, whatever else it does
-SILENCE_S = 10.0
 
 # pauses between tries to meet a host again: doubled from the first to the last [s]
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.1, 1.6

@@ -25,6 +25,7 @@ from hil.link.packets.messages import (
     HelloAck,
     Message,
     PoseMessage,
+    TimeSyncReply,
     TimeSyncRequest,
 )
 from hil.link.packets.pixels import Image
@@ -37,6 +38,12 @@ MAX_LOGGED = 100
 
 # an estimator that is at work when its session ends has this long to come back, and each thread [s]
 LAST_WAIT_S = 1.0
+
+# how often the board asks for the host's clock: to be heard, and to hear, while its estimator works [s]
+BEAT_S = 0.4
+
+# until the host has answered that, it is waited for so many times as long: a line may take seconds
+UNMET_FACTOR = 5.0
 
 # how often the line is looked at for a stop, and the estimator for its time, at least [s]
 LOOK_S = 0.5
@@ -77,7 +84,7 @@ class FrameServer:
     link : after the handshake, which settled ``terms``.
     window : whole frames that this board said it can hold.
     watchdog_s : an estimator that takes longer ends the session; infinite for as long as it likes.
-    silence_s : a host that says nothing for so long, not even a clock request, is gone.
+    silence_s : a host that says nothing for so long, not even on the board's clock requests, is gone.
     """
 
     def __init__(
@@ -98,6 +105,7 @@ class FrameServer:
         self._assembler = FrameAssembler(terms)
         self._logged = 0
         self._newest = NO_FRAME
+        self._patience = UNMET_FACTOR
         self._frames = self._accepted = 0
         self._goodbye = self._hung = False
         self._ended = "the host went away"
@@ -207,11 +215,17 @@ class FrameServer:
     # --- receiving --------------------------------------------------------------------------
 
     def _receive(self) -> None:
-        heard, heard_ns = -1, now_ns()
+        heard, heard_ns, beat_ns = -1, now_ns(), 0
         try:
             while not self._stop.is_set():
+                if now_ns() >= beat_ns:
+                    beat_ns = now_ns() + round(BEAT_S * 1e9)
+                    with contextlib.suppress(
+                        LinkClosed
+                    ):  # the next recv reports it, and what was said before
+                        self._link.send(TimeSyncRequest(now_ns()))
                 try:
-                    message = self._link.recv(LOOK_S)
+                    message = self._link.recv(BEAT_S)
                     if message is not None and not self._take(message):
                         return
                 except ProtocolMistake as mistake:
@@ -222,10 +236,8 @@ class FrameServer:
                 stats = self._link.stats
                 if stats.received - stats.stale != heard:
                     heard, heard_ns = stats.received - stats.stale, now_ns()
-                elif now_ns() - heard_ns > self._silence_s * 1e9:
-                    self._ended = (
-                        f"the host said nothing for {self._silence_s:g} s: it hangs, or the line is cut"
-                    )
+                elif now_ns() - heard_ns > (patience_s := self._silence_s * self._patience) * 1e9:
+                    self._ended = f"the host said nothing for {patience_s:g} s: it hangs, or the line is cut"
                     return
         except LinkClosed as error:
             self._ended = f"the host went away without a goodbye ({error})"
@@ -249,6 +261,8 @@ class FrameServer:
                 self._arrive(_Arrival(complete[0], complete[1], at_ns))
         elif isinstance(message, TimeSyncRequest):
             self._say(answer_time_sync(message, at_ns, self._newest))
+        elif isinstance(message, TimeSyncReply):
+            self._patience = 1.0
         elif isinstance(message, Bye):
             self._goodbye, self._ended = True, f"the host ended the session ({message.reason})"
             return False

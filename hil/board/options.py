@@ -6,9 +6,10 @@ import argparse
 import math
 from typing import Any, Dict, NamedTuple, Tuple
 
-from hil.board.agent import SILENCE_S, BoardAgent
+from hil.board.agent import BoardAgent
 from hil.link.errors import LinkError
 from hil.link.security import read_key
+from hil.link.session import SILENCE_S
 
 MOST_WINDOW = 64
 

@@ -196,6 +196,10 @@ def _on_one_footing(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
         before = frame
 
 
+def _ms(ns: int | None) -> float | None:
+    return None if ns is None else ns * 1e-6
+
+
 def _readout(frame: Frame) -> Readout:
     """What part of the detector the image is, as far as the scene says."""
     detector, (height, width) = frame.scene.sensor.detector, frame.image.shape[:2]
@@ -345,7 +349,6 @@ class BoardSink:
         if self.config.mode == "realtime" and deadline_ms is None:
             deadline_ms = self.tally.interval_ms()
         board, counts = self.link.last_board, self.link.counts
-        trip, bound = counts.clock_round_trip_ns, counts.clock_offset_bound_ns
         return summarise(
             self.tally,
             started_utc=self._started_utc,
@@ -375,8 +378,11 @@ class BoardSink:
                 sequence_gaps=counts.sequence_gaps,
                 sessions=counts.sessions,
                 late_poses=counts.late_poses,
-                clock_round_trip_ms=None if trip is None else trip * 1e-6,
-                clock_offset_bound_ms=None if bound is None else bound * 1e-6,
+                clock_round_trip_ms=_ms(counts.clock_round_trip_ns),
+                clock_round_trip_ms_p50=_ms(counts.clock_round_trip_ns_p50),
+                clock_round_trip_ms_p99=_ms(counts.clock_round_trip_ns_p99),
+                clock_round_trip_ms_max=_ms(counts.clock_round_trip_ns_max),
+                clock_offset_bound_ms=_ms(counts.clock_offset_bound_ns),
                 clock_drift_ppm=counts.clock_drift_ppm,
                 clock_drift_ppm_sigma=counts.clock_drift_ppm_sigma,
             ),

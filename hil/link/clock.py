@@ -83,9 +83,10 @@ class ClockFilter:
                 self._samples.popleft()
         self._stale = True
 
-    def add_reply(self, reply: TimeSyncReply, back_ns: int) -> None:
-        """One exchange from its reply packet."""
+    def add_reply(self, reply: TimeSyncReply, back_ns: int) -> int:
+        """One exchange from its reply packet; its round trip [ns], negative where a clock is broken."""
         self.add(reply.asked_ns, reply.received_ns, reply.sent_ns, back_ns)
+        return (back_ns - reply.asked_ns) - (reply.sent_ns - reply.received_ns)
 
     def offset_at(self, at_ns: int) -> Optional[int]:
         """Other clock minus this one at a time of this clock; None before the first exchange."""

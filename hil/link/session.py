@@ -60,6 +60,9 @@ BOARD_IN_SESSION: FrozenSet[PacketType] = frozenset(
     }
 )
 
+SILENCE_S = 1.5
+"""A side that was heard from regularly, and then says nothing for so long, is gone: its line is cut, or it hangs."""
+
 # packets left out in a row before a receiver that does not wait comes back to its caller
 MAX_LEFT_OUT = 256
 

@@ -24,6 +24,7 @@ import numpy as np
 from hil_loop import made_frame
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import RunConfig, run_host
+from hil.link.security import read_key
 from simulator.errors import UserError
 told = json.loads(sys.argv[1])
 drawn = [np.random.default_rng(k).integers(0, 255, (told["size"],) * 2, np.uint8) for k in range(30)]
@@ -33,7 +34,7 @@ def source():
             time.sleep(told["every_s"])
         yield made_frame(k, drawn[k % len(drawn)], every_s=told["every_s"], t_m=(0.0, 0.0, float(k)))
 link = LinkConfig(url=told["url"], mode=told["mode"], truth="off", timeout_s=told["timeout_s"],
-                  max_misses=told["max_misses"])
+                  max_misses=told["max_misses"], key=told["key"] and read_key(told["key"]))
 config = RunConfig(link=link, log_dir=Path(told["log"]), connect_timeout_s=60.0)
 try:
     summary = run_host(source(), config, on_listening=lambda url, _: print(url, flush=True))
@@ -62,18 +63,18 @@ def free_url() -> str:
 
 
 @contextmanager
-def host_process(log: Path, **told):
+def host_process(log: Path, prefix: tuple[str, ...] = (), **told):
     """A running host and its URL."""
     defaults = {"url": "tcp://127.0.0.1:0", "n": 10_000, "size": 64, "every_s": 0.02, "mode": "lockstep"}
-    defaults |= {"timeout_s": 20.0, "max_misses": 3, "log": str(log)}
-    with started([sys.executable, "-c", HOST, json.dumps(defaults | told)]) as process:
+    defaults |= {"timeout_s": 20.0, "max_misses": 3, "log": str(log), "key": None}
+    with started([*prefix, sys.executable, "-c", HOST, json.dumps(defaults | told)]) as process:
         yield process, process.stdout.readline().strip()
 
 
 @contextmanager
-def echo_board(url: str, *more: str):
+def echo_board(url: str, *more: str, prefix: tuple[str, ...] = ()):
     """A running board."""
-    with started([sys.executable, "-c", ECHO, url, "--model", "none", *more]) as process:
+    with started([*prefix, sys.executable, "-c", ECHO, url, "--model", "none", *more]) as process:
         yield process
 
 
@@ -128,9 +129,10 @@ class Plug:
         with suppress(OSError):
             while True:
                 board, _ = self._server.accept()
+                self._sockets.append(board)
                 self.plugged.wait()
                 host = socket.create_connection(("127.0.0.1", self._port))
-                self._sockets += [board, host]
+                self._sockets.append(host)
                 for one, other in ((board, host), (host, board)):
                     threading.Thread(target=self._copy, args=(one, other), daemon=True).start()
 
@@ -150,3 +152,89 @@ class Plug:
         for one in (self._server, *self._sockets):
             with suppress(OSError):
                 one.close()
+
+
+class UdpPlug:
+    """The same for datagrams, which are lost while it is pulled."""
+
+    def __init__(self, host_url: str) -> None:
+        self._host = ("127.0.0.1", int(host_url.rsplit(":", 1)[1]))
+        self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._near.bind(("127.0.0.1", 0))
+        self.url = f"udp://127.0.0.1:{self._near.getsockname()[1]}"
+        self.plugged = threading.Event()
+        self.plugged.set()
+        self._far: dict[object, socket.socket] = {}
+        threading.Thread(target=self._there, daemon=True).start()
+
+    def _there(self) -> None:
+        with suppress(OSError):
+            while True:
+                data, board = self._near.recvfrom(65536)
+                if board not in self._far:
+                    self._far[board] = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+                    self._far[board].connect(self._host)
+                    threading.Thread(target=self._back, args=(board,), daemon=True).start()
+                self._pass_on(lambda data=data, far=self._far[board]: far.send(data))
+
+    def _back(self, board: object) -> None:
+        with suppress(OSError):
+            while True:
+                try:
+                    data = self._far[board].recv(65536)
+                except ConnectionRefusedError:
+                    continue
+                self._pass_on(lambda data=data: self._near.sendto(data, board))
+
+    def _pass_on(self, send) -> None:
+        if self.plugged.is_set():
+            with suppress(ConnectionRefusedError):
+                send()
+
+    def close(self) -> None:
+        """Let everybody go."""
+        for one in (self._near, *self._far.values()):
+            one.close()
+
+
+class Cable:
+    """Two network namespaces, each a machine, and what is between them; wants the rights to make them.
+
+    Parameters
+    ----------
+    host, board : what is put before a program's command to run it there.
+    """
+
+    def __init__(self) -> None:
+        self._names = [f"fly{os.getpid()}{side}" for side in "hb"]
+        self.host, self.board = (("ip", "netns", "exec", name) for name in self._names)
+
+    def __enter__(self):
+        near, far = self._names
+        for name in self._names:
+            self._ip("netns", "add", name)
+        self._ip("link", "add", "v0", "netns", near, "type", "veth", "peer", "name", "v0", "netns", far)
+        for k, name in enumerate(self._names):
+            self._ip("-n", name, "addr", "add", f"10.77.0.{k + 1}/24", "dev", "v0")
+            for device in ("lo", "v0"):
+                self._ip("-n", name, "link", "set", device, "up")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for name in self._names:
+            subprocess.run(["ip", "netns", "del", name], check=False, capture_output=True)
+
+    def pull(self) -> None:
+        """From now on packets go to a device that nobody has: no end of file, no refusal."""
+        for k, name in enumerate(self._names):
+            there = f"10.77.0.{2 - k}"
+            self._ip("-n", name, "neigh", "replace", there, "lladdr", "02:00:00:00:00:99", "dev", "v0")
+
+    def plug_in(self) -> None:
+        """As before."""
+        for k, name in enumerate(self._names):
+            self._ip("-n", name, "neigh", "del", f"10.77.0.{2 - k}", "dev", "v0")
+
+    @staticmethod
+    def _ip(*words: str) -> None:
+        subprocess.run(["ip", *words], check=True, capture_output=True)

@@ -120,6 +120,9 @@ def with_line_faults(line: Transport, faults: Faults, journal: FaultJournal) -> 
     ours, theirs = socket.socketpair()
     near, far = SocketTransport(line.name, ours), SocketTransport(line.name, theirs)
     near.chunk_bytes = line.chunk_bytes
+    for fault in faults.line:
+        if isinstance(fault, Bandwidth):  # a slow line cuts finer, as a serial one does
+            near.chunk_bytes = max(64, min(near.chunk_bytes, int(0.25 * fault.bytes_per_s)))
     pumps = (_Pump("to_board", far, line, faults, journal), _Pump("to_host", line, far, faults, journal))
     for pump in pumps:
         threading.Thread(target=pump.run, name="faults", daemon=True).start()

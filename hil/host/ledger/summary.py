@@ -64,6 +64,9 @@ class LinkTotals(msgspec.Struct, frozen=True, kw_only=True):
     sessions: Count = 0
     late_poses: Count = 0
     clock_round_trip_ms: float | None = None
+    clock_round_trip_ms_p50: float | None = None
+    clock_round_trip_ms_p99: float | None = None
+    clock_round_trip_ms_max: float | None = None
     clock_offset_bound_ms: float | None = None
     clock_drift_ppm: float | None = None
     clock_drift_ppm_sigma: float | None = None

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
+from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -36,7 +38,7 @@ from hil.link.packets.messages import (
 from hil.link.session import HOST_IN_SESSION, Link, answer_hello, refuse
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Collection
 
     from hil.host.link_process.in_flight import FramesInFlight
 
@@ -51,8 +53,12 @@ ENCODINGS: dict[str, tuple[Encoding, ...]] = {
 
 SYNC_BURST = 8
 SYNC_EVERY_NS = 250_000_000
-# while frames wait for a board that says nothing it is asked whether it has what it was sent
-ASK_AGAIN_NS = 100_000_000
+# before a frame the line is free: a request that will be due soon is sent then, and waits behind nothing
+SYNC_EARLY_NS = 200_000_000
+# while frames wait for a board that says nothing it is asked whether it has what it was sent, once it should have
+ASK_AFTER_NS, ASK_AGAIN_NS = 20_000_000, 100_000_000
+# round trips that are remembered: an hour and more; a longer one is another board's doing
+MOST_TRIPS, MOST_TRIP_NS = 20_000, 10**12
 # a board answers clock requests once its estimator is ready; no frame is sent before
 SYNC_PATIENCE_NS = 60_000_000_000
 # a board that sends without end is listened to this long at a time: frames, loggers and the run get their turn
@@ -82,6 +88,9 @@ class BoardSession:
         self._mistakes = 0
         self._up: BoardUp | None = None  # greeted, not yet announced
         self._clock = ClockFilter()
+        self._trips_ns: deque[int] = deque(maxlen=MOST_TRIPS)
+        self._heard_ns = 0
+        self._beats = False  # whether the board asks for the time itself, and so is heard from while it works
 
     def begin(self, link: Link, hello: Hello) -> bool:
         """Answer a HELLO; whether the board may stay, and then it is ``link`` from now on."""
@@ -110,6 +119,8 @@ class BoardSession:
                 return
             try:
                 message = self.link.recv(0.0)
+                if message is not None:
+                    self._heard_ns = now_ns()
             except VersionMismatch as error:
                 refuse(self.link, ErrorCode.VERSION, str(error))
                 self.leave(str(error))
@@ -148,6 +159,7 @@ class BoardSession:
         elif isinstance(message, TimeSyncReply):
             self._take_clock_reply(message, at_ns, link)
         elif isinstance(message, TimeSyncRequest):
+            self._beats = True
             with contextlib.suppress(LinkClosed):  # the next recv reports it
                 link.send(answer_time_sync(message, at_ns))
         elif isinstance(message, ErrorMessage):
@@ -184,7 +196,7 @@ class BoardSession:
         if not repeated:
             self._in_flight.lose("the board started again")
             link.session_id = int.from_bytes(os.urandom(8), "little") or 1
-            self._clock = ClockFilter()
+            self._clock, self._beats = ClockFilter(), False
             self.next_sync_ns = now_ns() + SYNC_PATIENCE_NS
             self.counts = replace(self.counts, sessions=self.counts.sessions + 1)
         self.ack = ack
@@ -208,7 +220,9 @@ class BoardSession:
             )
 
     def _take_clock_reply(self, reply: TimeSyncReply, at_ns: int, link: Link) -> None:
-        self._clock.add_reply(reply, at_ns)
+        trip_ns = self._clock.add_reply(reply, at_ns)
+        if 0 <= trip_ns < MOST_TRIP_NS:
+            self._trips_ns.append(trip_ns)
         if reply.newest_frame is not None:
             self._in_flight.lost_on_the_line(reply.asked_ns, reply.newest_frame)
         if self._up is None:
@@ -262,24 +276,63 @@ class BoardSession:
             protocol_mistakes=c.protocol_mistakes + s.mistakes,
             sequence_gaps=c.sequence_gaps + s.sequence_gaps,
             clock_round_trip_ns=self._clock.round_trip_ns,
+            clock_round_trip_ns_p50=_quantile(self._trips_ns, 0.5),
+            clock_round_trip_ns_p99=_quantile(self._trips_ns, 0.99),
+            clock_round_trip_ns_max=max(self._trips_ns, default=None),
             clock_offset_bound_ns=self._clock.offset_bound_at(now_ns()),
             clock_drift_ppm=None if line is None else line.drift_ppm,
             clock_drift_ppm_sigma=None if line is None else line.sigma_ppm,
         )
 
     def ask_what_came(self) -> None:
-        """Frames wait for the board: ask it soon, where it was not asked since the last was sent."""
+        """Frames wait for the board: ask it soon, where it was not asked since the last should have come."""
         sent_ns = self._in_flight.last_sent_ns
-        if sent_ns is not None and self._asked_ns < max(sent_ns, now_ns() - ASK_AGAIN_NS):
-            self.next_sync_ns = min(self.next_sync_ns, now_ns())
+        if sent_ns is None:
+            return
+        due_ns = sent_ns + ASK_AFTER_NS
+        if self._asked_ns >= due_ns:
+            due_ns = self._asked_ns + ASK_AGAIN_NS
+        self.next_sync_ns = min(self.next_sync_ns, due_ns)
+
+    def sync_before_frame(self) -> None:
+        """Ask for the board's clock before a frame takes the line, where it would soon be time to.
+
+        Raises
+        ------
+        LinkClosed
+            If the line has ended.
+        """
+        if self.link is not None and self._up is None and now_ns() >= self.next_sync_ns - SYNC_EARLY_NS:
+            self._ask(self.link)
 
     def sync_clock(self) -> None:
         """Ask for the board's clock, and what came to it, where it is time to."""
         if self.link is not None and self.ack is not None and now_ns() >= self.next_sync_ns:
-            self.next_sync_ns = now_ns() + SYNC_EVERY_NS
             self._announce()  # a board that never answers clock requests may still answer frames
-            self._asked_ns = now_ns()
             try:
-                self.link.send(TimeSyncRequest(self._asked_ns))
+                self._ask(self.link)
             except LinkClosed as error:
                 self.leave(str(error))
+
+    def _ask(self, link: Link) -> None:
+        self._asked_ns = now_ns()
+        self.next_sync_ns = self._asked_ns + SYNC_EVERY_NS
+        link.send(TimeSyncRequest(self._asked_ns))
+
+    def check_silence(self) -> None:
+        """Take a board for gone that has asked for the time, and says nothing any more; all it said was listened to.
+
+        Its thread that reads asks while another computes, however long that takes. A board that never asks may do all
+        in one thread: of it only frames that run out of time tell.
+        """
+        if self.link is None or not self._beats or self.unread:
+            return
+        if now_ns() - self._heard_ns > self._config.silence_s * 1e9:
+            self.leave(
+                f"the board said nothing for {self._config.silence_s:g} s: the line is cut, or it hangs"
+            )
+
+
+def _quantile(values: Collection[int], share: float) -> int | None:
+    """The smallest of the values that such a share of them does not exceed; None of none."""
+    return sorted(values)[max(0, math.ceil(share * len(values)) - 1)] if values else None

@@ -52,6 +52,10 @@ class FramesInFlight:
         """Whether every frame that was sent has its outcome, so that what is still held was given up."""
         return not self._flying
 
+    def is_flying(self, frame_id: int) -> bool:
+        """Whether a frame that was begun has no outcome yet."""
+        return frame_id in self._flying
+
     @property
     def held(self) -> int:
         """Frames at the board, answered or not, that use up credit."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from hil.host.faults.definitions import NO_FAULTS, Faults
+from hil.link.session import SILENCE_S
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,6 +36,7 @@ class LinkConfig:
     timeout_s : how long a frame waits for its pose, and the run for a board that went away.
     truth_url : where truth loggers connect; None for no such endpoint.
     compression, pixel_format : the host's wishes; auto takes what is quick on the line, and holds the image whole.
+    silence_s : a board that asked for the time, and then says nothing for so long, is gone.
     max_misses : frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
     faults : those of the line are put between the board and the link.
     utc_minus_monotonic_ns : of this machine's clocks, read once for a run.
@@ -48,6 +50,7 @@ class LinkConfig:
     truth_url: str | None = None
     compression: Compression = "auto"
     pixel_format: PixelFormatName = "auto"
+    silence_s: float = SILENCE_S
     max_misses: int = 3
     faults: Faults = NO_FAULTS
     utc_minus_monotonic_ns: int = 0
@@ -215,6 +218,9 @@ class LinkCounts:
     sessions: int = 0
     late_poses: int = 0
     clock_round_trip_ns: int | None = None
+    clock_round_trip_ns_p50: int | None = None
+    clock_round_trip_ns_p99: int | None = None
+    clock_round_trip_ns_max: int | None = None
     clock_offset_bound_ns: int | None = None
     clock_drift_ppm: float | None = None
     clock_drift_ppm_sigma: float | None = None

@@ -103,6 +103,7 @@ class LinkServer:
             ready: list[Any] = wait(self._sources(), self._sleep_s())
             if self._board.link is not None and (self._board.unread or self._board.link.transport in ready):
                 self._board.listen()
+            self._board.check_silence()
             if self._pipe in ready:
                 self._take_commands()
             self._hear_pending(ready)
@@ -249,6 +250,7 @@ class LinkServer:
             job = replace(job, handed_over_ns=start)
         flight = self._in_flight.start(job, start)
         try:
+            self._board.sync_before_frame()
             if job.truth is not None and self._config.truth == "inline":
                 link.send(TruthMessage(job.frame_id, job.truth))
             pixels = self._slots.view(job.slot, job.shape, job.dtype)
@@ -276,6 +278,10 @@ class LinkServer:
             )
             for chunk in chunks(job.frame_id, data, ack.chunk_bytes):
                 link.send(chunk)
+                self._board.listen()
+                self._board.check_silence()
+                if not self._in_flight.is_flying(job.frame_id):
+                    break  # the board left, or has no use for the rest
             self._in_flight.sent(flight, now_ns())
         except LinkClosed as error:
             self._in_flight.sent(flight, now_ns())

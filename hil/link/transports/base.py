@@ -74,7 +74,8 @@ class StreamTransport(ABC):
     A stream's own class says how bytes are written and read, and who closes what.
     """
 
-    chunk_bytes = 1 << 18
+    # a clock request waits for one of these at most; small ones also leave the processor's cache to the other side
+    chunk_bytes = 1 << 15
 
     def __init__(self, name: str, framing: Framing) -> None:
         self.name = name

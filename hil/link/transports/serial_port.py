@@ -19,6 +19,8 @@ except ImportError:
 BITS_PER_BYTE = 10
 """A start bit, eight of data, a stop bit."""
 PIECE_S = 0.01
+# the other side hears of this one by whole packets: none takes longer than this
+CHUNK_S, LEAST_CHUNK_BYTES = 0.25, 64
 CATCH_UP_S = 0.1
 
 
@@ -32,12 +34,13 @@ class SerialTransport(StreamTransport):
     only as silence or as BYE. There is no flow control: a receiver that does not read loses bytes.
     """
 
-    # a damaged byte costs one chunk; 20 bytes of overhead in 2048 are 1.4 %
+    # a damaged byte costs one chunk; 20 bytes of overhead in 2048 are 1.4 %; a slow line cuts finer
     chunk_bytes = 2048
 
     def __init__(self, device: str, baud: int, *, rtscts: bool = False) -> None:
         super().__init__(f"serial://{device}?baud={baud}" + ("&rtscts=1" if rtscts else ""), CobsFraming())
         self._bytes_per_s = baud / BITS_PER_BYTE
+        self.chunk_bytes = max(LEAST_CHUNK_BYTES, min(self.chunk_bytes, int(CHUNK_S * self._bytes_per_s)))
         self._free_s = 0.0  # when the line has carried what was written
         if serial is None:
             raise LinkError("a serial link needs pyserial, which is not installed: pip install pyserial")

@@ -15,13 +15,17 @@ from hil.link.framing.length_prefix import LengthFraming
 from hil.link.transports.base import StreamTransport
 
 # a peer that takes no byte for this long is gone
-SEND_STALL_S = 10.0
+SEND_STALL_S = 1.5
+# and so is one whose system acknowledges none of what was sent for so long: its cable is out
+UNACKNOWLEDGED_MS = 1500
 # and so is one that takes longer for a packet: slower than a modem, it only holds the sender
 SEND_PACKET_S = 60.0
-# a peer whose machine vanished is noticed after about half a minute of silence
+# a peer whose machine vanished is noticed after about half a minute in which nothing is sent to it
 KEEPALIVE_S = (("TCP_KEEPIDLE", 15), ("TCP_KEEPINTVL", 5), ("TCP_KEEPCNT", 3))
 # nobody can be let in while files, or the memory for them, run out; this pause keeps the processor free for the rest
 EXHAUSTED_PAUSE_S = 0.01
+# read at once: a frame is taken apart while the rest of it comes
+READ_BYTES = 1 << 18
 
 
 EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
@@ -55,6 +59,8 @@ class TcpTransport(StreamTransport):
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         keep_alive(sock)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):  # not on macOS
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNACKNOWLEDGED_MS)
         self._sock = sock
         self._send_stall_s, self._send_packet_s = send_stall_s, send_packet_s
 
@@ -94,11 +100,11 @@ class TcpTransport(StreamTransport):
     def _read(self, timeout_s: float) -> bytes:
         try:
             try:
-                data = self._sock.recv(1 << 20)
+                data = self._sock.recv(READ_BYTES)
             except BlockingIOError:
                 if timeout_s <= 0 or not _wait(self._sock, select.POLLIN, timeout_s):
                     return b""
-                data = self._sock.recv(1 << 20)
+                data = self._sock.recv(READ_BYTES)
         except BlockingIOError:
             return b""
         except OSError as error:

@@ -22,12 +22,12 @@ from hil.link.framing.datagrams import (
 from hil.link.packets.packet import MAX_PACKET_BYTES, Packet, decode_packet, encode_packet
 
 # a peer that says nothing for this long is gone; it is asked four times a second
-SILENCE_NS = 3_000_000_000
+SILENCE_NS = 1_500_000_000
 PING_NS = 250_000_000
 # what one that leaves may still have to say
 LINGER_NS = 1_000_000_000
 # a peer that takes nothing for this long is given up, as on TCP
-SEND_STALL_S = 10.0
+SEND_STALL_S = 1.5
 # an unread gap is told again, and what was sent asked after, this often at most
 REPEAT_NS = 5_000_000
 LEAST_ASK_NS, MOST_ASK_NS = 20_000_000, 250_000_000

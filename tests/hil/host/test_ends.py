@@ -152,7 +152,8 @@ def hung_after(n: int):
 
 def test_a_hung_board_counts_as_gone_after_three_misses_and_ends_the_run():
     with hung_after(2) as (start, on_row, rows):
-        summary = Loop(start).run(frames(500), on_row=on_row, timeout_s=0.6)
+        # its silence is another matter
+        summary = Loop(start).run(frames(500), on_row=on_row, timeout_s=0.6, silence_s=60.0)
     # 500 misses would take 300 s
     assert summary.ended == "board_lost"
     assert "answered none of 3 frames in a row" in summary.board_gone
@@ -180,7 +181,9 @@ def test_another_board_may_take_the_place_of_a_hung_one():
                 time.sleep(0.05)
             return None
 
-        summary = Loop(start, patient).run(frames(12), on_row=on_row, timeout_s=1.0, max_misses=2)
+        summary = Loop(start, patient).run(
+            frames(12), on_row=on_row, timeout_s=1.0, max_misses=2, silence_s=60.0
+        )
     assert summary.ended == "completed"
     assert summary.link.sessions == 2
     assert [row.outcome for row in rows[2:4]] == ["dropped:timeout", "dropped:disconnected"]
