@@ -2,6 +2,7 @@
 
 ``grab N [FEATURE=VALUE...]`` prints one line of JSON with a SHA-256 of each picture; ``hold`` takes control, streams,
 and waits to be killed; ``trigger N`` asks for N pictures by software trigger. ``save FILE`` writes one picture's bytes.
+``features NAME...|NAME=VALUE...`` sets the latter and prints what all are afterwards.
 """
 
 import hashlib
@@ -35,6 +36,28 @@ def set_feature(camera, text):
         camera.set_string(name, value)
 
 
+def features(camera, arguments):
+    """What features are, after those with a value were set."""
+    names = [text.split("=")[0] for text in arguments]
+    for text in arguments:
+        if "=" in text:
+            set_feature(camera, text)
+    device = camera.get_device()
+    values = {}
+    for name in names:
+        node = device.get_feature(name)
+        kind = "" if node is None else node.get_node_name()
+        if kind == "Float":
+            values[name] = camera.get_float(name)
+        elif kind in {"Integer", "IntReg", "MaskedIntReg"}:
+            values[name] = camera.get_integer(name)
+        elif kind in {"Enumeration", "StringReg"}:
+            values[name] = camera.get_string(name)
+        else:
+            values[name] = None
+    return values
+
+
 def main():
     """Do what the command line says."""
     address, command, *arguments = sys.argv[1:]
@@ -46,6 +69,9 @@ def main():
     if not camera.get_device().is_controller():
         say({"error": "no control"})
         return 1
+    if command == "features":
+        say(features(camera, arguments))
+        return 0
     n = int(arguments[0]) if command in {"grab", "trigger"} else 1
     for text in arguments[1:]:
         set_feature(camera, text)

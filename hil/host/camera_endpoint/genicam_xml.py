@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import io
+import zipfile
+import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING
+from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
 from hil.host.camera_endpoint.gvsp import formats_of
@@ -23,7 +27,8 @@ from simulator.runtime.untrusted_files import read_regular
 if TYPE_CHECKING:
     from hil.host.camera_endpoint.registers import CameraTerms
 
-MOST_XML_BYTES = 1 << 20
+MOST_XML_BYTES, MOST_UNZIPPED_BYTES = 1 << 20, 8 << 20
+MOST_DEPTH = 32
 OWN_NAME = "flyaround.xml"
 
 
@@ -33,7 +38,8 @@ def read_xml(path: Path) -> tuple[str, bytes]:
     Raises
     ------
     UserError
-        If it cannot be read, is too long, or is neither .xml nor .zip.
+        If it cannot be read, is too long, is neither .xml nor .zip, or is no XML that every client may read: a
+        RegisterDescription without a document type, so that no entity can grow in a client's memory.
     """
     if path.suffix.lower() not in {".xml", ".zip"}:
         raise UserError(f"{path} is neither .xml nor .zip: a GenICam description is served as one of them")
@@ -41,10 +47,65 @@ def read_xml(path: Path) -> tuple[str, bytes]:
         data = read_regular(path, MOST_XML_BYTES)
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): name a GenICam description") from error
-    if path.suffix.lower() == ".xml" and b"RegisterDescription" not in data:
-        raise UserError(f"{path} is no GenICam description: it has no RegisterDescription")
+    _check_description(path, _unzipped(path, data) if path.suffix.lower() == ".zip" else data)
     name = "".join(c for c in path.name if c.isascii() and (c.isalnum() or c in "._-"))
     return name, data
+
+
+def _unzipped(path: Path, data: bytes) -> bytes:
+    """The one file of an archive.
+
+    Raises
+    ------
+    UserError
+        If it has more or none, or is damaged, or the file is too long.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            names = archive.namelist()
+            if len(names) != 1:
+                raise UserError(f"{path} holds {len(names)} files: put the GenICam description alone into it")
+            with archive.open(names[0]) as inner:
+                text = inner.read(MOST_UNZIPPED_BYTES + 1)
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error) as error:
+        raise UserError(f"{path} is damaged ({error}): zip the GenICam description again") from error
+    if len(text) > MOST_UNZIPPED_BYTES:
+        raise UserError(
+            f"{path} unpacks to more than {MOST_UNZIPPED_BYTES >> 20} MiB: shorten the description"
+        )
+    return text
+
+
+def _check_description(path: Path, text: bytes) -> None:
+    parser = expat.ParserCreate()
+    roots: list[str] = []
+    open_elements = 0
+
+    def begin(name: str, _attributes: object) -> None:
+        nonlocal open_elements
+        open_elements += 1
+        if not roots:
+            roots.append(name)
+        if open_elements > MOST_DEPTH:
+            raise UserError(f"{path} nests elements deeper than {MOST_DEPTH}: no GenICam description does")
+
+    def end(_name: str) -> None:
+        nonlocal open_elements
+        open_elements -= 1
+
+    def refuse(*_: object) -> None:
+        raise UserError(f"{path} has a document type, which may declare entities: leave <!DOCTYPE ...> out")
+
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise UserError(f"{path} is no XML ({error}): mend it there") from error
+    if roots != ["RegisterDescription"]:
+        raise UserError(
+            f"{path} is no GenICam description: its outermost element is {roots[0]}, not RegisterDescription"
+        )
 
 
 def write_xml(terms: CameraTerms) -> bytes:
