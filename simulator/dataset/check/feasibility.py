@@ -61,7 +61,7 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
         return []  # further out than the lens is known for, OpenCV's series folds
     corners_m = mesh.positions_m[mesh.triangles]
     if not camera.distortion.is_none:
-        corners_m = cut_for_the_lens(camera, corners_m, in_camera[mesh.triangles])
+        corners_m = cut_for_the_lens(camera, corners_m, R, t)
     points = corners_m.reshape(-1, 3)
     corners_px = project_with_opencv(camera, points, truth.q_camera_from_target_wxyz, t).reshape(-1, 3, 2)
     low, high = corners_px.min(axis=(0, 1)), corners_px.max(axis=(0, 1))

@@ -29,7 +29,7 @@ OUTLINE_TOLERANCE_PX = 1
 FILL_SCALE = 4
 FILL_SHIFT = 4
 ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
-BENT_PX = 12.0  # over this length a lens bends an edge by a tenth of a pixel at most
+BENT_PX = 0.1  # how far beside the line between its ends the middle of an edge may lie
 SURELY_COVERED, SURELY_TOUCHED = 0.9, 0.1
 
 
@@ -199,18 +199,22 @@ def doubtful_pixels(
     """
     mesh = mesh_of(target)
     R = matrix_from_quat(truth.q_camera_from_target_wxyz)
-    in_camera = mesh.positions_m @ R.T + np.asarray(truth.t_camera_from_target_m)
-    if in_camera[:, 2].min() <= 1e-3:
+    t = np.asarray(truth.t_camera_from_target_m)
+    if (mesh.positions_m @ R[2] + t[2]).min() <= 1e-3:
         return np.zeros((0, 2), np.int64)
-    corners_m = mesh.positions_m[mesh.triangles]
-    if not truth.camera.distortion.is_none:
-        corners_m = cut_for_the_lens(truth.camera, corners_m, in_camera[mesh.triangles])
-    pixels = truth.camera.project(corners_m @ R.T + np.asarray(truth.t_camera_from_target_m))
-    corners_px = _at_their_rows(truth, pixels.reshape(-1, 2), corners_m.reshape(-1, 3)) - origin_px
-    corners_px = corners_px.reshape(-1, 3, 2)
-    if mesh.in_shell is not None and len(corners_px) == len(mesh.in_shell):
+
+    def on_image(points_m: FloatArray) -> FloatArray:
+        pixels = truth.camera.project(points_m @ R.T + t)
+        return _at_their_rows(truth, pixels, points_m) - origin_px
+
+    corners_px, triangles = on_image(mesh.positions_m)[mesh.triangles], mesh.triangles
+    if mesh.in_shell is not None:
         # of a closed shell what faces the camera covers all that the shell does
-        corners_px = corners_px[~mesh.in_shell | (_twice_area(corners_px) <= 0)]
+        shown = ~mesh.in_shell | (_twice_area(corners_px) <= 0)
+        corners_px, triangles = corners_px[shown], triangles[shown]
+    if not truth.camera.distortion.is_none:
+        corners_m = cut_for_the_lens(truth.camera, mesh.positions_m[triangles], R, t)
+        corners_px = on_image(corners_m.reshape(-1, 3)).reshape(-1, 3, 2)
     inner, outer = filled_silhouette(corners_px, mask.shape)
     reach = np.ones((2 * OUTLINE_TOLERANCE_PX + 1,) * 2, np.uint8)
     extra = (mask > 0) & (np.asarray(cv2.dilate(outer, reach)) == 0)
@@ -224,26 +228,30 @@ def _twice_area(corners_px: FloatArray) -> FloatArray:
     return np.asarray(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0])
 
 
-def cut_for_the_lens(camera: Camera, corners_m: FloatArray, in_camera: FloatArray) -> FloatArray:
-    """Triangles (M, 3, 3) with large ones cut in four until none is large in the image: a lens bends their edges.
+def cut_for_the_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m: FloatArray) -> FloatArray:
+    """Triangles (M, 3, 3) of the target with those cut in four of which the lens bends an edge, until it bends none.
 
     Parameters
     ----------
-    in_camera : the same corners, camera frame.
+    R, t_m : the camera's frame from the target's; all of the triangles lie before the camera.
     """
-    for _ in range(7):
-        pixels = camera.project(in_camera)
-        large = np.ptp(pixels, axis=1).max(axis=1) > BENT_PX
-        if not large.any():
+    straight = []
+    for _ in range(8):
+        middles_m = (corners_m + np.roll(corners_m, -1, axis=1)) / 2
+        ends, between = (camera.project(points @ R.T + t_m) for points in (corners_m, middles_m))
+        way, aside = np.roll(ends, -1, axis=1) - ends, between - ends
+        across = np.abs(way[..., 0] * aside[..., 1] - way[..., 1] * aside[..., 0])
+        bent = np.any(across > BENT_PX * np.hypot(way[..., 0], way[..., 1]), axis=1)
+        straight.append(corners_m[~bent])
+        if not bent.any():
             break
-        pieces = []
-        for c in (corners_m, in_camera):
-            a, b, d = c[large, 0], c[large, 1], c[large, 2]
-            ab, bd, da = (a + b) / 2, (b + d) / 2, (d + a) / 2
-            four = [np.stack(t, axis=1) for t in ((a, ab, da), (ab, b, bd), (da, bd, d), (ab, bd, da))]
-            pieces.append(np.concatenate([c[~large], *four]))
-        corners_m, in_camera = pieces
-    return corners_m
+        (a, b, c), (ab, bc, ca) = corners_m[bent].swapaxes(0, 1), middles_m[bent].swapaxes(0, 1)
+        corners_m = np.concatenate(
+            [np.stack(t, axis=1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+        )
+    else:
+        straight.append(corners_m)
+    return np.concatenate(straight)
 
 
 def _at_their_rows(truth: Truth, pixels: FloatArray, positions_m: FloatArray) -> FloatArray:

@@ -24,7 +24,7 @@ _COVERING = 5.0  # triangles per square of their longest edge
 def longest_edge_m(mesh: GpuMesh, camera_from_target: FloatArray, camera: Camera, rect: PixelRect) -> float:
     """Longest edge of a mesh that may be drawn straight, infinite where all may.
 
-    It is the mesh's diameter over a power of two, so that a craft has a few cuts that serve all its views.
+    It is the mesh's diameter over a power of the root of two, so that a craft has a few cuts that serve all its views.
     """
     bending = camera.bending_px_rad2((rect.x0, rect.y0, rect.x1, rect.y1))
     place = -camera_from_target[:3, :3].T @ camera_from_target[:3, 3]
@@ -37,7 +37,7 @@ def longest_edge_m(mesh: GpuMesh, camera_from_target: FloatArray, camera: Camera
     # a piece is seen under an angle of its length over its distance, at most
     asked_m = nearest_m * np.sqrt(8 * TOLERANCE_PX / bending)
     least_m = np.sqrt(_COVERING * mesh.area_m2 / MOST_TRIANGLES)
-    return float(diameter_m / 2 ** np.ceil(np.log2(diameter_m / max(asked_m, least_m))))
+    return float(diameter_m / 2 ** (np.ceil(2 * np.log2(diameter_m / max(asked_m, least_m))) / 2))
 
 
 def bent_outlines(camera: Camera, hulls_m: FloatArray, parts: IntArray) -> tuple[FloatArray, IntArray]:

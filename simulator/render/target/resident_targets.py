@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from simulator.render.target.visible_edges import VisibleEdges
     from simulator.targets.model import Target
 
-MOST_CUTS = 6  # of one target: an approach needs one more each time that it halves the range
+MOST_CUTS = 8  # of one target: an approach needs two more each time that it halves the range
 MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others are uploaded again
 
 
