@@ -205,6 +205,8 @@ def host(
         raise UserError(f"unknown pose '{pose}' in --pose; choose board, truth or noisy")
     if closed_loop and n is not None:
         raise UserError("a closed loop ends when the chaser arrives: give --every instead of -n, or neither")
+    if closed_loop and workers > 1:
+        raise UserError("a closed loop decides each frame before it is drawn: leave --workers out")
     if pose != "board" and not closed_loop:
         raise UserError(f"--pose {pose} needs --closed-loop")
     if closed_loop and pose != "board":

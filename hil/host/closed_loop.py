@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import time
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -132,13 +131,11 @@ class BoardLoop:
         loop = ClosedLoop(plan.flight, mass.com_m, mass.inertia_kg_m2, poses.arrived, config)
         return BoardLoop(plan=plan, loop=loop, poses=poses, seed=config.seed)
 
-    def frames(
-        self, *, device_index: int | None = None, workers: int = 1, realtime: bool = False
-    ) -> Iterator[Frame]:
-        """Each frame drawn of what was flown, one at a time; in real time none before it is due."""
+    def frames(self, *, device_index: int | None = None, realtime: bool = False) -> Iterator[Frame]:
+        """Each frame drawn of what was flown, one at a time; `run_host` asks for the next when it is to be decided."""
         with open_frames(
             Frame.image_and_truth,
-            processes=workers,
+            processes=1,
             device_index=device_index,
             first=self.plan.scene(0),
             ahead=1,
@@ -147,16 +144,10 @@ class BoardLoop:
                 # programs are compiled before the clock starts
                 producer.submit(FrameRequest(scene=self.plan.scene(0)))
                 producer.result()
-            origin: float | None = None
             for number, snapshot in enumerate(self.loop.pictures()):
-                if realtime and origin is not None:
-                    time.sleep(max(origin + snapshot.t_s - time.monotonic(), 0.0))
                 self.poses.note(number, snapshot)
                 producer.submit(FrameRequest(scene=scene_flown(self.plan, snapshot, number)))
                 yield producer.result()
-                if origin is None:
-                    # the first has been sent: a board is there
-                    origin = time.monotonic() - snapshot.t_s
 
     def figures(self) -> ClosedLoopFigures | None:
         """What it came to so far; None before its first period."""

@@ -79,6 +79,7 @@ class FlightRun:
             target_name=plan.target.name,
             target_sha256=plan.target.sha256,
             closed_loop=None if self._loop is None else self._loop.figures,
+            decide_every_s=None if self._loop is None else self._loop.loop.between_pictures_s,
         )
 
     def run(

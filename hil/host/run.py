@@ -70,6 +70,8 @@ class RunConfig:
     target_name, target_sha256 : the target that is flown; a board with another model is refused.
     recorders : told each frame and its outcome; closed with the books.
     closed_loop : asked in the end what a closed loop came to; None where the frames follow a plan.
+    decide_every_s : realtime, a closed loop: the next frame is asked for no earlier than so long after this one's
+        exposure, with all poses that have come by then in.
     """
 
     link: LinkConfig
@@ -82,6 +84,7 @@ class RunConfig:
     target_sha256: str = ""
     recorders: tuple[Recorder, ...] = ()
     closed_loop: Callable[[], ClosedLoopFigures | None] | None = None
+    decide_every_s: float | None = None
 
 
 def run_host(
@@ -116,7 +119,9 @@ def run_host(
     # one anchor for the run: the wall clock may be set meanwhile, intervals stay true
     anchor_ns = time.time_ns() - time.monotonic_ns()
     terms = replace(with_truth_endpoint(config.link), utc_minus_monotonic_ns=anchor_ns)
-    run = BoardSink(terms, on_row, config.recorders, config.deadline_s, config.latency_s)
+    run = BoardSink(
+        terms, on_row, config.recorders, config.deadline_s, config.latency_s, config.decide_every_s
+    )
     with HostLink(terms) as link:
         # ports first, so that a taken one is reported before anything is drawn or written
         run.link = link
@@ -229,8 +234,10 @@ class BoardSink:
         recorders: tuple[Recorder, ...] = (),
         deadline_s: float | None = None,
         latency_s: float = 0.0,
+        decide_every_s: float | None = None,
     ) -> None:
         self.config = config
+        self._decide_every_s = decide_every_s
         self._deadline_ms = None if deadline_s is None else 1e3 * deadline_s
         self._latency_s = latency_s
         self._last_t_s: float | None = None
@@ -275,6 +282,11 @@ class BoardSink:
         while not self.link.has_room:
             self._collect(0.1)
         self._submit(frame, self._origin_ns + t_ns)
+        if self._decide_every_s is not None:
+            # less the lead, in which the next one is drawn
+            decide_ns = self._origin_ns + round((scene.t_s + self._decide_every_s) * 1e9) - LEAD_NS
+            while (left_ns := decide_ns - time.monotonic_ns()) > 0:
+                self._collect(1e-9 * left_ns)
         gone_s = time.monotonic() - self.link.down_since_s
         if self.link.board is None and gone_s > self.config.timeout_s:
             self.wait_for_outcomes()

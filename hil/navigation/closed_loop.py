@@ -204,6 +204,11 @@ class ClosedLoop:
         periods = int(np.floor(self._flight.duration_s / self._thrusters.period_s))
         return -(-periods // self._config.frame_every)
 
+    @property
+    def between_pictures_s(self) -> float:
+        """From one picture to the next."""
+        return self._thrusters.period_s * self._config.frame_every
+
     def pictures(self) -> Iterator[Snapshot]:
         """The pictures to take, each of what was flown, until the chaser has arrived, is away, or the flight ends.
 

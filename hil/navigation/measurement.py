@@ -45,7 +45,7 @@ class ErrorMemory:
     range_ratio : ratio of two ranges of which the same is true.
     """
 
-    turn_rad: float = 0.6
+    turn_rad: float = 1.0
     range_ratio: float = 4.0
 
     def kept(self, turn_rad: float, ratio: float) -> float:

@@ -87,6 +87,7 @@ def test_faults_of_the_line_delay_and_lose_poses_without_a_board(tmp_path):
         (("--pose", "noisy"), "needs --closed-loop"),
         (("--closed-loop", "--pose", "guess"), "unknown pose 'guess'"),
         (("--closed-loop", "-n", "5"), "give --every instead of -n"),
+        (("--closed-loop", "--workers", "2"), "leave --workers out"),
         (("--closed-loop", "--pose", "truth", "--every", "0.5"), "no multiple of the thrusters' period"),
     ],
 )
