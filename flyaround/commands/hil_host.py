@@ -21,7 +21,6 @@ from hil.host.closed_loop import (
     write_steps,
     write_summary,
 )
-from hil.host.faults.definitions import NO_FAULTS, Faults, read_faults
 from hil.host.flight_run import FlightOptions, FlightRun, interval_s
 from hil.host.ledger.frames_csv import LedgerRow
 from hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary
@@ -40,11 +39,13 @@ from hil.link.transports.url import parse_url
 from hil.navigation.closed_loop import ClosedLoopConfig
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder
+from simulator.scenario.faults import NO_FAULTS, Faults, read_faults
 from simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
     from hil.host.recording.recorder import Recorder
     from simulator.scenario.plan import Plan
+    from simulator.scenario.scenario import Scenario
 
 ANY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - listened on at the user's wish
 
@@ -158,7 +159,7 @@ def host(
     faults: Annotated[
         Path | None,
         typer.Option(
-            help="TOML file of faults of the camera and the line, told in the ledger (docs/formats/faults.md)."
+            help="TOML file of faults of the camera and the line, instead of the scenario's (docs/formats/faults.md)."
         ),
     ] = None,
     time_code: Annotated[
@@ -210,16 +211,15 @@ def host(
     if pose != "board" and not closed_loop:
         raise UserError(f"--pose {pose} needs --closed-loop")
     if closed_loop and pose != "board":
-        given = NO_FAULTS if faults is None else read_faults(faults)
         _fly_without_pictures(
-            scenario, "truth" if pose == "truth" else "noisy", every_s, seed, log, given, as_json=as_json
+            scenario, "truth" if pose == "truth" else "noisy", every_s, seed, log, faults, as_json=as_json
         )
         return
     if latency_s and mode != "realtime":
         raise UserError(
             "--latency is a camera's that runs by itself: give --mode realtime with it, or leave it out"
         )
-    given = NO_FAULTS if faults is None else read_faults(faults)
+    flown = load_flown(scenario, "hil host")
     link = LinkConfig(
         url=listen,
         mode="realtime" if mode == "realtime" else "lockstep",
@@ -229,12 +229,12 @@ def host(
         pixel_format=_one_of(pixel_format, PixelFormatName, "--pixel-format"),
         silence_s=silence_s,
         max_misses=max_misses,
-        faults=given,
+        faults=_faults(flown, faults),
         key=None if key is None else read_key(str(key)),
     )
     check_access(link)
     plan = plan_flight(
-        load_flown(scenario, "hil host"),
+        flown,
         n=None if every_s is not None else (n or 30),
         every_s=every_s,
         seed=seed,
@@ -267,6 +267,11 @@ def host(
         )
         raise typer.Exit(1)
     _exit_unless_arrived(summary)
+
+
+def _faults(flown: Scenario, file: Path | None) -> Faults:
+    """Those of the file where one is given, else the scenario's."""
+    return read_faults(file) if file is not None else flown.faults or NO_FAULTS
 
 
 def _one_of(value: str, kind: Any, option: str) -> Any:  # noqa: ANN401 - a Literal and one of its values
@@ -327,14 +332,15 @@ def _fly_without_pictures(
     every_s: float | None,
     seed: int | None,
     log: Path | None,
-    faults: Faults,
+    faults: Path | None,
     *,
     as_json: bool,
 ) -> None:
     """A closed loop that needs no board and draws nothing."""
-    plan = plan_flight(load_flown(scenario, "hil host"), n=1, seed=seed)
+    flown = load_flown(scenario, "hil host")
+    plan = plan_flight(flown, n=1, seed=seed)
     told = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(every_s, plan))
-    link = PoseLink.without_pictures(faults)
+    link = PoseLink.without_pictures(_faults(flown, faults))
     if log is not None:
         empty_folder(log, option="--log")
     result = fly_without_pictures(plan, told, pose, link)

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.campaign.definitions import ReadyCase
-    from hil.host.faults.definitions import Faults
+    from simulator.scenario.faults import Faults
     from simulator.scenario.plan import Plan
 
 RESULT_JSON, BOARD_LOG = "result.json", "board.log"

@@ -11,12 +11,12 @@ import msgspec
 
 from hil.board.svd import METHODS
 from hil.campaign.quantities import QUANTITIES
-from hil.host.faults.definitions import NO_FAULTS, Faults, check_times, read_faults
 from hil.host.link_process.ipc import Compression, PixelFormatName
 from hil.host.pose_link import PoseLink
 from simulator.errors import UserError, near_names
 from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_dotted, refuse_not_finite
 from simulator.runtime.validation_errors import explain
+from simulator.scenario.faults import NO_FAULTS, Faults, check_times, read_faults
 from simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
@@ -65,8 +65,8 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     closed_loop, pose : fly on poses: of a board (each frame drawn), or of the truth, with or without errors.
     method : of the estimator on the board that is started here.
     mode, frames, every_s, latency_s : as the options of ``hil host``.
-    faults : a faults file beside the campaign file, or what would stand in it; each run's seed takes the place of its
-        own.
+    faults : a faults file beside the campaign file, or what would stand in it; the scenario's own unless given. Each
+        run's seed takes the place of its own.
     """
 
     name: Name
@@ -80,7 +80,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     every_s: Seconds | None = None
     latency_s: Annotated[float, msgspec.Meta(ge=0, le=60)] = 0.0
     link: LinkSettings = LinkSettings()
-    faults: Faults | str = NO_FAULTS
+    faults: Faults | str | None = None
 
     @property
     def all_seeds(self) -> tuple[int, ...]:
@@ -259,6 +259,8 @@ def _ready(case: Case, path: Path) -> ReadyCase:
     faults = case.faults
     if isinstance(faults, str):
         faults = read_faults(folder / faults)
+    elif faults is None:
+        faults = scenario.faults or NO_FAULTS
     check_times(faults, where)
     if case.pose != "board":
         try:

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.host.faults.definitions import Delay, Drop, Jitter
 from simulator.errors import UserError
+from simulator.scenario.faults import Delay, Drop, Jitter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.host.faults.definitions import Faults, LineFault
     from hil.navigation.measurement import PoseMeasurement, Snapshot
     from hil.navigation.pose_sources import PoseSource
+    from simulator.scenario.faults import Faults, LineFault
 
 # from mid-exposure to a pose: what `svd` takes for a picture of 1920 x 1200 on a slow core
 LATENCY_S = 0.3

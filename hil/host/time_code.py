@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from hil.corner_code import CodePlace, CornerCode, draw_code
 from hil.host.faults.camera_faults import with_camera_numbers
-from hil.host.faults.definitions import NO_FAULTS, Faults
 from simulator.errors import UserError
+from simulator.scenario.faults import NO_FAULTS, Faults
 from simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:

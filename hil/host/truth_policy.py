@@ -7,10 +7,10 @@ import socket
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hil.host.faults.definitions import ClockDrift
 from hil.link.errors import LinkError
 from hil.link.transports.url import parse_url
 from simulator.errors import UserError
+from simulator.scenario.faults import ClockDrift
 
 if TYPE_CHECKING:
     from hil.host.link_process.ipc import LinkConfig

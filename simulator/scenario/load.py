@@ -18,6 +18,7 @@ from simulator.errors import UserError, near_names
 from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_dotted
 from simulator.runtime.validation_errors import explain
 from simulator.scenario.checks import check_physics
+from simulator.scenario.faults import check_times
 from simulator.scenario.messages import resolve_messages
 from simulator.scenario.scenario import Scenario
 from simulator.scene.environments import ENVIRONMENTS
@@ -110,6 +111,8 @@ def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
     check_detector(scenario.sensor_model, scenario.optics_model, scenario.output.bands, where)
     scenario = resolve_messages(scenario, where, folder)
     check_physics(scenario, where)
+    if scenario.faults is not None:
+        check_times(scenario.faults, where)
     return scenario
 
 

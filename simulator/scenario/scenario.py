@@ -19,6 +19,7 @@ from simulator.camera.sections import DetectorSection, OpticsSection, read_part,
 from simulator.errors import UserError
 from simulator.imaging.auto_exposure import AutoExposure
 from simulator.runtime.sections import Section
+from simulator.scenario.faults import Faults
 from simulator.scene.environments import EnvironmentSection
 from simulator.scene.illumination.bands import Bands
 from simulator.scene.illumination.lamp import Lamp
@@ -176,6 +177,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     environment: EnvironmentSection = EnvironmentSection()
     lamp: Lamp | None = None
     output: Output = Output()
+    faults: Faults | None = None
 
     @property
     def camera_model(self) -> Camera:

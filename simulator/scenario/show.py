@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 WIDTH = 100  # of a comment's lines
 _VALUES_AT = 44  # column that what is allowed stands in
+_LISTS = (mi.ListType, mi.VarTupleType)
 _HEADER = re.compile(r"\[+([\w.]+)\]+")
 
 
@@ -63,7 +64,9 @@ def annotated_text(text: str, root: type[msgspec.Struct], head: Sequence[str]) -
         lines += [*_keys_to_add(kind, table), *_other_kinds(top, path), ""]
     for path, kind, many in _sections_to_add(raw, top, ""):
         header = f"[[{path}]]" if many else f"[{path}]"
-        lines += [*_description(kind), f"# {header}", *_keys_to_add(kind, {}), ""]
+        tag = [f"# {kind.tag_field} = {toml_value(kind.tag)}"] if many and kind.tag_field else []
+        lines += [*_description(kind), f"# {header}", *tag, *_keys_to_add(kind, {})]
+        lines += [*_kinds_of_items(top, path), ""] if many else [""]
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -98,12 +101,14 @@ def _struct_type(type_: mi.Type, table: dict[str, Any]) -> mi.StructType:
 
 def _item(type_: mi.Type) -> mi.Type:
     """The item of a list of tables."""
-    return next(t.item_type for t in alternatives(type_) if isinstance(t, mi.ListType))
+    return next(t.item_type for t in alternatives(type_) if isinstance(t, _LISTS))
 
 
 def _is_section(field: mi.Field) -> bool:
     kinds = alternatives(field.type)
-    lists = [i for t in kinds if isinstance(t, mi.ListType) for i in alternatives(t.item_type)]
+    if any(isinstance(t, mi.StrType) for t in kinds):
+        return False  # a name will do
+    lists = [i for t in kinds if isinstance(t, _LISTS) for i in alternatives(t.item_type)]
     return any(isinstance(t, mi.StructType) for t in (*kinds, *lists))
 
 
@@ -111,7 +116,7 @@ def _keys_to_add(kind: mi.StructType, table: dict[str, Any]) -> list[str]:
     """A commented line for each plain key that a table does not have."""
     lines = []
     for field in kind.fields:
-        if field.encode_name in table or (_is_section(field) and field.encode_name != "camera"):
+        if field.encode_name in table or _is_section(field):
             continue
         default = None if field.required else _default(field)
         value = "..." if default is None else toml_value(default)
@@ -124,7 +129,20 @@ def _keys_to_add(kind: mi.StructType, table: dict[str, Any]) -> list[str]:
 def _other_kinds(top: mi.StructType, path: str) -> list[str]:
     """A line that names what else a section may be, where its keys depend on one of them."""
     field = next((f for f in top.fields if f.encode_name == path), None)
-    kinds = [] if field is None else [t for t in alternatives(field.type) if isinstance(t, mi.StructType)]
+    return [] if field is None else _kinds(field.type)
+
+
+def _kinds_of_items(top: mi.StructType, path: str) -> list[str]:
+    """The same of the tables in a list."""
+    kind = top
+    *sections, name = path.split(".")
+    for step in sections:
+        kind = _struct_type(next(f for f in kind.fields if f.encode_name == step).type, {})
+    return _kinds(_item(next(f for f in kind.fields if f.encode_name == name).type))
+
+
+def _kinds(type_: mi.Type) -> list[str]:
+    kinds = [t for t in alternatives(type_) if isinstance(t, mi.StructType)]
     if len(kinds) < 2 or kinds[0].tag_field is None:
         return []
     names = ", ".join(str(t.tag) for t in kinds)
@@ -144,10 +162,10 @@ def _sections_to_add(
     found = []
     for field in kind.fields:
         name = field.encode_name
-        if not _is_section(field) or name == "camera":
+        if not _is_section(field):
             continue
         there, at = table.get(name), f"{path}.{name}" if path else name
-        many = any(isinstance(t, mi.ListType) for t in alternatives(field.type))
+        many = any(isinstance(t, _LISTS) for t in alternatives(field.type))
         if isinstance(there, dict):
             found += _sections_to_add(there, _struct_type(field.type, there), at)
         elif there is None:
@@ -160,7 +178,8 @@ def _sections_to_add(
 
 def _description(kind: mi.StructType) -> list[str]:
     """What a section is, as its type says."""
-    return _comment(inspect.cleandoc(kind.cls.__doc__ or "").replace("``", "").replace("`", ""))
+    text = inspect.cleandoc(kind.cls.__doc__ or "").replace("``", "").replace("`", "")
+    return _comment(re.split(r"\n\n(?:Parameters|Attributes)\n", text)[0])
 
 
 def _comment(text: str) -> list[str]:

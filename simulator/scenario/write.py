@@ -35,13 +35,20 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
 
 def to_toml(table: dict[str, Any], path: str = "") -> str:
     """A nested table as TOML; keys without a value are left out."""
-    plain = {k: v for k, v in table.items() if v is not None and not isinstance(v, dict)}
+    nested = {k: v for k, v in table.items() if isinstance(v, dict) or _is_tables(v)}
+    plain = {k: v for k, v in table.items() if v is not None and k not in nested}
     text = "".join(f"{key} = {toml_value(value)}\n" for key, value in plain.items())
-    for key, value in table.items():
+    for key, value in nested.items():
+        name = f"{path}.{key}" if path else key
         if isinstance(value, dict):
-            name = f"{path}.{key}" if path else key
             text += f"\n[{name}]\n{to_toml(value, name)}"
+        else:
+            text += "".join(f"\n[[{name}]]\n{to_toml(item, name)}" for item in value)
     return text
+
+
+def _is_tables(value: Any) -> bool:  # noqa: ANN401 - a TOML value is anything
+    return isinstance(value, list | tuple) and bool(value) and all(isinstance(v, dict) for v in value)
 
 
 def toml_value(value: Any) -> str:  # noqa: ANN401 - a TOML value is anything

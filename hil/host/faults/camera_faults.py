@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.host.faults.definitions import (
+from simulator.scenario.faults import (
     Blinding,
     ColumnLoss,
     DeadPixels,
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.host.faults.definitions import CameraFault, Faults
     from simulator.frame import Frame
+    from simulator.scenario.faults import CameraFault, Faults
     from simulator.scenario.plan import Exposures, Plan
 
     Pixels = NDArray[np.unsignedinteger]

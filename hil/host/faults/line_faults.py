@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.host.faults.definitions import (
+from hil.link.clock import now_ns
+from hil.link.errors import LinkClosed, PacketError
+from hil.link.framing.length_prefix import LengthFraming
+from hil.link.packets.frame_messages import FrameHeader, PoseMessage
+from hil.link.packets.messages import TimeSyncReply, decode_message
+from hil.link.packets.packet import HEADER, Packet, PacketType
+from hil.link.transports.base import StreamTransport
+from simulator.scenario.faults import (
     Bandwidth,
     ClockDrift,
     Corrupt,
@@ -23,17 +30,10 @@ from hil.host.faults.definitions import (
     Jitter,
     Reorder,
 )
-from hil.link.clock import now_ns
-from hil.link.errors import LinkClosed, PacketError
-from hil.link.framing.length_prefix import LengthFraming
-from hil.link.packets.frame_messages import FrameHeader, PoseMessage
-from hil.link.packets.messages import TimeSyncReply, decode_message
-from hil.link.packets.packet import HEADER, Packet, PacketType
-from hil.link.transports.base import StreamTransport
 
 if TYPE_CHECKING:
-    from hil.host.faults.definitions import Direction, Faults, LineFault
     from hil.link.transports.base import Transport
+    from simulator.scenario.faults import Direction, Faults, LineFault
 
 DAMAGE_AT = 4 + HEADER.size
 """Where a packet is damaged at the earliest, behind its framing and header, so that its length still fits."""

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from hil.host.faults.definitions import NO_FAULTS, Faults
 from hil.link.session import SILENCE_S
+from simulator.scenario.faults import NO_FAULTS, Faults
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,11 +13,11 @@ import pytest
 from hil_loop import Instant, Loop, adds_up, board, frames, made_frame
 
 from hil.bench.camera_latency import drawn_pictures, measure_latency
-from hil.host.faults.definitions import ClockDrift, Faults
 from hil.host.ledger.frames_csv import read_ledger, utc_text
 from hil.host.picture_frames import frames_of_folder
 from hil.host.report import write_report
 from simulator.errors import UserError
+from simulator.scenario.faults import ClockDrift, Faults
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
 

@@ -11,7 +11,12 @@ from tutorial import blocks
 
 from hil.corner_code import CodePlace, read_code
 from hil.host.faults.camera_faults import HeldExposure, with_camera_faults
-from hil.host.faults.definitions import (
+from hil.host.faults.line_faults import FaultJournal, _Pump
+from hil.host.time_code import with_time_code
+from hil.link.packets.messages import PoseMessage, TimeSyncReply, decode_message
+from hil.link.packets.packet import Packet, PacketType
+from simulator.errors import UserError
+from simulator.scenario.faults import (
     Bandwidth,
     Blinding,
     CameraFault,
@@ -36,11 +41,6 @@ from hil.host.faults.definitions import (
     StuckPixels,
     read_faults,
 )
-from hil.host.faults.line_faults import FaultJournal, _Pump
-from hil.host.time_code import with_time_code
-from hil.link.packets.messages import PoseMessage, TimeSyncReply, decode_message
-from hil.link.packets.packet import Packet, PacketType
-from simulator.errors import UserError
 from simulator.world.time.instant import nanoseconds_utc
 
 N = 8

@@ -8,7 +8,6 @@ from dataclasses import replace
 import pytest
 from hil_loop import Instant, Loop, adds_up, board, frames
 
-from hil.host.faults.definitions import ClockDrift, Faults
 from hil.host.truth.logger import TruthLogger
 from hil.link.errors import LinkClosed, LinkError, PacketError
 from hil.link.framing.length_prefix import LengthFraming
@@ -26,6 +25,7 @@ from hil.link.security import (
 from hil.link.transports.in_process import virtual_pair
 from hil.link.transports.tcp import connect_tcp
 from simulator.errors import UserError
+from simulator.scenario.faults import ClockDrift, Faults
 
 KEY, OTHER = b"0123456789abcdef", b"fedcba9876543210"
 POSE = Packet(PacketType.POSE, b"a pose", session_id=7, sequence=3)

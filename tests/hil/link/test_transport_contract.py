@@ -13,17 +13,6 @@ import pytest
 from lossy_udp import lossy_network
 from serial_line import null_modem
 
-from hil.host.faults.definitions import (
-    Bandwidth,
-    Corrupt,
-    Delay,
-    Disconnect,
-    Drop,
-    Duplicate,
-    Faults,
-    Jitter,
-    Reorder,
-)
 from hil.host.faults.line_faults import FaultJournal, with_line_faults
 from hil.link.errors import LinkClosed, PacketError
 from hil.link.packets.enums import PIXEL_FORMATS
@@ -34,6 +23,17 @@ from hil.link.security import HostTransport, prove_to_host
 from hil.link.transports.in_process import virtual_pair
 from hil.link.transports.serial_port import SerialTransport
 from hil.link.transports.url import connect, listen, parse_url
+from simulator.scenario.faults import (
+    Bandwidth,
+    Corrupt,
+    Delay,
+    Disconnect,
+    Drop,
+    Duplicate,
+    Faults,
+    Jitter,
+    Reorder,
+)
 
 # quick enough that a test of a serial line is one of the protocol: 300 kB a second
 BAUD = 3_000_000

@@ -44,7 +44,7 @@ def test_sections_that_are_offered_have_the_types_of_the_file() -> None:
     text = show_scenario("tango-flyaround")
     shown = re.sub(r"^# (\[+[\w.]+\]+|\w+ = (?!\.\.\.).*)$", r"\1", text, flags=re.MULTILINE)
     raw = tomllib.loads(shown)
-    for needs in (("lamp",), ("burns",), ("attitude", "point"), ("chaser", "keep_out")):
+    for needs in (("lamp",), ("burns",), ("faults",), ("attitude", "point"), ("chaser", "keep_out")):
         table = raw
         for step in needs[:-1]:
             table = table[step]
@@ -63,6 +63,8 @@ def test_every_section_and_every_mode_is_named() -> None:
         "optics",
         "environment",
         "lamp",
+        "faults",
+        "[faults.camera]",
         "forces",
         "chaser.thrusters",
     ):

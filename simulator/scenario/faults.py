@@ -1,4 +1,6 @@
-"""The faults file: what goes wrong, when in the flight, how badly; one seed for every random choice.
+"""Faults of the camera and the line to a board: a scenario's section or a file of its own, of one schema.
+
+What goes wrong, when in the flight, how badly; one seed for every random choice.
 
 Times are the flight's seconds of the frame that is hit. Chances are drawn anew for each frame or packet, from the seed
 and the frame's number alone, so that a run in lockstep meets the same faults again.
@@ -183,7 +185,7 @@ LineFault = Delay | Jitter | Drop | Duplicate | Reorder | Corrupt | Bandwidth | 
 
 
 class Faults(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """All faults of a run.
+    """What goes wrong on purpose where a board is fed (hil host, campaigns): in the camera and on the line to it.
 
     Parameters
     ----------
