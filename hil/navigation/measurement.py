@@ -97,11 +97,11 @@ class PoseNoise:
     available : share of the pictures whose pose is accepted. wrong : share of those that is wrong.
     """
 
-    across_m: float = 5.5e-4
-    across_share: float = 4.5e-5
-    along_share: float = 1e-3
-    tilt_rad: float = 0.0026
-    roll_rad: float = 0.00085
+    across_m: float = 6e-4
+    across_share: float = 4e-5
+    along_share: float = 1.1e-3
+    tilt_rad: float = 0.0028
+    roll_rad: float = 0.0009
     remembered: float = 0.9
     memory: ErrorMemory = field(default_factory=ErrorMemory)
     available: float = 0.955

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
     from simulator.world.frames.lvlh import Lvlh
 
-Verdict = Literal["used", "gated", "too old", "starts", "found"]
+Verdict = Literal["used", "gated", "too old", "repeated", "starts", "found"]
 Status = Literal["searching", "tracking", "lost"]
 
 
@@ -41,6 +41,7 @@ class FilterSettings:
     ----------
     gate : share of right poses that pass the chi-square test of the innovation.
     found_after : poses consistent with each other that start a track. lost_after : gated in a row that end trust in it.
+    displaced_after : poses consistent with each other that take a track's place, none of its own between.
     start_speed_m_s, start_rate_rad_s : sigma of what a first pose leaves open, each axis.
     history_s : how late a pose may come. memory : of the poses' errors.
     """
@@ -48,6 +49,7 @@ class FilterSettings:
     gate: float = 0.9999
     found_after: int = 5
     lost_after: int = 5
+    displaced_after: int = 20
     start_speed_m_s: float = 0.1
     start_rate_rad_s: float = 0.1
     history_s: float = 20.0
@@ -67,7 +69,7 @@ class NavigationFilter:
 
     A pose is applied at its exposure; what was applied after that is applied again (Bar-Shalom's out-of-sequence
     update by reprocessing, which loses nothing). A pose whose innovation fails the gate starts a second track beside
-    the first; once ``found_after`` poses agree with each other, that one is followed.
+    the first; once ``displaced_after`` poses agree with each other and none with the first, that one is followed.
 
     Parameters
     ----------
@@ -94,6 +96,7 @@ class NavigationFilter:
         self._candidate: list[_Fix] = []
         self._thrust: list[ThrustInterval] = []
         self._gated_in_a_row = 0
+        self._newest: PoseMeasurement | None = None
         self._foretold: RelativeEstimate | None = None
 
     @property
@@ -115,7 +118,14 @@ class NavigationFilter:
             self._foretold = None
 
     def add(self, pose: PoseMeasurement) -> Verdict:
-        """Take a pose, whenever it comes, and say what became of it."""
+        """Take a pose, whenever it comes, and say what became of it.
+
+        One that is the newest's again to the last digit is of a picture that stands still, and tells nothing: noise
+        makes two pictures differ.
+        """
+        newest, self._newest = self._newest, pose
+        if newest is not None and _same(newest, pose):
+            return "repeated"
         if self._track:
             used = self._with(self._track, pose)
             if used == "too old":
@@ -137,7 +147,7 @@ class NavigationFilter:
             self._candidate = [_Fix(pose, self._first_estimate(pose))]
             return "gated" if self._track else "starts"
         self._candidate = longer
-        if len(longer) < self.settings.found_after:
+        if len(longer) < (self.settings.displaced_after if self._track else self.settings.found_after):
             return "gated" if self._track else "used"
         self._track, self._candidate, self._gated_in_a_row = longer, [], 0
         self._foretold = None
@@ -245,3 +255,9 @@ class NavigationFilter:
             omega_target_rad_s=np.zeros(3),
             joint_covariance=covariance,
         )
+
+
+def _same(a: PoseMeasurement, b: PoseMeasurement) -> bool:
+    return np.array_equal(a.q_camera_from_target_wxyz, b.q_camera_from_target_wxyz) and np.array_equal(
+        a.t_camera_from_target_m, b.t_camera_from_target_m
+    )

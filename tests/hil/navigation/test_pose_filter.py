@@ -123,13 +123,28 @@ def test_a_target_that_jumps_is_lost_and_found() -> None:
     filter_ = new_filter()
     for pose in poses[:30]:
         filter_.add(pose)
-    said = []
-    for pose in poses[30:40]:
-        turned = quat_multiply(pose.q_camera_from_target_wxyz, quat_from_rotvec([0.5, 0.0, 0.0]))
-        said.append(filter_.add(replace(pose, q_camera_from_target_wxyz=turned)))
-    assert said[:5] == ["gated"] * 4 + ["found"]
-    assert set(said[5:]) == {"used"}
+    jumped = propagate_attitude(
+        quat_multiply(TUMBLE(30.0)[0], quat_from_rotvec([0.5, 0.0, 0.0])), W0, J, 40.0
+    )
+    errors, said = PoseErrors(NOISE, np.random.default_rng(2)), []
+    for k in range(30, 60):
+        shot = replace(snapshot(float(k)), q_eci_from_target_wxyz=jumped(k - 30.0)[0])
+        said.append(filter_.add(errors.draw(shot)))
+    assert said[:20] == ["gated"] * 19 + ["found"]
+    assert set(said[20:]) == {"used"}
     assert filter_.status == "tracking"
+
+
+def test_a_pose_that_is_there_again_to_the_last_digit_tells_nothing() -> None:
+    poses = measured(30)
+    filter_ = new_filter()
+    for pose in poses:
+        filter_.add(pose)
+    before = filter_.estimate(35.0).covariance
+    for k in range(30, 35):
+        assert filter_.add(replace(poses[-1], t_s=float(k))) == "repeated"
+    assert filter_.last_used_s == 29.0
+    np.testing.assert_array_equal(filter_.estimate(35.0).covariance, before)
 
 
 def test_wrong_poses_that_contradict_each_other_leave_the_filter_lost() -> None:
