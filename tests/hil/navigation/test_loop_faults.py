@@ -40,7 +40,7 @@ class FaultyPoses(NoisyPoses):
         self.before = pose
         super().wait(pose)
 
-    def changed(self, pose: PoseMeasurement) -> PoseMeasurement | None:  # noqa: ARG002 - faults of other kinds ask
+    def changed(self, pose: PoseMeasurement) -> PoseMeasurement | None:
         return None
 
 
