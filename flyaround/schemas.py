@@ -9,6 +9,7 @@ from typing import Any
 
 from hil.campaign.campaign import outcome_json_schema
 from hil.campaign.definitions import campaign_json_schema
+from hil.campaign.map_results import delay_map_json_schema
 from hil.evaluate.metrics import metrics_json_schema
 from hil.host.ledger.summary import summary_schema
 from simulator.dataset.card import card_json_schema
@@ -34,6 +35,7 @@ def all_schemas() -> dict[str, dict[str, Any]]:
         "metrics": metrics_json_schema(),
         "campaign": campaign_json_schema(),
         "campaign_outcome": outcome_json_schema(),
+        "delay_map": delay_map_json_schema(),
     }
     return {
         name: {"$schema": DIALECT, "title": f"flyaround {name}", **schema} for name, schema in schemas.items()

@@ -9,12 +9,16 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
+from flyaround.commands.scenario_argument import load_flown
 from flyaround.commands.terminal import progress_bar, say
 from hil.campaign.campaign import CAMPAIGN_JSON, PAGE, run_campaign
+from hil.campaign.delay_map import OUTCOME_JSON, map_delays, settings_for
+from simulator.errors import UserError
 
 # a board's side on this machine, as hil board has it
 BOARD_COMMAND = (sys.executable, "-m", "flyaround", "hil", "board")
 MOST_REASONS = 10
+MOST_LEVELS = 100
 
 
 def campaign(
@@ -46,3 +50,88 @@ def campaign(
         say(f"{len(outcome.cases) - len(failed)} of {len(outcome.cases)} runs passed: {output / PAGE}")
     if not outcome.passed:
         raise typer.Exit(1)
+
+
+def delay_map(
+    scenario: Annotated[
+        str, typer.Argument(help="Built-in name or TOML file, its chaser flown by thrusters.")
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder: new, or of this map, which goes on.")
+    ],
+    latency: Annotated[
+        str, typer.Option(help="Seconds from mid-exposure to the pose, with commas.")
+    ] = "0.3,2,4,5,6",
+    jitter: Annotated[
+        str, typer.Option(help="Seconds more, evenly from 0 to so many, with commas.")
+    ] = "0,0.5,1,2,4",
+    drops: Annotated[str, typer.Option(help="Shares of the poses that are lost, with commas.")] = "0,0.3,0.6",
+    flights: Annotated[
+        int, typer.Option("--flights", "-n", min=1, max=10_000, help="Approaches of each cell.")
+    ] = 20,
+    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Of each cell's first approach.")] = 1,
+    every_s: Annotated[
+        float | None,
+        typer.Option("--every", help="Seconds between pictures (default: each period of control)."),
+    ] = None,
+    check: Annotated[
+        int,
+        typer.Option(min=0, help="Cells to fly again, drawn, on the poses of a board that is started here."),
+    ] = 0,
+    check_flights: Annotated[int, typer.Option(min=1, max=1000, help="Approaches of each of those.")] = 5,
+    workers: Annotated[int, typer.Option(min=1, max=256, help="Approaches at a time.")] = 1,
+    as_json: Annotated[bool, typer.Option("--json", help="Print delay_map.json.")] = False,
+) -> None:
+    """Success of an approach over latency, jitter and losses of its poses: heat maps, CSV, and where half fail.
+
+    Without pictures: poses are the truth with the estimator's measured errors (docs/hil_campaign.md).
+    """
+    load_flown(scenario, "hil delay-map")
+    settings = settings_for(
+        scenario,
+        latencies_s=_levels(latency, "--latency", 60.0),
+        jitters_s=_levels(jitter, "--jitter", 60.0),
+        drops=_levels(drops, "--drops", 1.0),
+        flights=flights,
+        first_seed=seed,
+        every_s=every_s,
+        check=check,
+        check_flights=check_flights,
+    )
+    with progress_bar("flights", quiet=as_json) as progress:
+        outcome = map_delays(
+            settings,
+            output,
+            board_command=BOARD_COMMAND,
+            workers=workers,
+            progress=lambda _what, done, of: progress(done, of),
+        )
+    if as_json:
+        typer.echo((output / OUTCOME_JSON).read_text())
+        return
+    for half in outcome.half:
+        say(f"half fail at {half.words}: jitter {half.jitter_s:g} s, {half.drops:.0%} lost")
+    for cell in outcome.checked:
+        a, b = cell.without_pictures, cell.drawn
+        say(
+            f"latency {a.latency_s:g} s, jitter {a.jitter_s:g} s, {a.drops:.0%} lost: {a.successes} of {a.flights}"
+            f" without pictures, {b.successes} of {b.flights} drawn" + ("" if cell.agree else ": they differ")
+        )
+    say(f"page: {output / PAGE}")
+
+
+def _levels(text: str, option: str, most: float) -> tuple[float, ...]:
+    """Numbers between commas.
+
+    Raises
+    ------
+    UserError
+        If one is none, or out of bounds.
+    """
+    try:
+        levels = tuple(float(word) for word in text.split(","))
+    except ValueError as error:
+        raise UserError(f"{option} is {text!r}: give numbers with commas, such as 0,1,2") from error
+    if not all(0 <= level <= most for level in levels) or len(levels) > MOST_LEVELS:
+        raise UserError(f"{option} is {text!r}: give at most {MOST_LEVELS} numbers from 0 to {most:g}")
+    return levels

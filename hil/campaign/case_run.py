@@ -7,14 +7,13 @@ import hashlib
 import os
 import secrets
 import shutil
-import subprocess
-import tempfile
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
+from hil.campaign.own_board import run_with_own_board
 from hil.campaign.quantities import QUANTITIES, RunRecord, Value
 from hil.host.closed_loop import (
     fly_without_pictures,
@@ -38,8 +37,6 @@ from simulator.runtime.untrusted_files import read_regular
 from simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from hil.campaign.definitions import ReadyCase
     from simulator.scenario.faults import Faults
     from simulator.scenario.plan import Plan
@@ -47,7 +44,6 @@ if TYPE_CHECKING:
 RESULT_JSON, BOARD_LOG = "result.json", "board.log"
 PART = ".part"
 """How the name of a folder ends whose run is not over."""
-BOARD_EXIT_S = 20.0
 MOST_BYTES = 1 << 20
 FRAMES = 30
 """Frames of a case that says neither their number nor their interval, as of ``hil host``."""
@@ -186,33 +182,11 @@ def _fly_with_board(
     )
     config = RunConfig(link=link, log_dir=part, latency_s=case.latency_s)
     flight = FlightRun(plan, config, FlightOptions(closed_loop=told))
-    with contextlib.ExitStack() as stack:
-
-        def start_board(url: str, _truth_url: str | None) -> None:
-            if settings.listen is None:
-                words = (*task.board_command, url, "--target", plan.target.name, "--method", case.method)
-                stack.enter_context(_board(words, part / BOARD_LOG))
-
-        flight.run(on_listening=start_board)
-
-
-@contextlib.contextmanager
-def _board(command: tuple[str, ...], log: Path) -> Iterator[None]:
-    """A board's process; what it said is kept where it did not end well."""
-    # one thread, as on a board: BLAS threads on its small matrices only fight the renderer
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    with tempfile.TemporaryFile() as said:
-        process = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT, env=environment)
-        try:
-            yield
-            process.wait(BOARD_EXIT_S)
-        except subprocess.TimeoutExpired:
-            pass
-        finally:
-            process.kill()
-            if process.wait() != 0:
-                said.seek(0)
-                log.write_bytes(said.read(1 << 20))
+    if settings.listen is not None:
+        flight.run()
+        return
+    options = ("--target", plan.target.name, "--method", case.method)
+    run_with_own_board(flight, task.board_command, options, part / BOARD_LOG)
 
 
 def _drop_wall_clock(part: Path) -> None:

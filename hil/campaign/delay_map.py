@@ -1,0 +1,336 @@
+"""The delay map: how often an approach succeeds over latency, jitter and losses of its poses; where half fail."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+from collections import Counter
+from concurrent.futures.process import BrokenProcessPool
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from hil.campaign.delay_map_page import write_delay_map_page
+from hil.campaign.half_success import half_success, wilson
+from hil.campaign.map_flights import Cell, MapFlight, flown_cells
+from hil.campaign.map_results import CellResult, CheckedCell, DelayMapOutcome, HalfLatency, MapSettings
+from hil.host.closed_loop import frame_every
+from hil.navigation.closed_loop import check_closed_loop
+from simulator.errors import UserError
+from simulator.runtime.files import empty_folder, write_atomic
+from simulator.runtime.folder_lock import lock_name, only_writer
+from simulator.runtime.untrusted_files import read_regular
+from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+    from pathlib import Path
+
+    from hil.campaign.map_flights import FlownCell
+
+SETTINGS_JSON, OUTCOME_JSON = "settings.json", "delay_map.json"
+FLIGHTS_CSV, CHECKS_CSV, CELLS_CSV = "flights.csv", "checks.csv", "cells.csv"
+MOST_BYTES = 1 << 20
+MOST_FLIGHTS = 1_000_000
+EXTENSIONS = 4
+"""Latencies beyond those asked for, while more than half of the approaches succeed at the last one."""
+REFINED_TO_S = 0.1
+"""How near the latencies next to the half are brought, for the first jitter and the first share of drops."""
+
+
+def map_delays(
+    settings: MapSettings,
+    folder: Path,
+    *,
+    board_command: tuple[str, ...],
+    workers: int = 1,
+    progress: Callable[[str, int, int], None] = lambda _what, _done, _of: None,
+) -> DelayMapOutcome:
+    """Fly every cell, write ``delay_map.json``, ``cells.csv`` and ``index.html`` with the picture.
+
+    Flights without pictures: their poses are the truth with the errors that the estimator was measured to make. Each
+    cell has the same seeds. The same settings give the same bytes, however often it was broken off.
+
+    Parameters
+    ----------
+    settings : `settings_for` has checked them. folder : new, empty, or of the same settings.
+    board_command : starts a board, for the cells that are checked. progress : told what is flown, done and of how many.
+
+    Raises
+    ------
+    UserError
+        If the folder is of something else, or cannot be written.
+    """
+    _open_folder(folder, settings)
+    with only_writer(folder, "delay-map"):
+        write_atomic(folder / SETTINGS_JSON, _json(settings))
+        try:
+            outcome = _Map(settings, folder, board_command, workers, progress).outcome()
+        except BrokenProcessPool as error:
+            raise UserError(
+                "a process that flew was ended from outside (short of memory?): begin again, it goes on from there"
+            ) from error
+        _write_cells(folder, outcome)
+        write_delay_map_page(folder, outcome)
+        write_atomic(folder / OUTCOME_JSON, _json(outcome))
+    return outcome
+
+
+def settings_for(
+    scenario: str,
+    *,
+    latencies_s: Sequence[float],
+    jitters_s: Sequence[float],
+    drops: Sequence[float],
+    flights: int,
+    first_seed: int = 1,
+    every_s: float | None = None,
+    check: int = 0,
+    check_flights: int = 5,
+) -> MapSettings:
+    """Settings of a scenario that can be flown so.
+
+    Raises
+    ------
+    UserError
+        If it cannot, or the levels do not rise.
+    """
+    for name, levels in (("--latency", latencies_s), ("--jitter", jitters_s), ("--drops", drops)):
+        if any(b <= a for a, b in pairwise(levels)):
+            raise UserError(f"the levels of {name} must rise, got {', '.join(f'{x:g}' for x in levels)}")
+    n_cells = len(latencies_s) * len(jitters_s) * len(drops)
+    if n_cells * flights > MOST_FLIGHTS:
+        raise UserError(
+            f"{n_cells * flights} flights are asked for, at most {MOST_FLIGHTS}: choose fewer levels"
+        )
+    if check > n_cells:
+        raise UserError(f"--check {check} is more than the map's {n_cells} cells; choose fewer")
+    loaded = load_scenario(scenario)
+    plan = plan_flight(loaded, n=1)
+    check_closed_loop(plan.flight, f"scenario {plan.scenario_name}")
+    frame_every(every_s, plan)
+    return MapSettings(
+        scenario=scenario,
+        inputs=hashlib.sha256(msgspec.json.encode(loaded, order="sorted", enc_hook=str)).hexdigest(),
+        latencies_s=tuple(latencies_s),
+        jitters_s=tuple(jitters_s),
+        drops=tuple(drops),
+        flights=flights,
+        first_seed=first_seed,
+        every_s=every_s,
+        check=check,
+        check_flights=check_flights,
+    )
+
+
+class _Map:
+    """A map that is flown, level by level: which flights come next depends on those before them alone."""
+
+    def __init__(
+        self,
+        settings: MapSettings,
+        folder: Path,
+        board_command: tuple[str, ...],
+        workers: int,
+        progress: Callable[[str, int, int], None],
+    ) -> None:
+        self._settings, self._folder, self._board_command = settings, folder, board_command
+        self._workers, self._progress = workers, progress
+        self._tasks: list[MapFlight] = []
+
+    def outcome(self) -> DelayMapOutcome:
+        """Fly it all."""
+        s = self._settings
+        latencies = list(s.latencies_s)
+        cells = self._fly(_grid(latencies, s))
+        while len(latencies) < len(s.latencies_s) + EXTENSIONS and self._half_at(cells, latencies[-1]):
+            step = latencies[-1] - latencies[-2] if len(latencies) > 1 else latencies[-1]
+            latencies.append(round(latencies[-1] + step, 6))
+            cells |= self._fly(_grid(latencies[-1:], s))
+        refined = self._refined(cells, latencies)
+        half = []
+        for drops in s.drops:
+            for jitter_s in s.jitters_s:
+                between = refined if (jitter_s, drops) == (s.jitters_s[0], s.drops[0]) else {}
+                half.append(_half(cells | between, jitter_s, drops))
+        return DelayMapOutcome(
+            settings=s,
+            half=tuple(half),
+            extended=tuple(latencies[len(s.latencies_s) :]),
+            cells=tuple(cells[c] for c in sorted(cells, key=_order)),
+            refined=tuple(refined[c] for c in sorted(refined, key=_order)),
+            checked=self._checked(list(cells.values())),
+        )
+
+    def _fly(self, cells: Iterable[Cell]) -> dict[Cell, CellResult]:
+        """Results of some cells, flown after all before them."""
+        s = self._settings
+        wanted = list(cells)
+        self._tasks += [
+            MapFlight(s.scenario, cell, s.first_seed + k, s.every_s)
+            for cell in wanted
+            for k in range(s.flights)
+        ]
+        flown = flown_cells(
+            self._folder / FLIGHTS_CSV,
+            self._tasks,
+            self._workers,
+            lambda done, of: self._progress("flights", done, of),
+        )
+        counted = _counted(flown)
+        return {cell: counted[cell] for cell in wanted}
+
+    def _half_at(self, cells: dict[Cell, CellResult], latency_s: float) -> bool:
+        """Whether for some jitter and drops more than half still succeed."""
+        return any(r.share > 0.5 for cell, r in cells.items() if cell.latency_s == latency_s)
+
+    def _refined(self, cells: dict[Cell, CellResult], latencies: Sequence[float]) -> dict[Cell, CellResult]:
+        """Latencies between the two next to the half, halved again and again."""
+        s = self._settings
+        refined: dict[Cell, CellResult] = {}
+        shares = [cells[Cell(x, s.jitters_s[0], s.drops[0])].share for x in latencies]
+        k = next((k for k, share in enumerate(shares) if share <= 0.5), 0)
+        if k == 0:
+            return refined
+        low, high = latencies[k - 1], latencies[k]
+        while high - low > REFINED_TO_S:
+            cell = Cell(round(0.5 * (low + high), 6), s.jitters_s[0], s.drops[0])
+            refined |= self._fly([cell])
+            if refined[cell].share > 0.5:
+                low = cell.latency_s
+            else:
+                high = cell.latency_s
+        return refined
+
+    def _checked(self, cells: Sequence[CellResult]) -> tuple[CheckedCell, ...]:
+        """Some cells again, drawn and with a board."""
+        s = self._settings
+        chosen = chosen_cells(cells, s.check)
+        tasks = [
+            MapFlight(
+                s.scenario,
+                Cell(r.latency_s, r.jitter_s, r.drops),
+                s.first_seed + k,
+                s.every_s,
+                self._board_command,
+            )
+            for r in chosen
+            for k in range(s.check_flights)
+        ]
+        if not tasks:
+            return ()
+        flown = flown_cells(
+            self._folder / CHECKS_CSV,
+            tasks,
+            self._workers,
+            lambda done, of: self._progress("drawn flights", done, of),
+        )
+        drawn = _counted(flown)
+        checked = []
+        for result in chosen:
+            again = drawn[Cell(result.latency_s, result.jitter_s, result.drops)]
+            agree = again.low <= result.high and result.low <= again.high
+            checked.append(CheckedCell(without_pictures=result, drawn=again, agree=agree))
+        return tuple(checked)
+
+
+def chosen_cells(cells: Sequence[CellResult], n: int) -> list[CellResult]:
+    """Cells to check: their success spread from all to nothing, each as near to the edge as there is one."""
+
+    def edge(result: CellResult) -> float:
+        burden = result.latency_s + result.jitter_s + 10 * result.drops
+        return -burden if result.share > 0.5 else burden
+
+    left, chosen = list(cells), []
+    for wanted in np.linspace(1.0, 0.0, n) if n > 1 else [0.5] * n:
+        best = min(left, key=lambda r: (abs(r.share - wanted), edge(r), r.latency_s, r.jitter_s))
+        left.remove(best)
+        chosen.append(best)
+    return chosen
+
+
+def _grid(latencies_s: Iterable[float], s: MapSettings) -> list[Cell]:
+    return [Cell(a, b, c) for a in latencies_s for c in s.drops for b in s.jitters_s]
+
+
+def _order(cell: Cell) -> tuple[float, float, float]:
+    return cell.drops, cell.jitter_s, cell.latency_s
+
+
+def _counted(flown: Sequence[FlownCell]) -> dict[Cell, CellResult]:
+    n = Counter(f.cell for f in flown)
+    good = Counter(f.cell for f in flown if f.success)
+    found = {}
+    for cell, flights in n.items():
+        low, high = wilson(good[cell], flights)
+        found[cell] = CellResult(
+            latency_s=cell.latency_s,
+            jitter_s=cell.jitter_s,
+            drops=cell.drops,
+            flights=flights,
+            successes=good[cell],
+            low=round(low, 6),
+            high=round(high, 6),
+        )
+    return found
+
+
+def _half(cells: dict[Cell, CellResult], jitter_s: float, drops: float) -> HalfLatency:
+    row = sorted(
+        (r for c, r in cells.items() if (c.jitter_s, c.drops) == (jitter_s, drops)), key=lambda r: r.latency_s
+    )
+    half = half_success([r.latency_s for r in row], [r.successes for r in row], [r.flights for r in row])
+    return HalfLatency(
+        jitter_s=jitter_s,
+        drops=drops,
+        latency_s=half.at,
+        above_s=half.above,
+        below_s=half.below,
+        words=half.in_words(),
+    )
+
+
+def _open_folder(folder: Path, settings: MapSettings) -> None:
+    """Make the folder, or see that it is this map's.
+
+    Raises
+    ------
+    UserError
+        If it is not.
+    """
+    path = folder / SETTINGS_JSON
+    if not path.is_file():
+        leftovers = (".part", lock_name("delay-map"))
+        if not folder.is_dir() or not all(p.name.endswith(leftovers) for p in folder.iterdir()):
+            empty_folder(folder)
+        return
+    try:
+        before = msgspec.json.decode(read_regular(path, MOST_BYTES), type=MapSettings)
+    except msgspec.DecodeError as error:
+        raise UserError(f"{path} is damaged ({error}): name another folder with -o") from error
+    # cells may be checked that were not before
+    same = msgspec.structs.replace(before, check=settings.check, check_flights=settings.check_flights)
+    if same != settings:
+        raise UserError(f"{folder} has a map of other settings: name another folder with -o")
+    if (before.check, before.check_flights) != (settings.check, settings.check_flights):
+        (folder / CHECKS_CSV).unlink(missing_ok=True)
+
+
+def _write_cells(folder: Path, outcome: DelayMapOutcome) -> None:
+    """Write ``cells.csv``: the cells of the map, and those between its latencies."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = CellResult.__struct_fields__
+    writer.writerow([*names, "share", "where"])
+    for where, results in (("map", outcome.cells), ("between", outcome.refined)):
+        for r in results:
+            writer.writerow([*(f"{getattr(r, name):.6g}" for name in names), f"{r.share:.6g}", where])
+    write_atomic(folder / CELLS_CSV, text.getvalue().encode())
+
+
+def _json(value: msgspec.Struct) -> bytes:
+    return msgspec.json.format(msgspec.json.encode(value), indent=1) + b"\n"

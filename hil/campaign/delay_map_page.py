@@ -1,0 +1,142 @@
+"""A delay map as a picture and a page: a heat map for each share of drops, the half, the cells that were checked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.reports.page import Page, key_figures, link, note, plot, table
+from simulator.reports.plots import INK, figure_with_axes, png
+from simulator.runtime.files import write_atomic
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+
+    from hil.campaign.map_results import CellResult, DelayMapOutcome
+
+PAGE, PICTURE = "index.html", "delay_map.png"
+ERRORS = "Nothing drawn: poses are the truth with the errors that the estimator svd was measured to make."
+
+
+def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
+    """Write the picture and the page that carries it."""
+    drawn = draw_delay_map(outcome)
+    write_atomic(folder / PICTURE, drawn)
+    s, first = outcome.settings, outcome.half[0]
+    page = Page("Flyaround: delay map", f"Success over the link's delays: {s.scenario}", width_px=1240)
+    every = "each period of control" if s.every_s is None else f"every {s.every_s:g} s"
+    page.add(
+        note(
+            f"{len(outcome.cells)} cells of {s.flights} approaches, seeds from {s.first_seed} on in each; a picture"
+            f" {every}. {ERRORS}"
+        )
+    )
+    page.add(
+        key_figures(
+            [
+                (first.words, f"half fail, jitter {first.jitter_s:g} s, {first.drops:.0%} lost"),
+                (sum(c.flights for c in (*outcome.cells, *outcome.refined)), "approaches"),
+                (sum(c.flights - c.successes for c in outcome.cells), "failed"),
+            ]
+        )
+    )
+    page.add(
+        plot(
+            drawn,
+            "Approaches that arrive within 0.2 m and 2 deg and were never inside the sphere and outside its corridor; "
+            "the line is where half fail. Latency: from mid-exposure to the pose in the filter; jitter: so much more, "
+            "evenly from 0; lost: share of poses. " + ERRORS,
+            alt="delay map",
+        )
+    )
+    page.section(
+        "Latency at which half of the approaches fail",
+        note(
+            "Between the two latencies next to it; in brackets the nearest latencies whose success is more, and less, "
+            "than a half by Wilson's 95 % interval."
+        ),
+        table(
+            ("jitter", *(f"{d:.0%} lost" for d in s.drops)),
+            [
+                (f"{jitter:g} s", *(h.words for h in outcome.half if h.jitter_s == jitter))
+                for jitter in s.jitters_s
+            ],
+        ),
+    )
+    if outcome.extended:
+        levels = ", ".join(f"{x:g}" for x in outcome.extended)
+        page.add(note(f"Latencies were added, because more than half still succeeded: {levels} s."))
+    if outcome.checked:
+        page.section(
+            "Cells flown again, each frame drawn, each pose a board's",
+            note(
+                "95 % intervals by Wilson. Delays and losses are imposed on the flight's clock, in lockstep."
+            ),
+            table(
+                ("latency", "jitter", "lost", "without pictures", "drawn, with a board", "intervals overlap"),
+                [
+                    (
+                        f"{c.drawn.latency_s:g} s",
+                        f"{c.drawn.jitter_s:g} s",
+                        f"{c.drawn.drops:.0%}",
+                        _share(c.without_pictures),
+                        _share(c.drawn),
+                        "yes" if c.agree else "NO",
+                    )
+                    for c in outcome.checked
+                ],
+            ),
+        )
+    files = ("cells.csv", "flights.csv", "delay_map.json", PICTURE)
+    page.add(note("Files: ", [(link(name), " ") for name in files]))
+    page.write(folder / PAGE)
+
+
+def _share(result: CellResult) -> str:
+    return f"{result.successes} of {result.flights} ({result.low:.0%} to {result.high:.0%})"
+
+
+def draw_delay_map(outcome: DelayMapOutcome) -> bytes:
+    """PNG: a heat map of jitter over latency for each share of drops."""
+    s = outcome.settings
+    latencies = (*s.latencies_s, *outcome.extended)
+    figure, axes = figure_with_axes(1, len(s.drops), 0.62 * len(s.jitters_s) + 1.7, width=13.5)
+    found = {(c.drops, c.jitter_s, c.latency_s): c for c in outcome.cells}
+    shown = None
+    for ax, drops in zip(axes, s.drops, strict=True):
+        cells = [[found[drops, jitter, latency] for latency in latencies] for jitter in s.jitters_s]
+        shown = ax.imshow(
+            [[c.share for c in row] for row in cells],
+            cmap="RdYlGn", vmin=0, vmax=1, origin="lower", aspect="auto", alpha=0.85,
+        )  # fmt: skip
+        for y, row in enumerate(cells):
+            for x, c in enumerate(row):
+                ax.text(x, y, f"{c.successes}", ha="center", va="center", fontsize=9, color=INK)
+        ax.grid(visible=False)
+        ax.set_xticks(range(len(latencies)), [f"{x:g}" for x in latencies])
+        ax.set_yticks(range(len(s.jitters_s)), [f"{x:g}" for x in s.jitters_s])
+        ax.set_xlabel("latency [s]")
+        ax.set_title(f"{drops:.0%} of the poses lost", loc="left", fontsize=11, color=INK, fontweight="bold")
+        _mark_halves(ax, outcome, drops, latencies)
+    axes[0].set_ylabel("jitter, 0 to [s]")
+    if shown is not None:
+        bar = figure.colorbar(shown, ax=axes, fraction=0.025, pad=0.01)
+        bar.set_label(f"success of {s.flights} approaches")
+    figure.suptitle(f"{s.scenario}. {ERRORS}", fontsize=9, color=INK, x=0.01, ha="left")
+    return png(figure)
+
+
+def _mark_halves(ax: Axes, outcome: DelayMapOutcome, drops: float, latencies: Sequence[float]) -> None:
+    """A line at the latency at which half fail, in each row that has one."""
+    places, rows = [], []
+    for y, jitter in enumerate(outcome.settings.jitters_s):
+        half = next(h for h in outcome.half if (h.jitter_s, h.drops) == (jitter, drops))
+        if half.latency_s is not None:
+            x = float(np.interp(half.latency_s, latencies, range(len(latencies))))
+            places += [x, x, np.nan]
+            rows += [y - 0.5, y + 0.5, np.nan]
+    ax.plot(places, rows, color=INK, lw=2)

@@ -1,0 +1,198 @@
+"""Flights of a delay map: each cell's approaches over its link, without pictures, or drawn and on a board's poses."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from contextlib import closing
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from hil.campaign.own_board import run_with_own_board
+from hil.host.closed_loop import figures, fly_without_pictures, frame_every
+from hil.host.faults.definitions import Drop, Jitter
+from hil.host.flight_run import FlightOptions, FlightRun
+from hil.host.link_process.ipc import LinkConfig
+from hil.host.pose_link import PoseLink
+from hil.host.run import RunConfig
+from hil.navigation.closed_loop import ClosedLoopConfig
+from simulator.errors import UserError, write_error
+from simulator.runtime.files import write_atomic
+from simulator.runtime.task_pool import run_tasks
+from simulator.runtime.untrusted_files import read_regular
+from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from hil.host.ledger.summary import ClosedLoopFigures
+    from simulator.scenario.plan import Plan
+
+# of an approach that succeeded: the limits of docs/hil_closed_loop.md
+WITHIN_M, WITHIN_DEG = 0.2, 2.0
+MOST_BYTES = 1 << 28
+COLUMNS = (
+    "latency_s",
+    "jitter_s",
+    "drops",
+    "seed",
+    "success",
+    "outcome",
+    "final_error_m",
+    "final_error_deg",
+    "keep_out_violations",
+    "duration_s",
+    "reason",
+)
+
+
+@dataclass(frozen=True, order=True)
+class Cell:
+    """One link: latency from mid-exposure to the pose, jitter added to it evenly from 0, share of poses lost."""
+
+    latency_s: float
+    jitter_s: float
+    drops: float
+
+
+@dataclass(frozen=True)
+class MapFlight:
+    """One approach to fly.
+
+    Parameters
+    ----------
+    every_s : between pictures; None: the thrusters' period.
+    board_command : starts a board: the flight is drawn, and on its poses. None: on noisy poses.
+    """
+
+    scenario: str
+    cell: Cell
+    seed: int
+    every_s: float | None = None
+    board_command: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class FlownCell:
+    """One approach that was flown."""
+
+    cell: Cell
+    seed: int
+    success: bool
+
+
+def fly(task: MapFlight) -> list[str]:
+    """Fly an approach; its line of the table."""
+    # only what is drawn depends on the plan's seed
+    plan = _plan(task.scenario, 0 if task.board_command is None else task.seed)
+    told = ClosedLoopConfig(seed=task.seed, frame_every=frame_every(task.every_s, plan))
+    cell = task.cell
+    # the same draws in every cell: a lossier link loses what a better one loses, and more
+    faults = (Jitter(most_ms=1e3 * cell.jitter_s), Drop(chance=cell.drops))
+    link = PoseLink(latency_s=cell.latency_s, faults=faults, seed=task.seed)
+    if task.board_command is None:
+        flown = figures(fly_without_pictures(plan, told, "noisy", link), "noisy", task.seed)
+    else:
+        flown = _drawn(plan, told, link, task.board_command)
+    good = (
+        flown.outcome == "arrived"
+        and flown.final_error_m <= WITHIN_M
+        and flown.final_error_deg <= WITHIN_DEG
+        and not flown.keep_out_violations
+    )
+    return [
+        *(f"{x:g}" for x in (cell.latency_s, cell.jitter_s, cell.drops)),
+        str(task.seed),
+        str(int(good)),
+        flown.outcome,
+        *(f"{x:.6g}" for x in (flown.final_error_m, flown.final_error_deg)),
+        str(flown.keep_out_violations),
+        f"{flown.duration_s:g}",
+        flown.reason,
+    ]
+
+
+@cache
+def _plan(scenario: str, seed: int) -> Plan:
+    return plan_flight(load_scenario(scenario), n=1, seed=seed)
+
+
+def _drawn(
+    plan: Plan, told: ClosedLoopConfig, link: PoseLink, board_command: tuple[str, ...]
+) -> ClosedLoopFigures:
+    """Every frame drawn, every pose a board's; the link's delays and losses are imposed on the flight's clock.
+
+    Raises
+    ------
+    UserError
+        If the board left.
+    """
+    wire = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=60.0)
+    flight = FlightRun(plan, RunConfig(link=wire), FlightOptions(closed_loop=told, pose_link=link))
+    summary = run_with_own_board(flight, board_command, ("--target", plan.target.name))
+    if summary.ended != "completed" or summary.closed_loop is None:
+        raise UserError(
+            f"a board left while it was flown with ({summary.board_gone}): begin again, it goes on"
+        )
+    return summary.closed_loop
+
+
+def flown_cells(
+    path: Path, tasks: Sequence[MapFlight], workers: int, progress: Callable[[int, int], None]
+) -> list[FlownCell]:
+    """Fly what ``path`` does not have yet, each flight's line written when those before it are: a table in order.
+
+    Raises
+    ------
+    UserError
+        If the file holds other flights, or cannot be written.
+    """
+    lines = _journal(path)
+    for line, task in zip(lines, tasks, strict=False):
+        if line[:4] != _key(task):
+            raise UserError(f"{path} holds other flights: name another folder with -o")
+    progress(len(lines), len(tasks))
+    try:
+        with (
+            path.open("a", encoding="utf-8", newline="") as file,
+            closing(run_tasks(fly, tasks[len(lines) :], workers)) as rows,
+        ):
+            writer = csv.writer(file, lineterminator="\n")
+            for row in rows:
+                writer.writerow(row)
+                file.flush()
+                lines.append(row)
+                progress(len(lines), len(tasks))
+    except OSError as error:
+        raise write_error(path, error) from error
+    return [
+        FlownCell(task.cell, task.seed, line[4] == "1")
+        for line, task in zip(lines[: len(tasks)], tasks, strict=True)
+    ]
+
+
+def _key(task: MapFlight) -> list[str]:
+    cell = task.cell
+    return [*(f"{x:g}" for x in (cell.latency_s, cell.jitter_s, cell.drops)), str(task.seed)]
+
+
+def _journal(path: Path) -> list[list[str]]:
+    """Whole lines of a table that was broken off; the rest of a line is taken away, the head written where it lacks."""
+    head = ",".join(COLUMNS) + "\n"
+    text = ""
+    if path.exists():
+        text = read_regular(path, MOST_BYTES).decode(errors="replace")
+    whole = text[: text.rfind("\n") + 1]
+    if not whole:
+        write_atomic(path, head.encode())
+        return []
+    if len(whole) < len(text):
+        os.truncate(path, len(whole.encode()))
+    lines = list(csv.reader(io.StringIO(whole)))
+    if whole[: len(head)] != head or any(len(line) != len(COLUMNS) for line in lines):
+        raise UserError(f"{path} is no table of flights: name another folder with -o")
+    return lines[1:]

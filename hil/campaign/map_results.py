@@ -1,0 +1,97 @@
+"""What a delay map was asked, and what it came to: delay_map.json."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+Count = Annotated[int, msgspec.Meta(ge=0)]
+
+
+class MapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a delay map was asked: ``settings.json``, by which it is known again.
+
+    Attributes
+    ----------
+    inputs : SHA-256 of the scenario. flights : of each cell, with the seeds from ``first_seed`` on.
+    check, check_flights : cells flown again, drawn and with a board, and flights of each.
+    """
+
+    schema: Literal["flyaround.delay_map_settings"] = "flyaround.delay_map_settings"
+    version: Literal[1] = 1
+    scenario: str
+    inputs: str
+    latencies_s: tuple[float, ...]
+    jitters_s: tuple[float, ...]
+    drops: tuple[float, ...]
+    flights: int
+    first_seed: int
+    every_s: float | None
+    check: int
+    check_flights: int
+
+
+class CellResult(msgspec.Struct, frozen=True, kw_only=True):
+    """A cell of the map: flights, successes, and the 95 % interval of their share by Wilson."""
+
+    latency_s: float
+    jitter_s: float
+    drops: Share
+    flights: Count
+    successes: Count
+    low: Share
+    high: Share
+
+    @property
+    def share(self) -> float:
+        """Of flights that succeeded."""
+        return self.successes / self.flights
+
+
+class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
+    """The latency at which half of the approaches fail, for a jitter and a share of drops.
+
+    ``latency_s`` is null where no latency was flown at which half fail; ``above_s`` and ``below_s`` are the nearest
+    latencies whose success is more, and less, than a half by its 95 % interval.
+    """
+
+    jitter_s: float
+    drops: Share
+    latency_s: float | None
+    above_s: float | None
+    below_s: float | None
+    words: str
+
+
+class CheckedCell(msgspec.Struct, frozen=True, kw_only=True):
+    """A cell flown again, each frame drawn and each pose a board's; ``agree`` where the two intervals overlap."""
+
+    without_pictures: CellResult
+    drawn: CellResult
+    agree: bool
+
+
+class DelayMapOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """What a delay map came to: delay_map.json.
+
+    Attributes
+    ----------
+    half : of each jitter and share of drops. extended : latencies beyond those asked for, because success was not yet
+        rare there. refined : cells between two latencies, for the first jitter and the first share of drops alone.
+    """
+
+    schema: Literal["flyaround.delay_map"] = "flyaround.delay_map"
+    version: Literal[1] = 1
+    settings: MapSettings
+    half: tuple[HalfLatency, ...]
+    extended: tuple[float, ...]
+    cells: tuple[CellResult, ...]
+    refined: tuple[CellResult, ...]
+    checked: tuple[CheckedCell, ...]
+
+
+def delay_map_json_schema() -> dict[str, Any]:
+    """JSON Schema of delay_map.json."""
+    return msgspec.json.schema(DelayMapOutcome)

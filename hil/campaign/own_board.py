@@ -1,0 +1,54 @@
+"""A board's process for one flight: started when the host listens, ended with it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import tempfile
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from hil.host.flight_run import FlightRun
+    from hil.host.ledger.summary import LedgerSummary
+
+EXIT_S = 20.0
+MOST_BYTES = 1 << 20
+
+
+def run_with_own_board(
+    flight: FlightRun, command: tuple[str, ...], options: tuple[str, ...], log: Path | None = None
+) -> LedgerSummary:
+    """Run a flight with a board of its own on this machine.
+
+    Parameters
+    ----------
+    command, options : what starts a board, before and after the host's address.
+    log : file for what the board said where it did not end well.
+    """
+    with contextlib.ExitStack() as stack:
+
+        def start(url: str, _truth_url: str | None) -> None:
+            stack.enter_context(_board((*command, url, *options), log))
+
+        return flight.run(on_listening=start)
+
+
+@contextlib.contextmanager
+def _board(command: tuple[str, ...], log: Path | None) -> Iterator[None]:
+    # one thread, as on a board: BLAS threads on its small matrices only fight the renderer
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT, env=environment)
+        try:
+            yield
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(EXIT_S)
+        finally:
+            process.kill()
+            if process.wait() != 0 and log is not None:
+                said.seek(0)
+                log.write_bytes(said.read(MOST_BYTES))
