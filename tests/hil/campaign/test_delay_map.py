@@ -1,0 +1,197 @@
+"""Delay maps: a link by the flight's clock, intervals and halves by other means, the same bytes after a kill."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from flyaround.__main__ import run
+from hil.campaign.delay_map import chosen_cells, map_delays, settings_for
+from hil.campaign.half_success import falling, half_success, wilson
+from hil.campaign.map_flights import FlownCell
+from hil.campaign.map_results import CellResult
+from hil.host.faults.definitions import Delay, Drop, Faults, Jitter
+from hil.host.pose_link import LinkedPoses, PoseLink
+from hil.navigation.measurement import PoseNoise
+from hil.navigation.pose_sources import TruePoses
+from simulator.errors import UserError
+
+SCENARIO = "tango-vbar-closed-loop"
+
+
+def words(out: Path, *more: str) -> list[str]:
+    few = ("--latency", "5,5.2", "--jitter", "0", "--drops", "0,0.1", "-n", "1")
+    return ["hil", "delay-map", SCENARIO, "-o", str(out), *few, *more]
+
+
+@pytest.mark.parametrize(("good", "n"), [(0, 20), (1, 20), (10, 20), (19, 20), (20, 20), (3, 5)])
+def test_intervals_are_those_of_scipy(good, n):
+    other = binomtest(good, n).proportion_ci(0.95, method="wilson")
+    assert wilson(good, n) == pytest.approx((other.low, other.high), abs=1e-12)
+
+
+def test_shares_never_rise_and_are_the_nearest_that_do_not():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        values, weights = rng.random(8), rng.integers(1, 30, 8).astype(float)
+        found = falling(values, weights)
+        assert np.all(np.diff(found) <= 1e-12)
+        # any small step to another falling row is farther away
+        cost = np.sum(weights * (values - found) ** 2)
+        for _ in range(50):
+            near = np.sort(found + 0.02 * rng.standard_normal(8))[::-1]
+            assert np.sum(weights * (values - near) ** 2) >= cost - 1e-12
+
+
+def test_the_half_lies_between_the_levels_next_to_it():
+    half = half_success([1, 2, 3, 4], [20, 15, 5, 0], [20] * 4)
+    assert (half.at, half.above, half.below) == (pytest.approx(2.5), 2, 3)
+    # 11 of 20 is more than a half, but may be less
+    half = half_success([1, 2, 3, 4], [20, 11, 9, 0], [20] * 4)
+    assert (half.at, half.above, half.below) == (pytest.approx(2.5), 1, 4)
+    assert half.in_words() == "2.5 s (1 to 4)"
+    assert half_success([1, 2], [20, 18], [20] * 2).in_words() == "above 2 s"
+    assert half_success([1, 2], [2, 0], [20] * 2).in_words() == "below 1 s"
+
+
+def test_cells_to_check_are_spread_from_success_to_failure_and_lie_at_the_edge():
+    def cell(latency, good):
+        low, high = wilson(good, 20)
+        return CellResult(
+            latency_s=latency, jitter_s=0, drops=0, flights=20, successes=good, low=low, high=high
+        )
+
+    cells = [cell(*pair) for pair in ((1, 20), (2, 20), (3, 14), (4, 9), (5, 0), (6, 0))]
+    assert [c.latency_s for c in chosen_cells(cells, 5)] == [2, 3, 4, 5, 6]
+    assert [c.latency_s for c in chosen_cells(cells, 1)] == [4]
+    assert chosen_cells(cells, 0) == []
+
+
+def test_a_link_delays_keeps_order_and_loses_by_the_flights_clock():
+    class At:
+        """A moment of a flight, as a source of poses sees it."""
+
+        def __init__(self, t_s):
+            self.t_s = t_s
+            self.q_camera_from_eci_wxyz = np.array([1.0, 0.0, 0.0, 0.0])
+
+        def pose(self):
+            return np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 10.0])
+
+    faults = Faults(
+        line=(Delay(delay_ms=500.0, start_s=5.0), Jitter(most_ms=3000.0), Drop(chance=0.3, end_s=40.0)),
+        seed=4,
+    )
+    link = PoseLink.without_pictures(faults)
+    poses = LinkedPoses(TruePoses(PoseNoise(), 0.0), link)
+    came: dict[float, float] = {}
+    for t in np.arange(0.0, 80.0, 0.1):
+        if abs(t - round(t)) < 1e-6 and t < 60.0:
+            poses.look(At(float(round(t))))
+        for pose in poses.arrived(float(t)):
+            assert pose.t_s not in came
+            came[pose.t_s] = float(t)
+    assert list(came) == sorted(came)
+    ages = np.array([came[t] - t for t in came])
+    assert ages.min() >= 0.3 - 1e-6
+    # behind one that was late, no more than the longest delay
+    assert ages.max() < 0.3 + 0.5 + 3.0 + 0.11
+    assert 5 <= sum(t not in came for t in range(40)) <= 20
+    assert all(float(t) in came for t in range(40, 60))
+    # by the picture's number alone
+    assert [link.delay_s(k, 50.0) for k in (3, 1)] == [link.delay_s(k, 50.0) for k in (3, 1)]
+    assert link.delay_s(3, 50.0) != link.delay_s(1, 50.0)
+
+
+def test_a_map_is_flown_refined_and_the_same_after_a_kill(tmp_path):
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    assert run(words(whole)) == 0
+    told = json.loads((whole / "delay_map.json").read_text())
+    assert [(c["latency_s"], c["drops"], c["successes"]) for c in told["cells"]] == [
+        (5.0, 0.0, 1),
+        (5.2, 0.0, 0),
+        (5.0, 0.1, 1),
+        (5.2, 0.1, 0),
+    ]
+    # guidance holds where no pose is younger than five seconds
+    assert [c["latency_s"] for c in told["refined"]] == [5.1]
+    assert told["half"][0]["latency_s"] == pytest.approx(5.05)
+    assert (whole / "delay_map.png").stat().st_size > 20_000
+    process = subprocess.Popen([sys.executable, "-m", "flyaround", *words(killed)], stderr=subprocess.DEVNULL)
+    table, until = killed / "flights.csv", time.monotonic() + 120
+    while time.monotonic() < until and not (table.exists() and table.read_text().count("\n") > 1):
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert not (killed / "delay_map.json").exists()
+    with table.open("a") as file:
+        file.write("5.2,0,0.1")  # a line that was not written to its end
+    assert run(words(killed, "--workers", "2")) == 0
+    names = sorted(p.name for p in whole.iterdir())
+    assert names == sorted(p.name for p in killed.iterdir())
+    assert [n for n in names if (whole / n).read_bytes() != (killed / n).read_bytes()] == []
+
+
+@pytest.mark.parametrize(
+    ("bears_s", "extended", "says"),
+    [(7.2, (6.0, 8.0), "7.22 s (7.19 to 7.25)"), (99, (6.0, 8.0, 10.0, 12.0), "above 12 s")],
+)
+def test_a_range_in_which_nothing_fails_is_extended_or_that_is_said(
+    tmp_path, monkeypatch, bears_s, extended, says
+):
+    def flown(_path, tasks, _workers, _progress):
+        return [FlownCell(t.cell, t.seed, t.cell.latency_s + t.cell.jitter_s < bears_s) for t in tasks]
+
+    monkeypatch.setattr("hil.campaign.delay_map.flown_cells", flown)
+    settings = settings_for(SCENARIO, latencies_s=(2, 4), jitters_s=(0, 1), drops=(0,), flights=20)
+    outcome = map_delays(settings, tmp_path / "m", board_command=())
+    assert outcome.extended == extended
+    assert outcome.half[0].words == says
+    page = (tmp_path / "m" / "index.html").read_text()
+    assert says in page
+    assert "Latencies were added" in page
+
+
+@pytest.mark.slow
+@pytest.mark.gl
+def test_a_cell_is_flown_again_with_a_board(tmp_path):
+    few = ("--latency", "0.3", "--jitter", "0", "--drops", "0.2", "-n", "3", "--every", "4")
+    more = ("--check", "1", "--check-flights", "1")
+    assert run(["hil", "delay-map", SCENARIO, "-o", str(tmp_path / "m"), *few, *more]) == 0
+    told = json.loads((tmp_path / "m" / "delay_map.json").read_text())["checked"][0]
+    assert (told["without_pictures"]["successes"], told["drawn"]["successes"], told["agree"]) == (3, 1, True)
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        (("--latency", "1,x"), "--latency is '1,x': give numbers"),
+        (("--drops", "0,2"), "numbers from 0 to 1"),
+        (("--jitter", "2,1"), "levels of --jitter must rise"),
+        (("--jitter", "nan"), "--jitter is 'nan'"),
+        (("--check", "9"), "more than the map's 4 cells"),
+        (("--every", "0.7"), "no multiple of the thrusters' period"),
+    ],
+)
+def test_mistakes_are_one_sentence(tmp_path, capsys, more, says):
+    assert run(words(tmp_path / "m", *more)) == 2
+    assert says in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "m").exists()
+
+
+def test_a_scenario_without_a_path_and_a_folder_of_others(tmp_path, capsys):
+    with pytest.raises(UserError, match="scenario lunar-orbit has no thrusters"):
+        settings_for("lunar-orbit", latencies_s=(1,), jitters_s=(0,), drops=(0,), flights=1)
+    (tmp_path / "mine.txt").write_text("keep")
+    assert run(words(tmp_path)) == 2
+    assert "is not empty" in capsys.readouterr().err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["mine.txt"]
