@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 from hil.campaign.own_board import run_with_own_board
 from hil.host.closed_loop import figures, fly_without_pictures, frame_every
-from hil.host.faults.definitions import Drop, Jitter
 from hil.host.flight_run import FlightOptions, FlightRun
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.pose_link import PoseLink
@@ -22,6 +21,7 @@ from simulator.errors import UserError, write_error
 from simulator.runtime.files import write_atomic
 from simulator.runtime.task_pool import run_tasks
 from simulator.runtime.untrusted_files import read_regular
+from simulator.scenario.faults import Drop, Jitter
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
 

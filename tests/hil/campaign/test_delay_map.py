@@ -19,11 +19,11 @@ from hil.campaign.delay_map import chosen_cells, map_delays, settings_for
 from hil.campaign.half_success import falling, half_success, wilson
 from hil.campaign.map_flights import FlownCell
 from hil.campaign.map_results import CellResult
-from hil.host.faults.definitions import Delay, Drop, Faults, Jitter
 from hil.host.pose_link import LinkedPoses, PoseLink
 from hil.navigation.measurement import PoseNoise
 from hil.navigation.pose_sources import TruePoses
 from simulator.errors import UserError
+from simulator.scenario.faults import Delay, Drop, Faults, Jitter
 
 SCENARIO = "tango-vbar-closed-loop"
 
