@@ -14,6 +14,7 @@ from flyaround.commands.display import display, display_calibrate, display_match
 from flyaround.commands.hil_board import board
 from flyaround.commands.hil_camera import camera
 from flyaround.commands.hil_campaign import campaign, delay_map
+from flyaround.commands.hil_forecast import forecast
 from flyaround.commands.hil_host import host
 from flyaround.commands.terminal import say
 from hil.host.bundle import write_bundle
@@ -74,6 +75,7 @@ app.command()(bundle)
 app.command()(report)
 app.command()(campaign)
 app.command("delay-map")(delay_map)
+app.command()(forecast)
 app.command("key")(make_key)
 app.command()(display)
 app.command("display-calibrate")(display_calibrate)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.navigation.measurement import rotvec_between
+from hil.navigation.relative_estimate import A
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -18,11 +19,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ForecastError:
-    """Error of the attitude foretold ``horizon_s`` ahead: median and 95th percentile [deg], of so many forecasts."""
+    """Error of the attitude foretold ``horizon_s`` ahead, of ``count`` forecasts.
+
+    Parameters
+    ----------
+    median_deg, p95_deg, rms_deg : of the angles between foretold and true attitude [deg].
+    sigma_deg : the RMS that the filter foretells with it: of one sigma about all three axes [deg].
+    """
 
     horizon_s: float
     median_deg: float
     p95_deg: float
+    rms_deg: float
+    sigma_deg: float
     count: int
 
 
@@ -40,23 +49,30 @@ def forecast_errors(
     estimates : of a run or of several. truth : the target's attitude. motion : foretells.
     horizons_s : rising. end_s : of the truth; forecasts past it are left out.
     """
-    found: dict[float, list[float]] = {horizon: [] for horizon in horizons_s}
+    found: dict[float, list[tuple[float, float]]] = {horizon: [] for horizon in horizons_s}
     for estimate in estimates:
-        q, w, at = estimate.q_eci_from_target_wxyz, estimate.omega_target_rad_s, 0.0
+        foretold = estimate
         for horizon in horizons_s:
-            if estimate.t_s + horizon > end_s:
+            at_s = estimate.t_s + horizon
+            if at_s > end_s:
                 break
-            q, w = motion.turned(q, w, horizon - at)
-            at = horizon
-            true_q, _ = truth(estimate.t_s + horizon)
-            found[horizon].append(float(np.degrees(np.linalg.norm(rotvec_between(q, true_q)))))
-    return [
-        ForecastError(
-            horizon_s=horizon,
-            median_deg=float(np.median(errors)),
-            p95_deg=float(np.percentile(errors, 95)),
-            count=len(errors),
+            foretold = motion.propagated(foretold, at_s)
+            error = rotvec_between(foretold.q_eci_from_target_wxyz, truth(at_s)[0])
+            found[horizon].append((float(error @ error), float(np.trace(foretold.covariance[A, A]))))
+    results = []
+    for horizon, pairs in found.items():
+        if not pairs:
+            continue
+        squares, variances = np.array(pairs).T
+        angles = np.degrees(np.sqrt(squares))
+        results.append(
+            ForecastError(
+                horizon_s=horizon,
+                median_deg=float(np.median(angles)),
+                p95_deg=float(np.percentile(angles, 95)),
+                rms_deg=float(np.degrees(np.sqrt(np.mean(squares)))),
+                sigma_deg=float(np.degrees(np.sqrt(np.mean(variances)))),
+                count=len(pairs),
+            )
         )
-        for horizon, errors in found.items()
-        if errors
-    ]
+    return results

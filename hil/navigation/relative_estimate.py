@@ -205,16 +205,6 @@ class MotionModel:
         turned = np.array([c * x + s * y, c * y - s * x, z])
         return np.asarray(transition_matrix(self.n_rad_s, left_s)[:, 3:] @ turned)
 
-    def turned(
-        self, q_eci_from_target_wxyz: FloatArray, omega_target_rad_s: FloatArray, span_s: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Attitude and rate of the target a while later, without covariance."""
-        q, w = q_eci_from_target_wxyz, omega_target_rad_s
-        pieces = max(int(np.ceil(span_s / _LONGEST_STEP_S - 1e-9)), 1)
-        for _ in range(pieces):
-            q, w = self._turned(q, w, span_s / pieces)
-        return q, w
-
     def _turned(self, q: FloatArray, w: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
         """One classical Runge-Kutta step of the rate; the attitude by its mean over the step (error h^3)."""
         if self.inertia_kg_m2 is None:

@@ -16,22 +16,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hil.host.attitude_forecast import Forecasts, fly_forecasts, forecast_figure
 from hil.host.closed_loop import STEPS_CSV
-from hil.host.pose_link import LATENCY_S
-from hil.navigation.attitude_forecast import ForecastError, forecast_errors
-from hil.navigation.closed_loop import ClosedLoopConfig, fly_closed_loop
-from hil.navigation.measurement import PoseNoise
-from hil.navigation.pose_sources import NoisyPoses
-from hil.navigation.relative_estimate import MotionModel, RelativeEstimate
 from simulator.reports.plots import BLUE, DIM, GREEN, ORANGE, VERMILION, figure_with_axes
-from simulator.scenario.flight import fly
 from simulator.scenario.load import load_scenario
-from simulator.targets.library import load_target
+from simulator.scenario.plan import plan_flight
 
-HORIZONS_S = (0.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0)
 SCENARIOS = {"steady": "tango-vbar-closed-loop", "tumbling": "tango-vbar-closed-loop-tumble"}
 SPHERE_M, CORRIDOR_DEG, HOLD_M = 12.0, 15.0, 3.0
-SETTLED_S, RUNS = 60, 8
+HORIZON_S, RUNS = 60.0, 8
 
 
 def read_steps(folder: Path) -> dict[str, list[str]]:
@@ -84,37 +77,12 @@ def two_curves(ax: Axes, t: np.ndarray, error: np.ndarray, sigma: np.ndarray, wh
     ax.legend(frameon=False, fontsize=8)
 
 
-def forecasts() -> dict[tuple[str, str], list[ForecastError]]:
-    """Errors over the horizon, for each target's motion and each model of it."""
-    target = load_target("tango")
-    found = {}
-    for name, scenario in SCENARIOS.items():
-        flight = fly(load_scenario(scenario), target)
-        estimates: list[RelativeEstimate] = []
-        for seed in range(RUNS):
-            poses = NoisyPoses(PoseNoise(), LATENCY_S, seed)
-            config = ClosedLoopConfig(seed=seed)
-            result = fly_closed_loop(flight, target.mass.com_m, target.mass.inertia_kg_m2, poses, config)
-            estimates += [s.estimate for s in result.steps[SETTLED_S::5] if s.estimate is not None]
-        for model, inertia in (("rigid body", np.array(target.mass.inertia_kg_m2)), ("constant rate", None)):
-            motion = MotionModel(n_rad_s=flight.n_rad_s, inertia_kg_m2=inertia)
-            found[name, model] = forecast_errors(
-                estimates, flight.attitude, motion, HORIZONS_S, flight.duration_s
-            )
-    return found
-
-
-def forecast_picture(found: dict[tuple[str, str], list[ForecastError]]) -> Figure:
-    """Median and 95th percentile over the horizon, of the tumbling target."""
-    figure, (ax,) = figure_with_axes(1, 1, 3.4, width=6.5)
-    for model, colour in (("rigid body", BLUE), ("constant rate", VERMILION)):
-        errors = found["tumbling", model]
-        horizons = [e.horizon_s for e in errors]
-        ax.plot(horizons, [e.median_deg for e in errors], "o-", color=colour, label=f"{model}, median")
-        ax.plot(horizons, [e.p95_deg for e in errors], "--", color=colour, lw=1, label="95th percentile")
-    ax.set(yscale="log", xlabel="foretold ahead [s]", ylabel="attitude error [deg]")
-    ax.legend(frameon=False, fontsize=8)
-    return figure
+def forecasts() -> list[tuple[str, Forecasts]]:
+    """Errors over the horizon, for each target's motion."""
+    return [
+        (name, fly_forecasts(plan_flight(load_scenario(scenario), n=1), runs=RUNS, horizon_s=HORIZON_S))
+        for name, scenario in SCENARIOS.items()
+    ]
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -132,10 +100,13 @@ def main() -> None:
     given = parser.parse_args()
     save(approach_picture(read_steps(given.ledger)), given.out / "closed_loop.jpg")
     found = forecasts()
-    save(forecast_picture(found), given.out / "attitude_forecast.jpg")
-    for (name, model), errors in found.items():
-        cells = " | ".join(f"{e.median_deg:.2f} ({e.p95_deg:.2f})" for e in errors)
-        print(f"| {name}, {model} | {cells} |")
+    save(forecast_figure(found), given.out / "attitude_forecast.jpg")
+    for name, errors in found:
+        for model, of_model in (("rigid body", errors.rigid_body), ("constant rate", errors.constant_rate)):
+            cells = " | ".join(f"{e.rms_deg:.2f} ({e.p95_deg:.2f})" for e in of_model[:: len(of_model) // 6])
+            print(f"| {name}, {model} | {cells} |")
+        sigmas = " | ".join(f"{e.sigma_deg:.2f}" for e in errors.rigid_body[:: len(errors.rigid_body) // 6])
+        print(f"| {name}, one sigma foretold | {sigmas} |")
 
 
 if __name__ == "__main__":

@@ -130,3 +130,28 @@ def test_the_real_board_brings_it_to_the_hold_point(tmp_path):
     ranges = [sum(x * x for x in row.truth_t_m) ** 0.5 for row in ledger]
     assert ranges[0] > 17.0
     assert ranges[-1] < 3.5
+
+
+def test_a_forecast_is_a_curve_with_its_foretold_sigma(tmp_path):
+    out = tmp_path / "forecast"
+    done = subprocess.run(
+        [
+            *FLYAROUND,
+            *("hil", "forecast", "tango-vbar-closed-loop-tumble", "-o", str(out)),
+            *("--runs", "2", "--horizon", "24", "--json"),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    rigid, constant = told["rigid_body"], told["constant_rate"]
+    assert [e["horizon_s"] for e in rigid] == pytest.approx([2.0 * k for k in range(13)])
+    rows = list(csv.DictReader((out / "forecast.csv").read_text().splitlines()))
+    assert len(rows) == 26
+    assert float(rows[12]["rms_deg"]) == pytest.approx(rigid[12]["rms_deg"], rel=1e-5)
+    assert (out / "forecast.png").read_bytes().startswith(b"\x89PNG")
+    # what the filter foretells of itself holds, and a tumble is no constant rate
+    assert all(0.4 < e["rms_deg"] / e["sigma_deg"] < 2.0 for e in rigid)
+    assert constant[12]["rms_deg"] > 2 * rigid[12]["rms_deg"]

@@ -1,0 +1,49 @@
+"""hil forecast: how far ahead the filter of a closed loop foretells the target's attitude."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from flyaround.commands.scenario_argument import load_flown
+from flyaround.commands.terminal import progress_bar, say
+from hil.host.attitude_forecast import FORECAST_PNG, fly_forecasts, write_forecasts
+from simulator.runtime.files import empty_folder
+from simulator.scenario.plan import plan_flight
+
+
+def forecast(
+    scenario: Annotated[str, typer.Argument(help="Built-in name or TOML file of a closed loop.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder for forecast.csv and forecast.png: new or empty.")
+    ],
+    horizon_s: Annotated[
+        float, typer.Option("--horizon", min=1.0, max=3600.0, help="Longest look ahead [s].")
+    ] = 60.0,
+    runs: Annotated[int, typer.Option(min=1, max=1000, help="Flights, a seed each.")] = 8,
+    seed: Annotated[int | None, typer.Option(min=0, help="First seed (default: the scenario's).")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+) -> None:
+    """Fly closed loops on noisy poses and tell how well their filter foretells the attitude, over how far it looks.
+
+    Horizon 0 is the filtered attitude itself. Beside the error stands the one sigma that the filter foretells
+    (docs/hil_closed_loop.md).
+    """
+    plan = plan_flight(load_flown(scenario, "hil forecast"), n=1, seed=seed)
+    empty_folder(output, option="--output")
+    with progress_bar("flights", quiet=as_json) as progress:
+        found = fly_forecasts(plan, runs=runs, horizon_s=horizon_s, progress=progress)
+    write_forecasts(output, found, plan.scenario_name)
+    if as_json:
+        typer.echo(msgspec.json.encode(asdict(found)).decode())
+        return
+    for error in found.rigid_body:
+        say(
+            f"{error.horizon_s:5g} s ahead: {error.rms_deg:.3f} deg RMS, 95 % below {error.p95_deg:.3f} deg, "
+            f"one sigma foretold {error.sigma_deg:.3f} deg"
+        )
+    say(f"of {found.rigid_body[0].count} forecasts: {output / FORECAST_PNG}")

@@ -1,0 +1,122 @@
+"""hil forecast: closed loops flown without pictures, and how well their filter foretells the target's attitude."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import astuple, dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.host.closed_loop import fly_without_pictures
+from hil.navigation.attitude_forecast import ForecastError, forecast_errors
+from hil.navigation.closed_loop import ClosedLoopConfig
+from hil.navigation.relative_estimate import MotionModel
+from simulator.errors import UserError
+from simulator.reports.plots import BLUE, VERMILION, figure_with_axes, png
+from simulator.runtime.files import write_atomic
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
+    from hil.navigation.relative_estimate import RelativeEstimate
+    from simulator.scenario.plan import Plan
+
+FORECAST_CSV, FORECAST_PNG = "forecast.csv", "forecast.png"
+STEPS = 12
+"""Horizons from now to the longest."""
+SETTLED_S, BETWEEN_S = 60.0, 10.0
+"""Forecasts start once so long a track is there, and so often [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Forecasts:
+    """Errors over the horizon by two models of the target's motion: a rigid body of known inertia, a constant rate."""
+
+    rigid_body: list[ForecastError]
+    constant_rate: list[ForecastError]
+
+
+def fly_forecasts(
+    plan: Plan,
+    *,
+    runs: int,
+    horizon_s: float,
+    progress: Callable[[int, int], None] = lambda _done, _of: None,
+) -> Forecasts:
+    """Fly a plan's closed loop on noisy poses, ``runs`` seeds from the plan's on, and foretell from each track.
+
+    Raises
+    ------
+    UserError
+        If the flight has no path or no thrusters, is too short, or no run has a track.
+    """
+    if plan.flight.duration_s < SETTLED_S + horizon_s:
+        raise UserError(
+            f"scenario {plan.scenario_name} lasts {plan.flight.duration_s:g} s, too short for forecasts of "
+            f"{horizon_s:g} s after {SETTLED_S:g} s of poses: choose a smaller --horizon"
+        )
+    estimates: list[RelativeEstimate] = []
+    for k in range(runs):
+        result = fly_without_pictures(plan, ClosedLoopConfig(seed=plan.seed + k), "noisy")
+        next_s = SETTLED_S
+        for step in result.steps:
+            if step.estimate is not None and step.t_s >= next_s:
+                estimates.append(step.estimate)
+                next_s += BETWEEN_S
+        progress(k + 1, runs)
+    if not estimates:
+        raise UserError(
+            f"no flight of {plan.scenario_name} had a track for {SETTLED_S:g} s: nothing to foretell"
+        )
+    inertia = np.asarray(plan.target.mass.inertia_kg_m2, float)
+    horizons = np.linspace(0.0, horizon_s, STEPS + 1).tolist()
+    rigid, constant = (
+        forecast_errors(
+            estimates,
+            plan.flight.attitude,
+            MotionModel(n_rad_s=plan.flight.n_rad_s, inertia_kg_m2=of),
+            horizons,
+            plan.flight.duration_s,
+        )
+        for of in (inertia, None)
+    )
+    return Forecasts(rigid_body=rigid, constant_rate=constant)
+
+
+def write_forecasts(folder: Path, found: Forecasts, title: str) -> None:
+    """Write ``forecast.csv`` and ``forecast.png`` into a folder that is there.
+
+    Raises
+    ------
+    UserError
+        If they cannot be written.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["model", *(field.name for field in fields(ForecastError))])
+    for model, errors in (("rigid_body", found.rigid_body), ("constant_rate", found.constant_rate)):
+        writer.writerows([model, *(f"{value:.6g}" for value in astuple(error))] for error in errors)
+    write_atomic(folder / FORECAST_CSV, text.getvalue().encode())
+    write_atomic(folder / FORECAST_PNG, png(forecast_figure([(title, found)])))
+
+
+def forecast_figure(panels: Sequence[tuple[str, Forecasts]]) -> Figure:
+    """Error over the horizon, a panel each: RMS and 95th percentile, and the RMS that the filter foretells."""
+    figure, axes = figure_with_axes(1, len(panels), 3.6, width=6.2 * len(panels))
+    for ax, (title, found) in zip(axes, panels, strict=True):
+        for name, errors, colour in (
+            ("constant rate", found.constant_rate, VERMILION),
+            ("rigid body", found.rigid_body, BLUE),
+        ):
+            at = [e.horizon_s for e in errors]
+            ax.plot(at, [e.rms_deg for e in errors], "o-", ms=3, color=colour, label=f"{name}, RMS")
+            ax.plot(at, [e.p95_deg for e in errors], ":", color=colour, lw=1, label="95th percentile")
+        ax.plot(at, [e.sigma_deg for e in errors], "--", color="black", lw=1, label="one sigma, foretold")
+        ax.set(yscale="log", xlabel="foretold ahead [s]", ylabel="attitude error [deg]", title=title)
+        ax.legend(frameon=False, fontsize=8)
+    return figure
