@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -322,6 +323,8 @@ class BoardSink:
             except (OSError, RuntimeError) as error:
                 self._recorders.remove(recorder)
                 logger.warning("%s stops: %s", type(recorder).__name__, error)
+                with contextlib.suppress(OSError, RuntimeError):  # said already
+                    recorder.close()
 
     def end(self, ended: Ended, config: RunConfig) -> LedgerSummary:
         """Goodbye to the board, and the books closed; in a bounded time where the run was broken off.

@@ -5,6 +5,9 @@ Optional parts: the extra ``logs`` (foxglove-sdk, mcap-ros2-support).
 
 from __future__ import annotations
 
+import contextlib
+import logging
+import os
 from typing import TYPE_CHECKING, Any
 
 from hil.host.recording.ros_messages import (
@@ -26,6 +29,8 @@ if TYPE_CHECKING:
     from hil.host.ledger.frames_csv import LedgerRow
     from simulator.frame import Frame
 
+logger = logging.getLogger(__name__)
+
 TOPICS = {
     "/camera/image_raw": "sensor_msgs/msg/Image",
     "/camera/camera_info": "sensor_msgs/msg/CameraInfo",
@@ -35,6 +40,55 @@ TOPICS = {
     "/timing": "flyaround_msgs/msg/FrameTiming",
 }
 """What is written, and as what."""
+
+
+class _FileToWrite:
+    """A new file for a writer that does not hear of a full disk: the first error is kept, what comes then is left."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("xb")
+        self._end = 0  # where the writer believes to be, once something went wrong
+        self.error: OSError | None = None
+
+    def write(self, data: bytes) -> int:
+        """All of it, or nothing any more."""
+        if self.error is None:
+            try:
+                return self._file.write(data)
+            except OSError as error:
+                self._fail(error)
+        self._end += len(data)
+        return len(data)
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """As a file's."""
+        if self.error is None:
+            try:
+                return self._file.seek(offset, whence)
+            except OSError as error:
+                self._fail(error)
+        if whence == os.SEEK_SET:
+            self._end = offset
+        return self._end
+
+    def flush(self) -> None:
+        """As a file's."""
+        if self.error is None:
+            try:
+                self._file.flush()
+            except OSError as error:
+                self._fail(error)
+
+    def close(self) -> None:
+        """As a file's."""
+        self.flush()
+        with contextlib.suppress(OSError):  # of what is still to be written
+            self._file.close()
+
+    def _fail(self, error: OSError) -> None:
+        self.error = error
+        with contextlib.suppress(OSError):
+            self._end = os.fstat(self._file.fileno()).st_size
 
 
 class RosLog:
@@ -69,24 +123,22 @@ class RosLog:
             self._channels[topic] = foxglove.Channel(
                 topic, schema=schema, message_encoding="cdr", context=context
             )
-        self._file = self._server = None
+        self._path, self._file, self._server = path, None, None
+        self._data: _FileToWrite | None = None
         try:
             if path is not None:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 options = foxglove.mcap.MCAPWriteOptions(profile="ros2")
-                self._file = foxglove.open_mcap(str(path), context=context, writer_options=options)
+                self._data = _FileToWrite(path)
+                self._file = foxglove.open_mcap(self._data, context=context, writer_options=options)
             if live is not None:
                 host, port = live
                 self._server = foxglove.start_server(name="flyaround", host=host, port=port, context=context)
         except (FileExistsError, OSError, RuntimeError) as error:
-            self.close()
-            where = (
-                path
-                if path is not None and self._file is None
-                else f"ws://{live[0]}:{live[1]}"
-                if live
-                else ""
-            )
+            at_file = path is not None and self._file is None
+            where = path if at_file or live is None else f"ws://{live[0]}:{live[1]}"
+            with contextlib.suppress(OSError):
+                self.close()
             raise UserError(f"{where} cannot be opened ({error}): name another") from error
 
     @property
@@ -114,11 +166,36 @@ class RosLog:
 
     def _log(self, topic: str, value: dict[str, Any], epoch_utc: str) -> None:
         self._channels[topic].log(self._encoders[topic](value), log_time=nanoseconds_utc(epoch_utc))
+        if self._data is not None and self._data.error is not None:
+            sentence = self._give_up_file()
+            if self._server is None:
+                raise OSError(sentence)
+            logger.warning("%s; the live view goes on", sentence)
+
+    def _give_up_file(self) -> str:
+        """Close a file that can no longer be written; what is to be said of it, or nothing where it is whole."""
+        file, data = self._file, self._data
+        self._file = self._data = None
+        if file is not None:
+            file.close()
+        if data is None:
+            return ""
+        data.close()
+        if data.error is None:
+            return ""
+        return f"{self._path} cannot be written ({data.error.strerror}), and ends there: make room, or record elsewhere"
 
     def close(self) -> None:
-        """Finish the file and stop the server."""
-        if self._file is not None:
-            self._file.close()
+        """Finish the file and stop the server.
+
+        Raises
+        ------
+        OSError
+            If the file could not be finished.
+        """
+        sentence = self._give_up_file()
         if self._server is not None:
             self._server.stop()
-        self._file = self._server = None
+        self._server = None
+        if sentence:
+            raise OSError(sentence)

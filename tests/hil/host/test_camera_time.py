@@ -10,12 +10,14 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
-from hil_loop import Instant, Loop, adds_up, board, frames, made_frame
+from hil_loop import Instant, Loop, Proxy, adds_up, board, frames, made_frame
 
 from hil.bench.camera_latency import drawn_pictures, measure_latency
 from hil.host.ledger.frames_csv import read_ledger, utc_text
 from hil.host.picture_frames import frames_of_folder
 from hil.host.report import write_report
+from hil.link.packets.messages import decode_message
+from hil.link.packets.packet import PacketType, decode_packet
 from simulator.errors import UserError
 from simulator.scenario.faults import ClockDrift, Faults
 from simulator.scenario.load import load_scenario
@@ -89,6 +91,23 @@ def test_frames_are_handed_over_a_constant_latency_after_their_exposure(tmp_path
     page = write_report(tmp_path / "log").read_text()
     assert 'alt="camera"' in page
     assert "staleness when used" in page
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_a_frame_and_its_row_tell_one_exposure_to_the_nanosecond(mode):
+    headers, rows = {}, []
+
+    def keep(_k, kind, data):
+        if kind == PacketType.FRAME_HEADER:
+            header = decode_message(decode_packet(data[4:]))
+            headers[header.frame_id] = (header.exposure_start_ns, header.exposure_end_ns)
+        return data
+
+    summary = Loop(Proxy(keep)).run(frames(6), mode=mode, on_row=rows.append)
+    assert summary.accepted + summary.declined == len(headers) == 6
+    for row in rows:
+        told = (row.exposure_start_utc, row.exposure_end_utc)
+        assert told == tuple(utc_text(ns) for ns in headers[row.frame_id])
 
 
 def test_a_picture_that_is_not_drawn_in_time_counts_as_late():

@@ -186,9 +186,12 @@ def test_a_recorder_that_fails_does_not_end_the_run(tmp_path, caplog):
             pass
 
         def close(self):
-            raise AssertionError("it was left before")
+            closed.append(self)
+            raise OSError(28, "No space left on device")
 
+    closed = []
     run_with(Full(), log_dir=tmp_path / "log")
+    assert len(closed) == 1
     assert "Full stops: " in caplog.text
     page = write_report(tmp_path / "log")
     trace = json.loads((page.parent / "trace.json").read_text())
