@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.camera.lens.distortion import Distortion
+from simulator.dataset.check.geometry import project_with_opencv
 from simulator.render.irradiance import basis, field_of_samples, spherical_fibonacci, uniform_field
 from simulator.render.view import SUN_RADIUS_M
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
@@ -23,12 +25,23 @@ from tools.validation.rows import Row
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from simulator.camera.lens.camera_model import Camera
     from simulator.render.renderer import Renderer
     from simulator.runtime.arrays import BoolArray, FloatArray
     from simulator.scene.state import Quality
 
 SUN_RAD = SUN_RADIUS_M / ASTRONOMICAL_UNIT_M
 EDGE_ANGLES_DEG = tuple(2.5 * k for k in range(-36, 36))
+EDGE_CAMERA = square_camera(128, 600.0)
+# with the axis far off the image's middle, where the plate is: its edges bend there
+_LENS = replace(square_camera(128, 150.0), cx_px=-20.0, cy_px=0.0)
+EDGE_CAMERAS = {
+    "": EDGE_CAMERA,
+    " through a Brown-Conrady lens": replace(
+        _LENS, distortion=Distortion("brown_conrady", (-0.15, 0.03, 0.002, -0.001))
+    ),
+    " through a fisheye": replace(_LENS, distortion=Distortion("kannala_brandt", (0.03, -0.01, 0.002, 0.0))),
+}
 STEP_M = 0.01  # of depth between neighbouring pixels, off a plane: one part ends before another
 MITSUBA_SKY_W_M2_SR = 30.0  # an even sky, as bright as a sunlit Earth
 # rotation vector of Tango [rad] and direction to the Sun, camera frame: panel, bottom and a side; and samples a pixel
@@ -39,8 +52,11 @@ MITSUBA_VIEWS = (
     ((1.2, -1.4, 0.5), (-0.4, 0.9, -0.7), 2560, 4096),
 )
 NOTES = """
-Edges are of a plate wholly in the frame. Where the driver clips a mesh far outside it, its rounding differs from ours
-and one row in a thousand is up to 0.16 px off (docs/adr/0003).
+Edges are of a plate wholly in the frame, their true places by OpenCV's projection of 400 points of each. A lens
+bends them; straight pieces of what is drawn lie up to 0.02 px on their inner side (docs/adr/0017), and where two pieces
+meet, in one row of a thousand, a sample between them may count for the wrong one: a seventh of a pixel by default.
+Where the driver clips a mesh far outside it, its rounding differs from ours and one row in a thousand is up to 0.16 px
+off (docs/adr/0003).
 Tango against Mitsuba: path traced to six bounces with the same mesh, glTF materials written again from their
 specification, the Sun's disc as 32 points and an even sky; the pixels compared are wholly on the target, one pixel from
 its silhouette, and above 2 % of the brightest. FLIP is HDR-FLIP (Andersson et al. 2021) over the whole picture at 67
@@ -212,23 +228,36 @@ def _even_earth() -> Row:
     )
 
 
-def edge_errors(renderer: Renderer, quality: Quality, angles_deg: ArrayLike = EDGE_ANGLES_DEG) -> FloatArray:
-    """Position by coverage of a plate's edge in every row (or column) it crosses, less the true one [px]."""
+def edge_errors(
+    renderer: Renderer,
+    quality: Quality,
+    angles_deg: ArrayLike = EDGE_ANGLES_DEG,
+    camera: Camera = EDGE_CAMERA,
+) -> FloatArray:
+    """Position by coverage of a plate's edge in every row (or column) it crosses, less OpenCV's projection [px]."""
+    size = EDGE_CAMERA.fx_px / camera.fx_px  # of the plate: about as large in the image
+    middle = 5 * camera.unproject(np.array([(camera.width_px - 1) / 2, (camera.height_px - 1) / 2]))
+    place = (middle[0] + 0.0137 * size, middle[1] + 0.0071 * size, 5.0)
     target = bare_target(
-        [flat_plate("p", (0.0, 0.3), (-0.4, 0.4), 0.0)],
+        [flat_plate("p", (0.0, 0.3 * size), (-0.4 * size, 0.4 * size), 0.0)],
         [Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)],
     )
-    camera, errors = square_camera(128, 600.0), []
+    errors = []
     for angle_deg in np.asarray(angles_deg, float):
         turn = np.radians(angle_deg)
-        scene = bare_scene(target, camera, (0.0137, 0.0071, 5.0), (0, 0, turn), quality=quality)
+        scene = bare_scene(target, camera, place, (0, 0, turn), quality=quality)
         cover = np.asarray(renderer.render(scene, target, labels=True).coverage, float)
-        a, b = camera.project(scene.camera_from_target.apply(np.array([(0, -0.28, 0), (0, 0.28, 0)])))
+        edge_m = np.linspace((0, -0.28 * size, 0), (0, 0.28 * size, 0), 400)
+        pixels = project_with_opencv(
+            camera, edge_m, scene.q_camera_from_target_wxyz, np.asarray(scene.t_camera_from_target_m)
+        )
+        a, b = pixels[0], pixels[-1]
         steep = abs(b[1] - a[1]) > abs(b[0] - a[0])
         along, over = (1, 0) if steep else (0, 1)
         cover = cover if steep else cover.T
-        lines = np.arange(int(np.ceil(min(a[along], b[along]))), int(max(a[along], b[along])))
-        true = a[over] + (lines - a[along]) * (b[over] - a[over]) / (b[along] - a[along])
+        pixels = pixels if a[along] < b[along] else pixels[::-1]
+        lines = np.arange(int(np.ceil(pixels[0, along])), int(pixels[-1, along]))
+        true = np.interp(lines, pixels[:, along], pixels[:, over])
         for line, position in zip(lines, true, strict=True):
             start = int(position) - 8
             window = cover[line, start : start + 17]
@@ -240,18 +269,25 @@ def edge_errors(renderer: Renderer, quality: Quality, angles_deg: ArrayLike = ED
 
 
 def _edges(renderer: Renderer, quality: Quality, rms_px: float, largest_px: float) -> list[Row]:
-    errors = edge_errors(renderer, quality)
-    values = (("rms", rms_px, np.sqrt(np.mean(errors**2))), ("largest", largest_px, np.abs(errors).max()))
-    return [
-        Row(
-            what=f"Position of straight edges of every slope, preset `{quality}`, {name}",
-            against="projection",
-            unit="px",
-            goal=goal,
-            measured=float(value),
+    rows = []
+    for lens, camera in EDGE_CAMERAS.items():
+        errors = edge_errors(renderer, quality, camera=camera)
+        values = (
+            ("rms", rms_px, np.sqrt(np.mean(errors**2))),
+            # a sample between two pieces of a bent edge may count for the wrong one
+            ("largest", 0.2 if lens and quality == "default" else largest_px, np.abs(errors).max()),
         )
-        for name, goal, value in values
-    ]
+        rows += [
+            Row(
+                what=f"Position of straight edges of every slope{lens}, preset `{quality}`, {name}",
+                against="projection",
+                unit="px",
+                goal=goal,
+                measured=float(value),
+            )
+            for name, goal, value in values
+        ]
+    return rows
 
 
 def _beside_steps(depth_m: FloatArray) -> BoolArray:
