@@ -159,11 +159,15 @@ class Board:
         self.frame = None
 
     def take_header(self, payload: bytes) -> None:
-        """A frame begins."""
-        self.lose()
+        """A frame begins; ids grow, so that one not above the last is a packet that came twice."""
         frame_id, width, height, pixel_format, _, encoding, _, _, total, chunks = struct.unpack_from(
             "<IHHIBBBBII", payload
         )
+        if (self.newest != NO_FRAME and frame_id <= self.newest) or (
+            self.frame and frame_id == self.frame[0]
+        ):
+            return
+        self.lose()
         agreed = (self.width, self.height, MONO8, RAW, self.width * self.height)
         if (width, height, pixel_format, encoding, total) != agreed:
             self.line.say_error(FORMAT, frame_id, "a frame of another size or format than agreed")
@@ -176,7 +180,9 @@ class Board:
         if self.frame is None or frame_id != self.frame[0]:
             return  # the rest of one that was lost
         _, chunks, pixels = self.frame
-        if offset != len(pixels):
+        if offset < len(pixels):
+            return  # it came twice
+        if offset > len(pixels):
             self.lose()
             return
         pixels += payload[16:]

@@ -186,11 +186,16 @@ static int take_terms(const struct fly_packet *p) {
 }
 
 static void take_header(const struct fly_packet *p) {
-  lose_frame(); /* one that is still coming in will not become whole */
-  if (fly_read_frame_header(&frame, p->payload, p->payload_bytes) != FLY_OK) {
+  struct fly_frame_header next;
+  if (fly_read_frame_header(&next, p->payload, p->payload_bytes) != FLY_OK) {
     say_error(FLY_OTHER, FLY_NO_FRAME, "a FRAME_HEADER of another length");
     return;
   }
+  /* ids grow: one that does not is of a packet that came twice */
+  if ((newest_frame != FLY_NO_FRAME && next.frame_id <= newest_frame) || (in_frame && next.frame_id == frame.frame_id))
+    return;
+  lose_frame(); /* one that is still coming in will not become whole */
+  frame = next;
   if (frame.width_px != terms.width_px || frame.height_px != terms.height_px || frame.pixel_format != FLY_MONO8 ||
       frame.encoding != FLY_RAW || frame.total_bytes != (uint32_t)frame.width_px * frame.height_px ||
       frame.chunk_count == 0) {
@@ -208,7 +213,8 @@ static void take_chunk(const struct fly_packet *p, uint64_t received_ns) {
     return;
   }
   if (!in_frame || chunk.frame_id != frame.frame_id) return; /* the rest of one that was lost */
-  if (chunk.index != chunks_here) {
+  if (chunk.index < chunks_here) return; /* it came twice */
+  if (chunk.index > chunks_here) {
     lose_frame();
     return;
   }

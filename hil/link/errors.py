@@ -36,3 +36,7 @@ class ProtocolMistake(PacketError):  # noqa: N818 - the sender's, not the line's
     def __init__(self, sentence: str, frame_id: Optional[int] = None) -> None:
         super().__init__(sentence)
         self.frame_id = frame_id
+
+
+class RepeatedPacket(PacketError):  # noqa: N818 - it is not wrong, only late
+    """A sealed packet that came already, or long after its time: passed over, as if it had not come."""

@@ -22,7 +22,7 @@ import time
 from dataclasses import replace
 from typing import Optional, Tuple
 
-from hil.link.errors import LinkClosed, LinkError, PacketError
+from hil.link.errors import LinkClosed, LinkError, PacketError, RepeatedPacket
 from hil.link.packets.messages import ErrorMessage, decode_message
 from hil.link.packets.packet import Packet, PacketType
 from hil.link.transports.base import Transport
@@ -99,7 +99,9 @@ class Seal:
         Raises
         ------
         PacketError
-            If its MAC is wrong or its counter was seen before.
+            If its MAC is wrong.
+        RepeatedPacket
+            If its counter was seen before.
         """
         if len(packet.payload) < TRAILER_BYTES:
             raise PacketError(f"a {packet.type.name} packet has no MAC: it is not of this session")
@@ -117,7 +119,7 @@ class Seal:
             self._newest = counter
             return
         if -ahead >= WINDOW or self._seen >> -ahead & 1:
-            raise PacketError(f"a {name} packet came twice, or long after its time")
+            raise RepeatedPacket(f"a {name} packet came twice, or long after its time")
         self._seen |= 1 << -ahead
 
     @staticmethod

@@ -15,6 +15,7 @@ from hil.link.errors import (
     LinkError,
     PacketError,
     ProtocolMistake,
+    RepeatedPacket,
     VersionMismatch,
 )
 from hil.link.packets.enums import formats_in
@@ -76,6 +77,7 @@ class LinkStats:
     corrupt : packets that the line damaged.
     mistakes : intact packets that say what the protocol does not allow, or at the wrong time.
     stale : packets of an earlier session.
+    repeated : sealed packets that came before.
     """
 
     sent: int = 0
@@ -84,6 +86,7 @@ class LinkStats:
     mistakes: int = 0
     sequence_gaps: int = 0
     stale: int = 0
+    repeated: int = 0
 
 
 class Link:
@@ -147,6 +150,8 @@ class Link:
                     if packet.type == PacketType.HELLO_ACK:
                         self.session_id = packet.session_id
                     return message
+            except RepeatedPacket:
+                self.stats.repeated += 1
             except ProtocolMistake:
                 self.stats.mistakes += 1
                 raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+import zlib
 
 PATIENCE_S = 60.0
 
@@ -28,6 +29,18 @@ class Instant:
     def estimate(self, _image):
         time.sleep(self.sleeps.pop(0) if self.sleeps else 0.0)
         return Estimate()
+
+
+class Checksum:
+    """Accepts, and says as a place what picture it saw: nothing wrong with its pixels goes unnoticed."""
+
+    def __init__(self, _camera) -> None:
+        pass
+
+    def estimate(self, image):
+        estimate = Estimate()
+        estimate.t_camera_from_target_m = (float(zlib.crc32(image.tobytes()) % 1_000_000), 0.0, 1.0)
+        return estimate
 
 
 class Stuck:

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+HARNESS = Path(__file__).parent
 PATIENCE_S = 60.0
 
 # A host whose pictures are drawn before; what it is told comes as JSON. Its URL is the first line that it says.

@@ -123,7 +123,11 @@ def with_line_faults(line: Transport, faults: Faults, journal: FaultJournal) -> 
     for fault in faults.line:
         if isinstance(fault, Bandwidth):  # a slow line cuts finer, as a serial one does
             near.chunk_bytes = max(64, min(near.chunk_bytes, int(0.25 * fault.bytes_per_s)))
-    pumps = (_Pump("to_board", far, line, faults, journal), _Pump("to_host", line, far, faults, journal))
+    over = threading.Event()
+    pumps = (
+        _Pump("to_board", far, line, faults, journal, over),
+        _Pump("to_host", line, far, faults, journal, over),
+    )
     for pump in pumps:
         threading.Thread(target=pump.run, name="faults", daemon=True).start()
     return near
@@ -133,10 +137,19 @@ class _Pump:
     """One direction: packets in, packets out when they are due."""
 
     def __init__(
-        self, direction: Direction, source: Transport, sink: Transport, faults: Faults, journal: FaultJournal
+        self,
+        direction: Direction,
+        source: Transport,
+        sink: Transport,
+        faults: Faults,
+        journal: FaultJournal,
+        over: threading.Event,
     ) -> None:
         self._direction, self._source, self._sink = direction, source, sink
         self._faults, self._journal = faults, journal
+        self._over = (
+            over  # a serial port is not closed with its session: the next one's packets are not for this pump
+        )
         self._due: list[tuple[int, Packet, bool]] = []  # in order of time, as it is never turned round
         self._last_due_ns = 0
         self._line_free_ns = 0
@@ -146,7 +159,7 @@ class _Pump:
 
     def run(self) -> None:
         try:
-            while True:
+            while not self._over.is_set():
                 wait_s = IDLE_S
                 if self._due:
                     wait_s = min(IDLE_S, max(0.0, (self._due[0][0] - now_ns()) * 1e-9))
@@ -162,6 +175,7 @@ class _Pump:
         except LinkClosed:
             pass
         finally:
+            self._over.set()
             self._source.close()
             self._sink.close()
 

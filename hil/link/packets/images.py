@@ -200,6 +200,7 @@ class FrameAssembler:
         self._missing = 0  # chunks that have not come
         self._chunk_bytes = 0  # of all but the last; 0 until the first has come
         self._last_lost: Optional[int] = None
+        self._last_whole: Optional[int] = None
         self._lost: List[int] = []
 
     @property
@@ -208,7 +209,9 @@ class FrameAssembler:
         return self._header.frame_id if self._header else None
 
     def header(self, header: FrameHeader) -> None:
-        """A new frame begins; one that was not complete is lost."""
+        """A new frame begins; one that was not complete is lost. A header that comes twice changes nothing."""
+        if header == self._header or header.frame_id == self._last_whole:
+            return
         self.abandon()
         self._last_lost = header.frame_id  # a refused header is told by its exception, its chunks say no more
         self._check(header)
@@ -230,6 +233,8 @@ class FrameAssembler:
             If the frame is whole and is no image.
         """
         header = self._header
+        if chunk.frame_id == self._last_whole:
+            return None  # it came twice
         if header is None or chunk.frame_id != header.frame_id:
             self._lose(chunk.frame_id)  # its header never came
             return None
@@ -249,10 +254,12 @@ class FrameAssembler:
             return None
         data, self._header, self._data = self._data, None, bytearray()
         try:
-            return header, decode_image(data, header)
+            image = decode_image(data, header)
         except PacketError:
             self._lose(header.frame_id)
             raise
+        self._last_whole = header.frame_id
+        return header, image
 
     def _fits(self, chunk: FrameChunk, header: FrameHeader) -> bool:
         last = header.chunk_count - 1

@@ -220,8 +220,9 @@ def test_packets_that_are_sent_again_in_a_session_count_once():
 
     summary = Loop(twice).run(frames(6), key=KEY)
     assert (summary.accepted, summary.sent) == (6, 6)
-    assert summary.link.late_poses == 0
-    assert summary.link.packets_corrupt >= len(seen) >= 12
+    assert len(seen) >= 12
+    # neither an answer nor damage: as if it had not come
+    assert summary.link.late_poses == summary.link.packets_corrupt == summary.link.protocol_mistakes == 0
 
 
 @slow

@@ -1,5 +1,6 @@
 """Faults on purpose: they strike when and what they say, are told in the ledger, and come again with the same seed."""
 
+import threading
 import time
 from pathlib import Path
 from typing import get_args
@@ -243,7 +244,7 @@ def test_disconnection_is_survived():
 
 def test_drift_is_of_the_boards_clock():
     faults = Faults(line=(ClockDrift(ppm=200.0),))
-    pump = _Pump("to_host", None, None, faults, FaultJournal())
+    pump = _Pump("to_host", None, None, faults, FaultJournal(), threading.Event())
     told = []
     for received_ns in (5_000_000_000, 15_000_000_000):
         reply = TimeSyncReply(asked_ns=1, received_ns=received_ns, sent_ns=received_ns + 1_000_000)

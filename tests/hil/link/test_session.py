@@ -277,6 +277,21 @@ def test_a_frame_that_misses_a_chunk_is_named_once():
     assert assembler.lost() == []
 
 
+def test_packets_that_come_twice_change_nothing():
+    image = np.arange(400, dtype=np.uint8).reshape(20, 20)
+    assembler = FrameAssembler()
+    for frame_id in (1, 2):
+        header, parts = frame(frame_id, image, Encoding.RAW, 100)
+        three_times = [one for one in (header, *parts) for _ in range(3)]
+        done = [assembler.header(one) if one is header else assembler.chunk(one) for one in three_times]
+        # the frame once, at the last chunk's first coming
+        assert [k for k, d in enumerate(done) if d is not None] == [3 * len(parts)]
+        # and what is late of it afterwards
+        assembler.header(header)
+        assert assembler.chunk(parts[0]) is None
+        assert assembler.lost() == []
+
+
 def test_a_frame_without_header_is_named_once():
     _, parts = frame(5, np.zeros((20, 20), np.uint8), Encoding.RAW, 100)
     assembler = FrameAssembler()

@@ -79,8 +79,18 @@ def lossy_udp():
 
 
 @contextmanager
-def sealed_udp():
-    with network("udp://127.0.0.1:0") as (a, b):
+def serial():
+    with null_modem() as (left, right):
+        a, b = SerialTransport(left, BAUD), SerialTransport(right, BAUD, rtscts=True)
+        yield a, b
+        a.close()
+        b.close()
+
+
+@contextmanager
+def sealed(line):
+    """Another line's two ends once both have proved that they have the key."""
+    with line() as (a, b):
         host = HostTransport(b, b"k" * 32)
         answering = threading.Thread(target=lambda: host.recv_packet(5.0))
         answering.start()
@@ -90,15 +100,6 @@ def sealed_udp():
         yield board, host
 
 
-@contextmanager
-def serial():
-    with null_modem() as (left, right):
-        a, b = SerialTransport(left, BAUD), SerialTransport(right, BAUD, rtscts=True)
-        yield a, b
-        a.close()
-        b.close()
-
-
 LINES = {
     "virtual": virtual,
     "virtual cobs": virtual_cobs,
@@ -106,10 +107,12 @@ LINES = {
     "udp": lambda: network("udp://127.0.0.1:0"),
     "udp jumbo": lambda: network("udp://127.0.0.1:0", "?datagram=8900"),
     "udp lossy": lossy_udp,
-    "udp sealed": sealed_udp,
     "serial": serial,
+    "tcp sealed": lambda: sealed(LINES["tcp"]),
+    "udp sealed": lambda: sealed(LINES["udp"]),
+    "serial sealed": lambda: sealed(serial),
 }
-CONNECTED = [name for name in LINES if name not in ("serial", "udp lossy")]
+CONNECTED = [name for name in LINES if "serial" not in name and name != "udp lossy"]
 
 
 @pytest.fixture(params=LINES.values(), ids=LINES.keys())
@@ -322,7 +325,7 @@ def test_a_cut_line_ends_both_sides(name):
         with pytest.raises(LinkClosed):
             on_and_on(lambda: near.recv_packet(0.1))
         near.close()
-        if name != "serial":  # a serial line has no connection to lose
+        if "serial" not in name:  # a serial line has no connection to lose
             with pytest.raises(LinkClosed):
                 on_and_on(lambda: b.recv_packet(0.1))
 
