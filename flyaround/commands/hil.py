@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import secrets
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +18,9 @@ from flyaround.commands.hil_campaign import campaign, delay_map
 from flyaround.commands.hil_forecast import forecast
 from flyaround.commands.hil_host import host
 from flyaround.commands.terminal import say
+from hil.host.audit import MOST_TOLD, audit_pictures, pictures_of
 from hil.host.bundle import write_bundle
+from hil.host.ledger.frames_csv import read_ledger
 from hil.host.report import write_report
 from simulator.errors import UserError
 from simulator.targets.library import load_target
@@ -65,6 +68,32 @@ def report(
         say(f"report: {page}")
 
 
+def audit(
+    folder: Annotated[Path, typer.Argument(help="A folder written by hil host --time-code --log.")],
+    pictures: Annotated[
+        Path, typer.Argument(help="What a board kept: a folder of PNG files, or an MCAP file.")
+    ],
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
+) -> None:
+    """Hold a ledger against the time codes in the pictures; exit 1 where they do not agree in every frame."""
+    found = audit_pictures(read_ledger(folder), pictures_of(pictures))
+    if as_json:
+        typer.echo(json.dumps({**asdict(found), "passed": found.passed}))
+    else:
+        say(f"{found.pictures} pictures: {found.agree} agree with the ledger in number and time")
+        for what, names in (
+            ("without a code that can be read", found.unreadable),
+            ("wrong", found.wrong),
+            ("come twice", found.twice),
+            ("answered frames without a picture", found.missing),
+        ):
+            if names:
+                more = ", ..." if len(names) > MOST_TOLD else ""
+                say(f"{len(names)} {what}: {', '.join(str(name) for name in names[:MOST_TOLD])}{more}")
+    if not found.passed:
+        raise typer.Exit(1)
+
+
 app = typer.Typer(
     name="hil", help="Hardware in the loop: host, board, reports, campaigns.", no_args_is_help=True
 )
@@ -73,6 +102,7 @@ app.command()(board)
 app.command()(camera)
 app.command()(bundle)
 app.command()(report)
+app.command()(audit)
 app.command()(campaign)
 app.command("delay-map")(delay_map)
 app.command()(forecast)

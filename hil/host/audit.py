@@ -1,0 +1,128 @@
+"""A run held against its pictures alone: what their time codes say, and what the ledger says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hil.corner_code import CodePlace, read_code
+from hil.host.picture_frames import pictures_in
+from simulator.dataset.formats.native import read_png
+from simulator.errors import UserError
+from simulator.world.time.instant import nanoseconds_utc
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from hil.host.ledger.frames_csv import LedgerRow
+
+    Pictures = Iterable[tuple[str, NDArray[Any]]]
+
+IMAGES_TOPIC = "/camera/image_raw"
+# of each kind of disagreement that are told one by one
+MOST_TOLD = 20
+
+
+@dataclass(kw_only=True)
+class PictureAudit:
+    """What pictures and ledger say of each other.
+
+    Parameters
+    ----------
+    pictures : looked at. agree : whose code has the number and the time of a row of the ledger.
+    unreadable : without a code, or with one whose check fails. wrong : a sentence on each of the others.
+    twice : codes seen before. missing : rows of frames that were answered, and whose picture did not come.
+    """
+
+    pictures: int = 0
+    agree: int = 0
+    unreadable: list[str] = field(default_factory=list)
+    wrong: list[str] = field(default_factory=list)
+    twice: list[str] = field(default_factory=list)
+    missing: list[int] = field(default_factory=list)
+
+    @property
+    def passed(self) -> bool:
+        """Whether all that was answered is there, once, as the ledger has it."""
+        return bool(self.agree) and not (self.unreadable or self.wrong or self.twice or self.missing)
+
+
+def audit_pictures(
+    rows: Sequence[LedgerRow], pictures: Pictures, place: CodePlace | None = None
+) -> PictureAudit:
+    """Read the code of each picture, and compare it with the ledger.
+
+    Parameters
+    ----------
+    rows : of the ledger. pictures : name and image of each. place : of the code, as the run was told.
+    """
+    place = CodePlace() if place is None else place
+    known, seen, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()
+    for name, image in pictures:
+        audit.pictures += 1
+        code = read_code(image, place)
+        if code is None:
+            audit.unreadable.append(name)
+            continue
+        row = known.get(code.frame_id)
+        if row is None:
+            audit.wrong.append(f"{name} says frame {code.frame_id}, of which the ledger knows nothing")
+        elif nanoseconds_utc(row.epoch_utc) != code.time_ns:
+            off_ms = 1e-6 * (code.time_ns - nanoseconds_utc(row.epoch_utc))
+            audit.wrong.append(
+                f"{name} says frame {code.frame_id} and {off_ms:+.3f} ms beside the ledger's time of it"
+            )
+        elif code.frame_id in seen:
+            audit.twice.append(name)
+        else:
+            audit.agree += 1
+            seen.add(code.frame_id)
+    answered = (row.frame_id for row in rows if row.outcome in {"accepted", "declined"})
+    audit.missing = [frame_id for frame_id in answered if frame_id not in seen]
+    return audit
+
+
+def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Name and image of each picture of a folder of PNG files, or of an MCAP file with ROS 2 images.
+
+    Raises
+    ------
+    UserError
+        If there are none, or they cannot be read.
+    """
+    if source.is_dir():
+        for path in pictures_in(source):
+            yield path.name, read_png(path)
+        return
+    try:
+        from mcap.exceptions import McapError  # noqa: PLC0415 - an optional part
+        from mcap.reader import make_reader  # noqa: PLC0415
+        from mcap_ros2.decoder import DecoderFactory  # noqa: PLC0415
+    except ImportError as error:
+        raise UserError(
+            f"MCAP files need {error.name}, which is not installed; run: pip install 'flyaround[logs]'"
+        ) from error
+    try:
+        with source.open("rb") as file:
+            reader = make_reader(file, decoder_factories=[DecoderFactory()])
+            for _, _, message, image in reader.iter_decoded_messages(topics=[IMAGES_TOPIC]):
+                yield f"picture at {message.log_time} ns", _pixels(image)
+    except (OSError, McapError, ValueError) as error:
+        raise UserError(
+            f"{source} cannot be read ({error}): name a folder of PNG files, or what --mcap wrote"
+        ) from error
+
+
+def _pixels(image: Any) -> NDArray[Any]:  # noqa: ANN401 - made at run time from the message's definition
+    """Digital numbers of a sensor_msgs/Image."""
+    kinds = {"mono8": ("u1", 1), "mono16": ("<u2", 1), "rgb8": ("u1", 3), "rgb16": ("<u2", 3)}
+    if image.encoding not in kinds or image.is_bigendian:
+        raise ValueError(f"a picture is {image.encoding}, which is none of {', '.join(kinds)}")
+    dtype, channels = kinds[image.encoding]
+    shape = (image.height, image.width) if channels == 1 else (image.height, image.width, channels)
+    return np.frombuffer(bytes(image.data), dtype).reshape(shape)

@@ -1,0 +1,106 @@
+"""The ledger held against the time codes in the pictures, by whoever has both."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hil_loop import Loop, adds_up, board, made_frame
+from typer.testing import CliRunner
+
+from flyaround.commands.hil import app
+from hil.host.audit import audit_pictures, pictures_of
+from hil.host.ledger.frames_csv import read_ledger
+from hil.host.recording.ros_log import RosLog
+from hil.host.time_code import with_time_code
+from simulator.errors import UserError
+from simulator.scenario.faults import Faults, RepeatedNumber
+
+N = 6
+
+
+class Keep:
+    """A recorder that keeps every picture as a third party would."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        folder.mkdir()
+
+    def frame(self, frame):
+        assert cv2.imwrite(str(self.folder / f"{1000 - frame.number}.png"), frame.image)
+
+    def row(self, frame, row):
+        pass
+
+    def close(self):
+        pass
+
+
+def flight(faults=None):
+    rng = np.random.default_rng(6)
+
+    def drawn():
+        for k in range(N):
+            frame = made_frame(k, rng.integers(0, 255, (160, 160), np.uint8), every_s=0.05)
+            scene = replace(frame.scene, epoch_utc=f"2026-08-20T09:30:00.{k}00001Z")
+            yield replace(frame, scene=scene)
+
+    return with_time_code(drawn()) if faults is None else with_time_code(drawn(), faults=faults)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    recorders = (Keep(folder / "kept"), RosLog(folder / "run.mcap"))
+    summary = Loop(board()).run(flight(), recorders=recorders, log_dir=folder / "log")
+    assert adds_up(summary)
+    return folder
+
+
+@pytest.mark.parametrize("kept", ["kept", "run.mcap"])
+def test_all_pictures_agree(run, kept):
+    done = CliRunner().invoke(app, ["audit", str(run / "log"), str(run / kept), "--json"])
+    told = json.loads(done.stdout)
+    assert (done.exit_code, told["passed"], told["agree"], told["pictures"]) == (0, True, N, N)
+
+
+def test_a_row_that_is_changed_is_found(run):
+    rows = read_ledger(run / "log")
+    later = replace(rows[2], epoch_utc=rows[2].epoch_utc.replace(".200001", ".200002"))
+    found = audit_pictures([*rows[:2], later, *rows[3:]], pictures_of(run / "kept"))
+    assert not found.passed
+    assert found.agree == N - 1
+    assert found.wrong == ["998.png says frame 2 and -0.001 ms beside the ledger's time of it"]
+    # a frame that the ledger does not know, and one that nobody has a picture of
+    pictures = {name: image for name, image in pictures_of(run / "kept") if name != "997.png"}
+    found = audit_pictures(rows[1:], [*pictures.items(), ("again", pictures["999.png"])])
+    assert (found.missing, found.twice) == ([3], ["again"])
+    assert found.wrong == ["1000.png says frame 0, of which the ledger knows nothing"]
+    assert not found.passed
+
+
+def test_a_picture_without_a_code_is_told(run):
+    rows = read_ledger(run / "log")
+    found = audit_pictures(rows, [*pictures_of(run / "kept"), ("blank", np.zeros((160, 160), np.uint8))])
+    assert found.unreadable == ["blank"]
+    assert not found.passed
+
+
+def test_a_camera_that_repeats_its_number_is_found(tmp_path):
+    faults = Faults(camera=(RepeatedNumber(start_s=0.15),))
+    kept = Keep(tmp_path / "kept")
+    Loop(board()).run(flight(faults), recorders=(kept,), log_dir=tmp_path / "log")
+    done = CliRunner().invoke(app, ["audit", str(tmp_path / "log"), str(tmp_path / "kept")])
+    assert done.exit_code == 1
+    assert "3 agree" in done.output
+    assert "beside the ledger's time of it" in done.output
+
+
+def test_what_is_no_recording_is_one_sentence(run, tmp_path):
+    (tmp_path / "broken.mcap").write_bytes((run / "run.mcap").read_bytes()[:500])
+    for path in (tmp_path / "broken.mcap", tmp_path / "none.mcap"):
+        with pytest.raises(UserError, match="cannot be read"):
+            list(pictures_of(path))
