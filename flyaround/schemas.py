@@ -15,6 +15,7 @@ from hil.host.ledger.summary import summary_schema
 from simulator.dataset.card import card_json_schema
 from simulator.labels.truth import truth_json_schema
 from simulator.recipes.load import recipe_json_schema
+from simulator.recipes.vary_file import vary_json_schema
 from simulator.runtime.files import write_atomic
 from simulator.scenario.load import scenario_json_schema
 from simulator.targets.records import board_json_schema, target_json_schema
@@ -27,6 +28,7 @@ def all_schemas() -> dict[str, dict[str, Any]]:
     schemas = {
         "scenario": scenario_json_schema(),
         "recipe": recipe_json_schema(),
+        "vary": vary_json_schema(),
         "target": target_json_schema(),
         "board_model": board_json_schema(),
         "truth": truth_json_schema(),

@@ -17,7 +17,6 @@ from simulator.labels.request import LabelRequest
 from simulator.runtime.threads import share_processors
 from simulator.runtime.worker import ProcessDiedError
 from simulator.runtime.worker_pool import WorkerPool
-from simulator.targets.library import target_in_use
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -311,9 +310,7 @@ def draw_request(
     if request.timed is not None:
         renderer.timed = request.timed
     scene = request.scene
-    if target is None:
-        target = target_in_use(scene.target.name, scene.target.sha256)
-    return stage(take_frame(renderer, scene, target, labels=request.labels))
+    return stage(take_frame(renderer, scene, scene.target.drawn(target), labels=request.labels))
 
 
 @contextmanager

@@ -23,6 +23,8 @@ from simulator.errors import UserError
 from simulator.labels.request import parse_labels
 from simulator.recipes.load import is_recipe, load_recipe
 from simulator.recipes.plan import RecipePlan, plan_recipe
+from simulator.recipes.vary import varied_plan
+from simulator.recipes.vary_file import load_vary
 from simulator.scenario.load import list_scenarios, load_scenario
 from simulator.scenario.plan import Plan, plan_flight
 from simulator.scene.environments import environment_preset, environment_section
@@ -56,6 +58,12 @@ def capture(
     target: Annotated[
         str | None, typer.Option("--target", help="Another craft than the scenario's or recipe's own.")
     ] = None,
+    vary: Annotated[
+        Path | None,
+        typer.Option(
+            "--vary", help="TOML file of ranges out of which each frame's craft, light and image are varied."
+        ),
+    ] = None,
     labels: Labels = None,
     seed: Seed = None,
     resume: Annotated[
@@ -81,12 +89,13 @@ def capture(
         target=target,
         environment=environment,
     )
+    ranges = None if vary is None else load_vary(vary)
     summaries = {}
     for member, plan in plans.items():
         wanted = ",".join(plan.labels) if labels is None else labels
         with progress_bar(member or "capture", quiet=as_json) as progress:
             summaries[member] = capture_plan(
-                plan,
+                varied_plan(plan, ranges),
                 output / member,
                 formats=names,
                 labels=parse_labels(wanted),

@@ -15,6 +15,7 @@ from simulator.dataset.formats.native import is_whole
 from simulator.dataset.formats.speed import export_speed
 from simulator.dataset.writer import CheckAndEncode, DatasetWriter
 from simulator.errors import UserError
+from simulator.labels.part_classes import part_class
 from simulator.labels.request import LAYERS, LabelRequest
 from simulator.labels.truth import FlowLabel
 from simulator.loop import open_frames, run_frames
@@ -223,6 +224,7 @@ def _card(plan: CapturePlan, formats: tuple[str, ...], labels: tuple[str, ...]) 
             name=plan.target.name,
             sha256=plan.target.sha256,
             parts=tuple(part.name for part in plan.target.parts),
+            part_classes=tuple(part_class(part.name) for part in plan.target.parts),
             keypoints={k.name: k.position_m for k in plan.target.keypoints},
         ),
         machine=describe_machine("", "", ""),

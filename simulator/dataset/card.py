@@ -12,6 +12,7 @@ import msgspec
 
 from simulator.camera.lens.camera_model import Camera
 from simulator.errors import UserError
+from simulator.labels.part_classes import PartClass
 from simulator.runtime.untrusted_files import read_regular, refuse_deep
 
 CARD_NAME = "dataset.json"
@@ -33,7 +34,8 @@ CONVENTIONS = {
     "earth_direction_camera": "unit vector from the target to the Earth's centre, camera frame",
     "layers": "NNNNNN.NAME.png or .exr, those named in labels. depth: camera z [m], float32, NaN off the target. "
     "normals: X Y Z, camera frame, unit, towards the camera, float16, zero off the target. parts: number of the part "
-    "from 1 in the order of target.parts, 0 off the target. amodal: mask of the whole target, also beyond the image; "
+    "from 1 in the order of target.parts, whose classes are target.part_classes, 0 off the target. "
+    "amodal: mask of the whole target, also beyond the image; "
     "its first pixel is amodal_origin_px. flow: U V, way to the next frame [px], float32, NaN off the target. "
     "clean: the image without noise",
     "speed": "q_vbs2tango is q_camera_from_target_wxyz; r_Vo2To_vbs_true is t_camera_from_target_m",
@@ -41,11 +43,12 @@ CONVENTIONS = {
 
 
 class CardTarget(msgspec.Struct, frozen=True, kw_only=True):
-    """Which model was drawn, with its keypoints in the model frame [m]."""
+    """Which model was drawn, with its keypoints in the model frame [m]; ``part_classes`` in the order of ``parts``."""
 
     name: str
     sha256: str
     parts: tuple[str, ...] = ()
+    part_classes: tuple[PartClass, ...] = ()
     keypoints: dict[str, tuple[float, float, float]]
 
 

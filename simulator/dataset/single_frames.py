@@ -51,6 +51,7 @@ def render_scene(
     UserError
         If the target's hash is not the scene's: the bytes could not be the same.
     """
+    target = scene.target.drawn(target)
     if target.sha256 != scene.target.sha256:
         raise UserError(
             f"the scene was drawn with target {scene.target.name} {scene.target.sha256[:12]}, here it is "

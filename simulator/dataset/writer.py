@@ -14,7 +14,6 @@ from simulator.dataset.check.verify import check_frame
 from simulator.dataset.clipping import Clipping, measure_clipping
 from simulator.dataset.formats.native import EncodedFrame, encode_frame, write_encoded
 from simulator.runtime.files import write_atomic
-from simulator.targets.library import target_in_use
 from simulator.targets.model import Target
 
 if TYPE_CHECKING:
@@ -57,7 +56,7 @@ class CheckAndEncode:
         """The frame's files, and what was found wrong."""
         if frame.truth is None or frame.mask is None:
             raise RuntimeError("a captured frame needs labels")
-        target = self.target or target_in_use(frame.scene.target.name, frame.scene.target.sha256)
+        target = frame.scene.target.drawn(self.target)
         wrong = check_frame(
             frame.number, frame.truth, frame.image, frame.mask, self.card, target, frame.layers
         )

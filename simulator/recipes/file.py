@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from simulator.camera.lens.files import CameraFile
 from simulator.camera.sections import OpticsSection
+from simulator.recipes.vary_file import Vary
 from simulator.runtime.sections import Degrees, Metres, Range, Section
 from simulator.scenario.scenario import Output, SensorSection
 from simulator.scene.environments import EnvironmentName, EnvironmentSection
@@ -108,7 +109,7 @@ class Sequences(Section, frozen=True, kw_only=True, tag_field="kind", tag="seque
     """Flights of a scenario, each from its own start: ``frames`` of them ``every_s`` apart.
 
     Each starts at a random place of the orbit and at ``range_m`` from the target, whose attitude is uniform on SO(3)
-    and which turns about a random axis at a rate out of ``rate_deg_s``.
+    and which turns about a random axis at a rate out of ``rate_deg_s``. ``sunlit``: at the start and at the end.
     """
 
     scenario: str
@@ -116,6 +117,7 @@ class Sequences(Section, frozen=True, kw_only=True, tag_field="kind", tag="seque
     every_s: Annotated[float, Meta(gt=0, le=3600)]
     range_m: tuple[Range, Range]
     rate_deg_s: tuple[Annotated[float, Meta(ge=0, le=90)], Annotated[float, Meta(ge=0, le=90)]]
+    sunlit: bool = True
 
 
 class Sky(Section, frozen=True, kw_only=True):
@@ -205,6 +207,7 @@ class Recipe(Section, frozen=True, kw_only=True):
     background: Background | None = None
     constraints: Constraints = Constraints()
     pairs: Pairs | None = None
+    vary: Vary | None = None
     camera: str | CameraFile = "speed"
     sensor: SensorSection = SensorSection()
     optics: OpticsSection = OpticsSection()

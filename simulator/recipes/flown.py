@@ -26,11 +26,13 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from simulator.recipes.file import Recipe
-    from simulator.scenario.scenario import Scenario
+    from simulator.scenario.scenario import AnyChaser, Scenario
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
 _SEQUENCES = 0x5E0
+_MOST_STARTS = 30
+_LIT = 0.5
 
 
 def flown_scene(
@@ -98,24 +100,41 @@ def _sequence(asked: _Asked) -> Plan:
         euler_deg=None,
         rate_deg_s=vec3(rate * uniform_direction(rng)),
     )
-    orbit = scenario.orbit
-    if isinstance(orbit, ElementsOrbit):
-        orbit = msgspec.structs.replace(orbit, true_anomaly_deg=float(rng.uniform(0.0, 360.0)))
-    start = getattr(scenario.chaser, "position_lvlh_m", None)
-    if start is None or not np.any(start):
-        raise UserError(
-            f"recipe {asked.recipe.name}: section [poses]: the chaser of scenario {poses.scenario} has no start "
-            "position_lvlh_m to bring to range_m; name a scenario that has (mode hold, drift, keep_range)"
-        )
-    place = np.asarray(start, float)
-    chaser = msgspec.structs.replace(
-        scenario.chaser, position_lvlh_m=vec3(place * distance / np.linalg.norm(place))
-    )
+    chaser = _started_at(scenario.chaser, distance, f"recipe {asked.recipe.name}: scenario {poses.scenario}")
     duration = poses.every_s * (poses.frames - 1)
     scenario = msgspec.structs.replace(
-        scenario, attitude=attitude, orbit=orbit, chaser=chaser, duration_s=duration, burns=[]
+        scenario, attitude=attitude, chaser=chaser, duration_s=duration, burns=[]
     )
-    return _as_seen(scenario, asked)
+    for _ in range(_MOST_STARTS):
+        if isinstance(scenario.orbit, ElementsOrbit):
+            place = float(rng.uniform(0.0, 360.0))
+            scenario = msgspec.structs.replace(
+                scenario, orbit=msgspec.structs.replace(scenario.orbit, true_anomaly_deg=place)
+            )
+        plan = _as_seen(scenario, asked)
+        lit = all(plan.shifted((t,)).scene(0).sun_visible_fraction > _LIT for t in (0.0, duration))
+        if lit or not poses.sunlit:
+            return plan
+    raise UserError(
+        f"recipe {asked.recipe.name}: no start of scenario {poses.scenario} leaves {duration:g} s of sunlight: take "
+        "fewer frames, or set sunlit = false in [poses]"
+    )
+
+
+def _started_at(chaser: AnyChaser, distance_m: float, where: str) -> AnyChaser:
+    """The chaser's way from another distance along the line from the target to its start."""
+    for key in ("position_lvlh_m", "start_lvlh_m"):
+        start = getattr(chaser, key, None)
+        if start is not None and np.any(start):
+            place = np.asarray(start, float) * (distance_m / np.linalg.norm(start))
+            return msgspec.structs.replace(chaser, **{key: vec3(place)})
+    start = getattr(chaser, "start_m", None)
+    if start:
+        return msgspec.structs.replace(chaser, start_m=float(np.copysign(distance_m, start)))
+    raise UserError(
+        f"{where}: its chaser has no start to bring to range_m of [poses]; name a scenario that has (mode hold, drift, "
+        "keep_range, vbar, rbar, glideslope)"
+    )
 
 
 def _template(name: str, asked: _Asked) -> Scenario:

@@ -11,6 +11,7 @@ import msgspec
 from simulator.errors import UserError, near_names
 from simulator.recipes.checks import check_recipe
 from simulator.recipes.file import Recipe
+from simulator.recipes.vary_file import check_vary
 from simulator.runtime.untrusted_files import find_beside, read_regular
 from simulator.runtime.validation_errors import explain
 from simulator.scenario.load import MOST_BYTES, check_detector, resolve_camera, toml_table
@@ -97,6 +98,8 @@ def load_recipe(name_or_path: str | Path) -> Recipe:
     )
     check_detector(recipe.sensor.model(camera, where), recipe.optics.optics(), recipe.output.bands, where)
     check_recipe(recipe, where)
+    if recipe.vary is not None:
+        check_vary(recipe.vary, where)
     return recipe
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import UnsetType
 
 from simulator.camera.detector.limits import optics_problem, response_problem, sensor_problem
 from simulator.camera.lens.camera_model import camera_problem
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 LARGEST_IMAGE_PX = 16384  # what every OpenGL 4 driver can draw
 FARTHEST_TARGET_M = 1e6
+MOST_STRETCH = 0.2
 FASTEST_M_S, FASTEST_RAD_S = 1e6, 1e4  # far beyond any craft
 
 
@@ -54,6 +56,11 @@ def scene_problem(scene: SceneState) -> str | None:
             # a whole number may have more digits than a float takes
             told = f"{value:g}" if abs(value) < 2**63 else "far beyond"
             return f"{name} is {told}, allowed: {low:g} to {high:g}"
+    variation = scene.target.variation
+    if not isinstance(variation, UnsetType):
+        factors = [x for s in variation.surfaces.values() for x in (s.reflectance, s.roughness)]
+        if not np.abs(variation.stretch).max() <= MOST_STRETCH or not all(0 <= x <= 100 for x in factors):
+            return f"scene.target.variation: its stretch is at most {MOST_STRETCH:g}, its factors 0 to 100"
     lens = camera_problem(c)
     if lens is not None:
         return f"scene.camera.{lens}"

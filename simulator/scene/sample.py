@@ -44,6 +44,26 @@ class PairMember(msgspec.Struct, frozen=True, kw_only=True):
     environment: str
 
 
+class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
+    """What a frame was varied by, where it was; the scene holds the numbers that came of it.
+
+    Attributes
+    ----------
+    exposure, noise : factors. noise is of standard deviations. psf_sigma_px : width of the Gaussian PSF.
+    pedestal_dn : the detector's black level. lamp : whether one was lit. environment : the layers' name, or empty.
+    craft : number of the craft, whose differences from its model are the scene's target's.
+    """
+
+    exposure: float = 1.0
+    noise: float = 1.0
+    psf_sigma_px: float | None = None
+    pedestal_dn: float | None = None
+    lamp: bool = False
+    earthshine: bool | None = None
+    environment: str = ""
+    craft: int | None = None
+
+
 class Sample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """What was drawn for a frame.
 
@@ -51,7 +71,7 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     ----------
     redraws : how often each of the recipe's constraints had the pose drawn again.
     raw : the Euler angles, where the attitude was drawn as such. background : where it is a view of a library.
-    pair, sequence : where frames belong together.
+    pair, sequence : where frames belong together. varied : by `--vary` or a recipe's [vary].
     """
 
     redraws: dict[str, int] = msgspec.field(default_factory=dict)
@@ -59,3 +79,4 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     background: BackgroundView | None = None
     pair: PairMember | None = None
     sequence: SequenceStep | None = None
+    varied: VariedBy | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from msgspec import UNSET, UnsetType
@@ -17,9 +17,13 @@ from simulator.scene.environments import ENVIRONMENTS, Environment
 from simulator.scene.illumination.bands import Bands
 from simulator.scene.illumination.lamp import Lamp
 from simulator.scene.sample import Sample
+from simulator.targets.varied import CraftVariation, target_as_drawn
 from simulator.world.ephemeris.bodies import BodyName
 from simulator.world.frames.pose import Pose
 from simulator.world.frames.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from simulator.targets.model import Target
 
 Quality = Literal["draft", "default", "high"]
 _PERFECT_LENS = Optics()
@@ -27,10 +31,26 @@ _PERFECT_LENS = Optics()
 
 @dataclass(frozen=True, kw_only=True)
 class TargetRef:
-    """Name and SHA-256 of the target model that was drawn."""
+    """Name and SHA-256 of the target model that was drawn; how it differs from the model of that name, if it does."""
 
     name: str
     sha256: str
+    variation: CraftVariation | UnsetType = UNSET
+
+    def drawn(self, base: Target | None = None) -> Target:
+        """The craft that was drawn.
+
+        Parameters
+        ----------
+        base : the model of that name, where it is at hand; looked up otherwise.
+
+        Raises
+        ------
+        UserError
+            If what has the name now is another model.
+        """
+        variation = None if isinstance(self.variation, UnsetType) else self.variation
+        return target_as_drawn(self.name, self.sha256, variation, base)
 
 
 @dataclass(frozen=True, kw_only=True)

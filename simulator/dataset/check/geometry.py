@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import cv2
+import msgspec
 import numpy as np
 
 from simulator.dataset.check.mask_statistics import lit_pixels
 from simulator.imaging.rolling_shutter import pose_at_rows
+from simulator.runtime.arrays import vec3
 from simulator.targets.joined_mesh import mesh_of
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
 
@@ -70,7 +72,10 @@ def rays_with_opencv(camera: Camera, pixels_px: FloatArray) -> FloatArray:
 def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
     """Names, projections, the pose that they give, and who is out of the frame."""
     wrong = []
+    variation = truth.scene.target.variation
     known = card.target.keypoints
+    if not isinstance(variation, msgspec.UnsetType):
+        known = {name: vec3(variation.moved(at)) for name, at in known.items()}
     if {k.name: tuple(k.target_m) for k in truth.keypoints} != {n: tuple(p) for n, p in known.items()}:
         wrong.append("keypoints differ from the card's")
     ahead = [k for k in truth.keypoints if k.pixel_px is not None]

@@ -47,10 +47,22 @@ class RayCaster:
     def __init__(self, target: Target, camera_from_target: Pose) -> None:
         mesh = mesh_of(target)
         vertices = camera_from_target.apply(mesh.positions_m)
-        ahead = np.all(vertices[mesh.triangles, 2] > NEAR_M, axis=1)
-        self._triangles = mesh.triangles[ahead]
-        self._parts = _part_of_triangle(target)[ahead]
+        triangles, self._parts = mesh.triangles, _part_of_triangle(target)
         self._normals, self._R = _normals(target), camera_from_target.R
+        n_ahead = (vertices[triangles, 2] > NEAR_M).sum(axis=1)
+        self._triangles, parts = triangles[n_ahead == 3], self._parts[n_ahead == 3]
+        cut = np.flatnonzero((n_ahead > 0) & (n_ahead < 3))
+        if len(cut):
+            pieces = [_ahead_of_camera(vertices, self._normals, triangles[k]) for k in cut]
+            sizes = np.array([len(points) for points, _ in pieces])
+            first = len(vertices) + np.concatenate([[0], np.cumsum(sizes)[:-1]])
+            # a triangle or a quadrilateral of each, as a fan from its first corner
+            fans = [(i, i + k, i + k + 1) for i, m in zip(first, sizes, strict=True) for k in range(1, m - 1)]
+            vertices = np.concatenate([vertices, *(points for points, _ in pieces)])
+            self._normals = np.concatenate([self._normals, *(normals for _, normals in pieces)])
+            self._triangles = np.concatenate([self._triangles, np.array(fans)])
+            parts = np.concatenate([parts, np.repeat(self._parts[cut], sizes - 2)])
+        self._parts = parts
         corners = vertices[self._triangles]
         self._xy = corners[..., :2] / corners[..., 2:]
         self._inverse = 1 / corners[..., 2]
@@ -106,6 +118,23 @@ class RayCaster:
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         order = np.argsort(-inverse)
         return Hits(1 / inverse[order], self._parts[near][order], normals[order])
+
+
+def _ahead_of_camera(
+    vertices: FloatArray, normals: FloatArray, triangle: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """What of a triangle is ahead of the camera: corners (3 or 4, 3) in order, and their normals."""
+    points, along = [], []
+    for a, b in zip(triangle, np.roll(triangle, -1), strict=True):
+        za, zb = vertices[a, 2], vertices[b, 2]
+        if za > NEAR_M:
+            points.append(vertices[a])
+            along.append(normals[a])
+        if (za > NEAR_M) != (zb > NEAR_M):
+            share = (NEAR_M - za) / (zb - za)
+            points.append(vertices[a] + share * (vertices[b] - vertices[a]))
+            along.append(normals[a] + share * (normals[b] - normals[a]))
+    return np.array(points), np.array(along)
 
 
 @lru_cache(maxsize=2)

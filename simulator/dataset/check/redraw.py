@@ -96,12 +96,13 @@ def check_pictures(
     with renderer:
         for k in frames:
             truth = read_truth(frame_paths(folder, k).truth)  # megabytes each
-            if truth.scene.target.sha256 != target.sha256:
+            craft = truth.scene.target.drawn(target)
+            if truth.scene.target.sha256 != craft.sha256:
                 faults.append((k, "the scene's target is not the card's"))
                 continue
             image = read_png(frame_paths(folder, k).image)
             mask = np.asarray(read_png(frame_paths(folder, k).mask), np.uint8)
-            faults += [(k, what) for what in check_drawn_again(renderer, truth, image, mask, target)]
+            faults += [(k, what) for what in check_drawn_again(renderer, truth, image, mask, craft)]
             progress()
     return Redrawn(len(frames), tuple(faults))
 

@@ -127,7 +127,8 @@ def check_dataset(
         readable.append(k)
         faults += _check_flow_to(k, truth, previous)
         previous = truth
-        found = check_frame(k, truth, image, np.asarray(mask, np.uint8), card, target, layers)
+        craft = None if target is None else truth.scene.target.drawn(target)
+        found = check_frame(k, truth, image, np.asarray(mask, np.uint8), card, craft, layers)
         faults += [Fault(k, what) for what in found]
         n_labels += len(truth.keypoints) + len(truth.layers) + 7
         progress(done + 1, len(frames) + len(drawn))

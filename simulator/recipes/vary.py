@@ -1,0 +1,216 @@
+"""Domain randomisation: ranges out of which each frame of a plan is varied, seeded, and written in its truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.recipes.vary_file import Vary, VaryCraft
+from simulator.scene.environments import environment_preset
+from simulator.scene.illumination.lamp import Lamp
+from simulator.scene.sample import Sample, VariedBy
+from simulator.scene.state import TargetRef
+from simulator.targets.varied import CraftVariation, SurfaceVariation, varied_target
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from simulator.camera.detector.sensor import Sensor
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.recipes.plan import RecipePlan
+    from simulator.scenario.plan import Plan
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+_FRAMES, _CRAFT = 0xF2A3E, 0xC2AF7
+"""Streams of random numbers: of frames, and of the craft that some frames share."""
+
+
+@dataclass(frozen=True, eq=False)
+class VariedPlan:
+    """A plan whose frames are varied; ``scene(k)`` depends on (plan, ranges, seed, k) alone.
+
+    Raises
+    ------
+    UserError
+        If a black level is asked of a sensor that counts no electrons.
+    """
+
+    plan: Plan | RecipePlan
+    vary: Vary
+
+    def __post_init__(self) -> None:
+        image = self.vary.image
+        if image is not None and image.pedestal_dn is not None and self.plan.scene(0).sensor.detector is None:
+            raise UserError(
+                "image.pedestal_dn varies a detector's black level, and this sensor is a noise recipe that has none: "
+                "use preset imx174 or cmv4000 in [sensor], or leave the key out"
+            )
+
+    @property
+    def scenario_name(self) -> str:
+        """Name of the scenario or recipe."""
+        return self.plan.scenario_name
+
+    @property
+    def scenario_document(self) -> dict[str, Any]:
+        """It in full, with the ranges."""
+        ranges = msgspec.json.decode(msgspec.json.encode(self.vary))
+        return {**self.plan.scenario_document, "vary": ranges}
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Label layers that it asks for."""
+        return self.plan.labels
+
+    @property
+    def every_s(self) -> float | None:
+        """Spacing of frames, if it was given as one."""
+        return self.plan.every_s
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return self.plan.n_frames
+
+    @property
+    def seed(self) -> int:
+        """Seed of every random choice."""
+        return self.plan.seed
+
+    @property
+    def camera(self) -> Camera:
+        """The camera."""
+        return self.plan.camera
+
+    @property
+    def target(self) -> Target:
+        """The model, as it is before it is varied."""
+        return self.plan.target
+
+    def scene(self, k: int) -> SceneState:
+        """Frame k, varied."""
+        return self._varied(self.plan.scene(k), k)
+
+    def next_scene(self, k: int) -> SceneState | None:
+        """The scene that follows frame k's, if there is such a thing."""
+        following = self.plan.next_scene(k)
+        return None if following is None else self._varied(following, k + 1)
+
+    def _varied(self, scene: SceneState, k: int) -> SceneState:
+        rng = _generator(self.seed, k, _FRAMES)
+        by: dict[str, Any] = {}
+        for vary in (self._image, self._lights, self._background):
+            scene = vary(rng, scene, by)
+        craft = self.vary.craft
+        if craft is not None:
+            by["craft"] = k // craft.every
+            variation = _variation(self.target, msgspec.json.encode(craft), self.seed, by["craft"])
+            drawn = varied_target(self.target, variation)
+            reference = TargetRef(name=self.target.name, sha256=drawn.sha256, variation=variation)
+            scene = replace(scene, target=reference)
+        sample = Sample() if isinstance(scene.sample, msgspec.UnsetType) else scene.sample
+        return replace(scene, sample=msgspec.structs.replace(sample, varied=VariedBy(**by)))
+
+    def _image(self, rng: Generator, scene: SceneState, by: dict[str, Any]) -> SceneState:
+        image = self.vary.image
+        if image is None:
+            return scene
+        by["exposure"], by["noise"] = _factor(rng, image.exposure), _factor(rng, image.noise)
+        sensor = _noisier(scene.sensor, by["noise"])
+        if image.psf_sigma_px is not None:
+            by["psf_sigma_px"] = float(rng.uniform(*image.psf_sigma_px))
+            sensor = replace(sensor, blur_sigma_px=by["psf_sigma_px"])
+        if image.pedestal_dn is not None and sensor.detector is not None:
+            by["pedestal_dn"] = float(np.round(rng.uniform(*image.pedestal_dn)))
+            sensor = replace(sensor, detector=replace(sensor.detector, black_level_dn=by["pedestal_dn"]))
+        return replace(scene, sensor=sensor, exposure_s=scene.exposure_s * by["exposure"])
+
+    def _background(self, rng: Generator, scene: SceneState, by: dict[str, Any]) -> SceneState:
+        if self.vary.background is None:
+            return scene
+        names = self.vary.background.environments
+        by["environment"] = names[int(rng.integers(len(names)))]
+        environment = environment_preset(by["environment"])
+        if by.get("earthshine") is False:
+            environment = msgspec.structs.replace(environment, earthshine=False)
+        return replace(scene, environment=environment)
+
+    def _lights(self, rng: Generator, scene: SceneState, by: dict[str, Any]) -> SceneState:
+        lights = self.vary.lights
+        if lights is None:
+            return scene
+        lit, shines = rng.random() < lights.lamp_share, rng.random() < lights.earthshine_share
+        power, half = _factor(rng, lights.lamp_power_w), float(rng.uniform(*lights.lamp_half_angle_deg))
+        by["lamp"], by["earthshine"] = bool(lit), bool(shines)
+        if lit:
+            scene = replace(scene, lamp=Lamp(power_w=power, half_angle_deg=half))
+        if not shines:
+            dark = msgspec.structs.replace(scene.environment, earthshine=False)
+            scene = replace(scene, environment=dark)
+        return scene
+
+
+def varied_plan(plan: Plan | RecipePlan, vary: Vary | None = None) -> Plan | RecipePlan | VariedPlan:
+    """The plan with its frames varied by these ranges, else by its recipe's own, else as it is.
+
+    Raises
+    ------
+    UserError
+        As of `VariedPlan`.
+    """
+    own = getattr(plan, "recipe", None)
+    chosen = vary if vary is not None or own is None else own.vary
+    return plan if chosen is None else VariedPlan(plan, chosen)
+
+
+def _generator(seed: int, number: int, stream: int) -> Generator:
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(number, stream))))
+
+
+def _factor(rng: Generator, bounds: tuple[float, float]) -> float:
+    """Uniform in its logarithm."""
+    return float(np.exp(rng.uniform(*np.log(bounds))))
+
+
+def _noisier(sensor: Sensor, factor: float) -> Sensor:
+    """The sensor with the standard deviations of its noise multiplied; a detector's shot noise is the light's own."""
+    detector = sensor.detector
+    if detector is not None:
+        terms = ("read_noise_e", "row_noise_e", "column_noise_e", "dsnu_e")
+        detector = replace(detector, **{name: getattr(detector, name) * factor for name in terms})
+    return replace(
+        sensor,
+        speckle_variance=min(sensor.speckle_variance * factor**2, 1.0),
+        gaussian_variance=min(sensor.gaussian_variance * factor**2, 1.0),
+        detector=detector,
+    )
+
+
+@lru_cache(maxsize=4)
+def _variation(target: Target, encoded: bytes, seed: int, number: int) -> CraftVariation:
+    """How craft ``number`` differs from its model."""
+    craft = msgspec.json.decode(encoded, type=VaryCraft)
+    rng = _generator(seed, number, _CRAFT)
+    raw = rng.standard_normal((3, 3))
+    stretch = (raw + raw.T) / 2
+    reach = max(float(np.linalg.norm(p.positions_m @ stretch, axis=1).max()) for p in target.parts)
+    error = float(rng.uniform(*craft.model_error_mm)) * 1e-3
+    rows = [tuple(float(x) for x in row) for row in stretch * (error / reach)]
+    surfaces = {
+        m.name: SurfaceVariation(
+            reflectance=_factor(rng, craft.reflectance), roughness=_factor(rng, craft.roughness)
+        )
+        for m in target.materials
+    }
+    return CraftVariation(
+        base_sha256=target.sha256,
+        stretch=(rows[0], rows[1], rows[2]),  # type: ignore[arg-type]
+        error_m=error,
+        surfaces=surfaces,
+    )

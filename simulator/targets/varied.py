@@ -1,0 +1,133 @@
+"""A craft as built, not as drawn: its model stretched by millimetres, its surfaces other than the model has them.
+
+The stretch is one small symmetric matrix for the whole craft, ``x' = x + A x``: no part moves against another, straight
+edges stay straight, and the axes of the model are still those of the craft. Keypoints and wireframe go along, so that
+labels are of the craft that was drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.runtime.arrays import Mat3, Vec3, vec3
+from simulator.targets.convert import content_sha256
+from simulator.targets.library import target_in_use
+from simulator.targets.model import Occluders
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from simulator.runtime.arrays import FloatArray
+    from simulator.targets.model import Edge, Material, Part, Target
+
+
+class SurfaceVariation(msgspec.Struct, frozen=True, kw_only=True):
+    """What a material is multiplied by; roughness and reflectance stay within 0.02 to 1."""
+
+    reflectance: float = 1.0
+    roughness: float = 1.0
+
+
+class CraftVariation(msgspec.Struct, frozen=True, kw_only=True):
+    """How a craft differs from its model.
+
+    Attributes
+    ----------
+    base_sha256 : of the model. stretch : the symmetric matrix A. error_m : the largest move of any vertex.
+    surfaces : by the name of the material.
+    """
+
+    base_sha256: str
+    stretch: Mat3 = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    error_m: float = 0.0
+    surfaces: dict[str, SurfaceVariation] = msgspec.field(default_factory=dict)
+
+    def moved(self, points_m: ArrayLike) -> FloatArray:
+        """Points (..., 3) of the model where they are on the craft [m]."""
+        points = np.asarray(points_m, float)
+        return points + points @ np.asarray(self.stretch).T
+
+
+def varied_target(base: Target, variation: CraftVariation) -> Target:
+    """The craft as it differs from its model; the same object again for the same craft.
+
+    Raises
+    ------
+    UserError
+        If the variation is of another model.
+    """
+    if base.sha256 != variation.base_sha256:
+        raise UserError(
+            f"the scene's craft is a variation of model {variation.base_sha256[:12]}, and {base.name} is "
+            f"{base.sha256[:12]}; use the version of flyaround that the record names"
+        )
+    return _varied(base, msgspec.json.encode(variation))
+
+
+def target_as_drawn(name: str, sha256: str, variation: CraftVariation | None, base: Target | None) -> Target:
+    """The craft that a scene names, varied or not.
+
+    Parameters
+    ----------
+    base : the model, where it is at hand; looked up by name and hash otherwise.
+
+    Raises
+    ------
+    UserError
+        As of `target_in_use` and `varied_target`.
+    """
+    if variation is None:
+        return base or target_in_use(name, sha256)
+    return varied_target(base or target_in_use(name, variation.base_sha256), variation)
+
+
+@lru_cache(maxsize=2)
+def _varied(base: Target, encoded: bytes) -> Target:
+    v = msgspec.json.decode(encoded, type=CraftVariation)
+    normal_matrix = np.linalg.inv(np.eye(3) + np.asarray(v.stretch)).T
+    materials = tuple(_surface(m, v.surfaces.get(m.name)) for m in base.materials)
+    parts = tuple(_part(p, v, normal_matrix) for p in base.parts)
+    keypoints = tuple(replace(k, position_m=vec3(v.moved(k.position_m))) for k in base.keypoints)
+    wireframe = tuple(_edge(e, v, normal_matrix) for e in base.wireframe)
+    occluders = Occluders(vertices_m=v.moved(base.occluders.vertices_m), triangles=base.occluders.triangles)
+    return replace(
+        base,
+        sha256=content_sha256(materials, parts, keypoints, wireframe, occluders, base.pictures),
+        materials=materials,
+        parts=parts,
+        keypoints=keypoints,
+        wireframe=wireframe,
+        occluders=occluders,
+    )
+
+
+def _surface(material: Material, change: SurfaceVariation | None) -> Material:
+    if change is None:
+        return material
+    red, green, blue = (float(np.clip(c * change.reflectance, 0.0, 1.0)) for c in material.base_color)
+    roughness = float(np.clip(material.roughness * change.roughness, 0.02, 1.0))
+    return replace(material, base_color=(red, green, blue), roughness=roughness)
+
+
+def _part(part: Part, v: CraftVariation, normal_matrix: FloatArray) -> Part:
+    return replace(
+        part,
+        positions_m=v.moved(part.positions_m).astype(np.float32),
+        normals=_turned(part.normals, normal_matrix).astype(np.float32),
+    )
+
+
+def _edge(edge: Edge, v: CraftVariation, normal_matrix: FloatArray) -> Edge:
+    normals: tuple[Vec3, ...] = tuple(vec3(_turned(n, normal_matrix)) for n in edge.normals)
+    return replace(edge, a_m=vec3(v.moved(edge.a_m)), b_m=vec3(v.moved(edge.b_m)), normals=normals)
+
+
+def _turned(normals: ArrayLike, matrix: FloatArray) -> FloatArray:
+    turned = np.asarray(normals, float) @ matrix.T
+    return np.asarray(turned / np.maximum(np.linalg.norm(turned, axis=-1, keepdims=True), 1e-30))
