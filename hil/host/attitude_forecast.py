@@ -108,6 +108,9 @@ def write_forecasts(folder: Path, found: Forecasts, title: str) -> None:
 def forecast_figure(panels: Sequence[tuple[str, Forecasts]]) -> Figure:
     """Error over the horizon, a panel each: RMS and 95th percentile, and the RMS that the filter foretells."""
     figure, axes = figure_with_axes(1, len(panels), 3.6, width=6.2 * len(panels))
+    every = [e for _, found in panels for e in (*found.rigid_body, *found.constant_rate)]
+    # the same for all panels, and never so narrow that a decade has no label
+    limits = min(e.rms_deg for e in every) / 3, max(e.p95_deg for e in every) * 3
     for ax, (title, found) in zip(axes, panels, strict=True):
         for name, errors, colour in (
             ("constant rate", found.constant_rate, VERMILION),
@@ -117,6 +120,8 @@ def forecast_figure(panels: Sequence[tuple[str, Forecasts]]) -> Figure:
             ax.plot(at, [e.rms_deg for e in errors], "o-", ms=3, color=colour, label=f"{name}, RMS")
             ax.plot(at, [e.p95_deg for e in errors], ":", color=colour, lw=1, label="95th percentile")
         ax.plot(at, [e.sigma_deg for e in errors], "--", color="black", lw=1, label="one sigma, foretold")
-        ax.set(yscale="log", xlabel="foretold ahead [s]", ylabel="attitude error [deg]", title=title)
+        ax.set(
+            yscale="log", xlabel="foretold ahead [s]", ylabel="attitude error [deg]", ylim=limits, title=title
+        )
         ax.legend(frameon=False, fontsize=8)
     return figure

@@ -79,7 +79,8 @@ class NavigationFilter:
     References
     ----------
     Lefferts, Markley & Shuster (1982), J. Guidance 5(5); Bar-Shalom, Li & Kirubarajan (2001), sec. 5.4 (gate and
-    consistency) and 12.7 (delayed measurements).
+    consistency), ch. 8 (autocorrelated measurement noise: biases of poses are states) and 12.7 (delayed
+    measurements); Gelb (ed.) 1974, Applied Optimal Estimation, sec. 4.5.
     """
 
     def __init__(

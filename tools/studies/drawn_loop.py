@@ -137,6 +137,12 @@ def write(path: Path, result: ClosedLoopResult, drawn: DrawnPoses) -> None:
     write_atomic(path, data.getvalue())
 
 
+def seeds_of(told: str) -> range:
+    """Of FIRST-LAST."""
+    first, last = (int(x) for x in told.split("-"))
+    return range(first, last + 1)
+
+
 def main() -> None:
     """Fly what is asked for; a flight whose file is there is not flown again."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -148,9 +154,8 @@ def main() -> None:
     given = parser.parse_args()
     cv2.setNumThreads(1)
     given.out.mkdir(parents=True, exist_ok=True)
-    first, last = (int(x) for x in given.seeds.split("-"))
     with open_frames(Frame.image_and_truth, processes=1, ahead=1) as draw:
-        for seed in range(first, last + 1):
+        for seed in seeds_of(given.seeds):
             for scenario in given.scenarios:
                 path = given.out / f"{scenario}-{seed}.npz"
                 if path.exists():

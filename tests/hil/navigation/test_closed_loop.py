@@ -79,12 +79,13 @@ def test_a_flight_without_a_path_is_refused() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [STEADY, TUMBLING])
 def test_fifty_seeded_flights(name: str) -> None:
-    noisy = [run(name, seed, PoseNoise()) for seed in range(50)]
+    """On seeds with which nothing was chosen."""
+    noisy = [run(name, seed, PoseNoise()) for seed in range(3000, 3050)]
     arrived = [r for r in noisy if arrives(r)]
     assert len(arrived) >= 45, Counter(r.reason for r in noisy)
     assert {r.outcome for r in noisy} <= {"arrived", "aborted"}
     assert sum(r.keep_out_violations for r in noisy) == 0
-    assert sum(arrives(run(name, seed, None)) for seed in range(50)) == 50
+    assert sum(arrives(run(name, seed, None)) for seed in range(3000, 3050)) == 50
 
     shortest = min(len(r.steps) for r in arrived)
     table = np.array([[np.nan if s.nees is None else s.nees for s in r.steps[20:shortest]] for r in arrived])
