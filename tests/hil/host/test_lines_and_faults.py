@@ -8,7 +8,11 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from estimators import Checksum
-from hil.host.faults.definitions import (
+from hil_loop import Loop, adds_up, board, made_frame
+from serial_line import null_modem
+
+from hil.link.errors import LinkError
+from simulator.scenario.faults import (
     Bandwidth,
     Corrupt,
     Delay,
@@ -19,10 +23,6 @@ from hil.host.faults.definitions import (
     Jitter,
     Reorder,
 )
-from hil_loop import Loop, adds_up, board, made_frame
-from serial_line import null_modem
-
-from hil.link.errors import LinkError
 
 KEY = b"k" * 32
 N = 6
