@@ -15,6 +15,7 @@ from flyaround.__main__ import run
 from hil.board import agent, options
 from hil.board.__main__ import main
 from hil.board.agent import BoardAgent
+from hil.board.gige.options import CAMERA_OPTIONS
 from hil.board.options import AGENT_OPTIONS
 from hil.board.service import ExitCode
 from hil.link.packets.messages import Bye, Hello, HelloAck
@@ -53,7 +54,7 @@ def test_one_table_of_options_for_the_bundle_the_workstation_and_the_page(capsys
     pages = [capsys.readouterr().out, (DOCS / "hil_board.md").read_text()]
     run(["hil", "board", "--help"])
     pages.append(capsys.readouterr().out)
-    for option in AGENT_OPTIONS:
+    for option in (*AGENT_OPTIONS, *CAMERA_OPTIONS):
         assert all(option.flag in page for page in pages), option.flag
 
 
