@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.bench.scaling import scaled
+from simulator.camera.lens.files import load_camera
 from simulator.render.renderer import Renderer
 from simulator.render.target import target_passes as passes
 from simulator.scenario.load import load_scenario
@@ -53,6 +54,19 @@ def test_a_picture_hardly_depends_on_what_is_left_out(renderers, name, bands):
     assert plain.radiance.mean() == pytest.approx(spared.radiance.mean(), rel=0.01)
     blocks = _blocks(spared.radiance)
     assert np.abs(blocks - _blocks(plain.radiance)).max() < 0.06 * blocks.max()
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("camera", ["speedplus", "fisheye-140"])
+def test_nothing_that_a_lens_shows_of_a_craft_is_left_out(renderers, camera):
+    plan = plan_flight(load_scenario("tango-close-3m"), n=1)
+    scene = replace(plan.scene(0), camera=scaled(load_camera(camera), 0.25))
+    spared, plain = (one.render(scene, plan.target, labels=True) for one in renderers)
+    np.testing.assert_allclose(spared.coverage, plain.coverage, atol=1e-3)
+    craft = spared.coverage > 0.99
+    off, of_craft = np.abs(spared.radiance - plain.radiance)[craft], spared.radiance[craft]
+    assert off.max() < 0.05 * of_craft.max()
+    assert off.mean() < 1e-3 * of_craft.mean()
 
 
 @pytest.mark.gl
