@@ -45,6 +45,7 @@ CALLS: Dict[str, Tuple[Any, ...]] = {
     "arv_camera_set_trigger": (None, c_void_p, c_char_p, GERROR),
     "arv_camera_clear_triggers": (None, c_void_p, GERROR),
     "arv_camera_software_trigger": (None, c_void_p, GERROR),
+    "arv_camera_gv_get_packet_size": (c_uint, c_void_p, GERROR),
     "arv_camera_gv_set_packet_size": (None, c_void_p, c_int, GERROR),
     "arv_camera_gv_auto_packet_size": (c_uint, c_void_p, GERROR),
     "arv_camera_gv_set_stream_options": (None, c_void_p, c_int),

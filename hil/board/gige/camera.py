@@ -138,6 +138,11 @@ class GigeCamera:
         except AravisError as error:
             raise LinkError(f"camera {self._address} does not say what it reads: {error}") from error
 
+    @property
+    def packet_bytes(self) -> int:
+        """Of the stream's packets, headers of IP and UDP included."""
+        return int(self._do("gv_get_packet_size"))
+
     def start(self) -> None:
         """Stream, or stream anew.
 

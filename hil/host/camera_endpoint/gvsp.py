@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.link.packets.enums import PixelFormat
+from hil.link.packets.pixels import pack_pixels
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -31,24 +34,25 @@ class StreamFormat(IntEnum):
     Mono8 = 0x01080001
     Mono10 = 0x01100003
     Mono12 = 0x01100005
+    Mono12p = 0x010C0047
     Mono14 = 0x01100025
     Mono16 = 0x01100007
 
     @property
     def bits(self) -> int:
         """Significant bits of a pixel."""
-        return int(self.name[4:])
+        return int(self.name[4:].rstrip("p"))
 
-    @property
-    def bytes_per_pixel(self) -> int:
-        """What a pixel takes."""
-        return 1 if self is StreamFormat.Mono8 else 2
+    def payload_bytes(self, n_pixels: int) -> int:
+        """What so many pixels take; the code's third byte is the bits of one."""
+        return -(-n_pixels * (self >> 16 & 0xFF) // 8)
 
 
 def formats_of(bits: int) -> tuple[StreamFormat, ...]:
-    """Formats that a detector of so many bits has: its own, and eight bits."""
+    """Formats that a detector of so many bits has: its own, of 12 bits packed, too, and eight bits."""
     own = next(f for f in StreamFormat if f.bits >= bits)
-    return tuple(dict.fromkeys((own, StreamFormat.Mono8)))
+    packed = (StreamFormat.Mono12p,) if own is StreamFormat.Mono12 else ()
+    return tuple(dict.fromkeys((own, *packed, StreamFormat.Mono8)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +73,10 @@ def pixels_of(
     more = pixel_format.bits - bits
     if pixel_format is StreamFormat.Mono8:
         return ((part >> -more) if more < 0 else (part << more)).astype(np.uint8).tobytes()
-    return (part.astype("<u2") << more).astype("<u2").tobytes()
+    words = (part.astype("<u2") << more).astype("<u2")
+    if pixel_format is StreamFormat.Mono12p:
+        return pack_pixels(words, PixelFormat.Mono12p)
+    return words.tobytes()
 
 
 @dataclass(frozen=True, kw_only=True)

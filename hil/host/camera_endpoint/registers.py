@@ -315,7 +315,7 @@ class Registers:
 
     def _set_payload_size(self) -> None:
         r = self.region
-        self[Place.PAYLOAD_SIZE] = r.width * r.height * self.pixel_format.bytes_per_pixel
+        self[Place.PAYLOAD_SIZE] = self.pixel_format.payload_bytes(r.width * r.height)
 
 
 def _as_float(value: int) -> float:

@@ -124,6 +124,21 @@ def test_poses_by_the_camera_are_those_by_the_link(endpoint, camera_file, tmp_pa
     assert len({row["t_camera_from_target_m"][0] for row in by_camera}) == 6
 
 
+@pytest.mark.parametrize("pixel_format", ["Mono12p", "Mono12"])
+def test_every_format_brings_the_same_pixels_in_packets_as_long_as_the_line_carries(
+    endpoint, camera_file, pixel_format
+):
+    grab(camera_file, None, 2, software_trigger=True, pixel_format=pixel_format, packet_bytes=0)
+    for seen, picture in zip(PixelEstimator.seen, endpoint, strict=False):
+        assert seen.dtype == np.uint16
+        assert np.array_equal(seen, picture)
+    device = GigeCamera(ADDRESS, CameraSettings(packet_bytes=0))
+    try:
+        assert device.packet_bytes > 8000  # of loopback's; 9000 is the most that the camera sends
+    finally:
+        device.close()
+
+
 def test_settings_reach_the_camera_and_the_estimator(endpoint, camera_file, tmp_path):
     poses = tmp_path / "poses.csv"
     settings = {"software_trigger": True, "roi_px": (8, 4, 64, 32), "exposure_us": 2500.0, "gain_db": 6.0}

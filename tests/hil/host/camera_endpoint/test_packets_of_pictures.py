@@ -46,4 +46,12 @@ def test_pixel_formats_hold_the_detectors_numbers():
     assert np.array_equal(eight, part >> 4)
     assert formats_of(8) == (StreamFormat.Mono8,)
     assert formats_of(10) == (StreamFormat.Mono10, StreamFormat.Mono8)
-    assert formats_of(11) == (StreamFormat.Mono12, StreamFormat.Mono8)
+    packed = pixels_of(image, 12, region, StreamFormat.Mono12p)
+    assert len(packed) == StreamFormat.Mono12p.payload_bytes(16 * 32) == 768
+    # the naming convention's: eight low bits, four and four, eight high bits
+    assert (packed[0], packed[1], packed[2]) == (
+        part[0, 0] & 0xFF,
+        part[0, 0] >> 8 | (part[0, 1] & 0xF) << 4,
+        part[0, 1] >> 4,
+    )
+    assert formats_of(11) == (StreamFormat.Mono12, StreamFormat.Mono12p, StreamFormat.Mono8)
