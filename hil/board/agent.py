@@ -79,19 +79,22 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
 
     Parameters
     ----------
-    compiled : whether its estimator is the SVD one, whose kernels are named, too.
+    compiled : whether its estimator is the SVD one, whose OpenCV and kernels are named, too.
     """
-    runs_on = ""
+    runs_on = f" {platform.machine()} Python {platform.python_version()}"
     if compiled:
+        import cv2  # noqa: PLC0415 - a board with an estimator of its own needs none
+
         from hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - needs OpenCV
 
-        runs_on = f", kernels {describe_backend().split()[0]}"
+        runs_on += f", OpenCV {cv2.__version__}, {describe_backend().split()[0]}"
     return Hello(
         encodings=supported_encodings(),
         model_name=model_name,
         model_sha256=model_sha256,
         method=method,
-        board=f"{platform.node()} {platform.machine()} Python {platform.python_version()}{runs_on}",
+        # a long name of the machine leaves room for the rest
+        board=platform.node()[: max(Hello.BOARD_BYTES - len(runs_on), 0)] + runs_on,
     )
 
 

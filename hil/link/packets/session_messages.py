@@ -46,6 +46,7 @@ class Hello:
 
     TYPE: ClassVar[PacketType] = PacketType.HELLO
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHHH64s32s32s64s")
+    BOARD_BYTES: ClassVar[int] = 64
 
     encodings: int = 1
     window: int = 1
@@ -65,7 +66,7 @@ class Hello:
             pack_text(self.model_name, 64),
             pack_hash(self.model_sha256),
             pack_text(self.method, 32),
-            pack_text(self.board, 64),
+            pack_text(self.board, self.BOARD_BYTES),
         )
 
     @classmethod

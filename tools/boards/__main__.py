@@ -1,0 +1,107 @@
+"""``python -m tools.boards``: an emulated board to start, the proof of it, and the table's row of any board.
+
+``prove`` (`make board-qemu`) sends the same pictures to the host's own estimator and to an emulated board over each of
+its lines; ``start`` leaves a board running for a host of your own; ``compare`` makes a row of two ledgers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from simulator.errors import UserError
+from simulator.runtime.files import empty_folder
+from tools.boards.agreement import compare_runs, table_head
+from tools.boards.debian_image import board_image
+from tools.boards.loops import (
+    LINES,
+    SCENARIO,
+    emulated_processor,
+    pictures,
+    run_here,
+    run_host,
+    scenario_of,
+    served_board,
+)
+
+log = logging.getLogger(__name__)
+
+
+def main() -> int:
+    """Exit code 0; 1 where a board does not agree with the host; 2 where something cannot be done."""
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    options = _options()
+    try:
+        return {"prove": prove, "start": start, "compare": compare}[options.command](options)
+    except UserError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+
+
+def prove(options: argparse.Namespace) -> int:
+    """The loop over each line, and what the board answers beside what the host's estimator does."""
+    empty_folder(options.output)
+    image, runs = board_image(), []
+    processor, system = emulated_processor()
+    for line in (LINES[name] for name in options.lines):
+        folder = options.output / line.name
+        folder.mkdir()
+        scenario = scenario_of(options.scenario, line, folder)
+        log.info("%s: drawing %d pictures", line.text, options.n)
+        pictures(scenario, options.n, folder / "pictures")
+        log.info("the host's estimator on them")
+        here = run_here(scenario, folder / "pictures", options.n, folder)
+        log.info("the emulated board's: it starts, compiles the kernels, and takes seconds for each picture")
+        with served_board(image, line, folder) as (_, url):
+            run_host(scenario, folder / "pictures", options.n, url, folder / "board")
+        runs.append(compare_runs(here, folder / "board", processor, system, line.text))
+    print(table_head(), *(run.row() for run in runs), sep="\n")
+    return 0 if all(run.agreement.holds for run in runs) else 1
+
+
+def start(options: argparse.Namespace) -> int:
+    """A board that stays on until Ctrl-C, and what to type for it."""
+    log.info("the board starts and compiles the kernels: a minute or more")
+    with (
+        TemporaryDirectory() as name,
+        served_board(board_image(), LINES[options.line], Path(name)) as (board, url),
+    ):
+        log.info("it is ready for hosts, until Ctrl-C:")
+        print(f"flyaround hil host {SCENARIO} -n 5 --timeout 300 --listen '{url}'")
+        try:
+            board.process.wait()
+        except KeyboardInterrupt:
+            return 0
+    return 1
+
+
+def compare(options: argparse.Namespace) -> int:
+    """Row of a board whose run and whose pictures' run on the host are there."""
+    run = compare_runs(options.host, options.board, options.processor, options.system, options.link)
+    print(table_head(), run.row(), sep="\n")
+    return 0 if run.agreement.holds else 1
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tools.boards", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    command = commands.add_parser("prove", help="the loop over each line of the emulated board")
+    command.add_argument("-o", "--output", type=Path, default=Path("out/boards"), help="new or empty folder")
+    command.add_argument("-n", type=int, default=60, help="pictures for each line (60)")
+    command.add_argument("--scenario", default=SCENARIO)
+    command.add_argument("--lines", nargs="+", choices=LINES, default=list(LINES))
+    command = commands.add_parser("start", help="an emulated board that stays on")
+    command.add_argument("--line", choices=LINES, default="net")
+    command = commands.add_parser("compare", help="a row of the table in docs/hil.md")
+    command.add_argument("host", type=Path, help="ledger of the pictures on the host's estimator")
+    command.add_argument("board", type=Path, help="ledger of the same pictures on the board")
+    for what in ("processor", "system", "link"):
+        command.add_argument(f"--{what}", required=True, help="as the table should say it")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,181 @@
+"""How far two runs of the same pictures agree: the host's estimator and the same on a board."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from hil.host.ledger.frames_csv import ACCEPTED, DECLINED, LedgerRow, pose_errors, read_ledger
+from hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+# what a board must reach: of the frames the same decision, of the poses that both accept so near each other
+SHARE, NEAR_DEG, NEAR_M = 0.95, 0.1, 0.010
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement:
+    """A board's run beside the host's.
+
+    Parameters
+    ----------
+    frames : of the host's run. same : as many got the same decision; a dropped frame is another one.
+    accepted : by both. near : of those, poses within ``NEAR_DEG`` and ``NEAR_M`` of each other.
+    largest_deg, largest_m : the greatest differences of poses that both accepted.
+    estimator_ms_p50, estimator_ms_p95 : from the estimator's begin to its end, on the board.
+    """
+
+    frames: int
+    same: int
+    accepted: int
+    near: int
+    largest_deg: float
+    largest_m: float
+    estimator_ms_p50: float
+    estimator_ms_p95: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the board counts as doing what the host's estimator does."""
+        return self.accepted > 0 and self.same >= SHARE * self.frames and self.near >= SHARE * self.accepted
+
+
+def agreement(host: Sequence[LedgerRow], board: Sequence[LedgerRow]) -> Agreement:
+    """A board's rows beside the host's, frame by frame.
+
+    Raises
+    ------
+    UserError
+        If the runs are not of the same frames.
+    """
+    answers = {row.frame_id: row for row in board}
+    if sorted(answers) != sorted(row.frame_id for row in host) or not host:
+        raise UserError("the two runs are not of the same frames: give both the same pictures and -n")
+    same, differences = 0, []
+    for row in host:
+        other = answers[row.frame_id]
+        same += row.outcome == other.outcome
+        if row.outcome == other.outcome == ACCEPTED and row.q_wxyz and row.t_m and other.q_wxyz and other.t_m:
+            differences.append(pose_errors(other.q_wxyz, other.t_m, row.q_wxyz, row.t_m))
+    far_m, far_deg = np.array(differences).reshape(-1, 2).T
+    took_ms = [
+        row.board_total_ms - row.board_wait_ms
+        for row in board
+        if row.outcome in (ACCEPTED, DECLINED)
+        and row.board_total_ms is not None
+        and row.board_wait_ms is not None
+    ]
+    p50, p95 = np.percentile(took_ms, (50, 95)) if took_ms else (np.nan, np.nan)
+    return Agreement(
+        frames=len(host),
+        same=same,
+        accepted=len(differences),
+        near=int(((far_deg <= NEAR_DEG) & (far_m <= NEAR_M)).sum()),
+        largest_deg=float(far_deg.max(initial=0.0)),
+        largest_m=float(far_m.max(initial=0.0)),
+        estimator_ms_p50=float(p50),
+        estimator_ms_p95=float(p95),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoardRun:
+    """A run in the table of boards.
+
+    Parameters
+    ----------
+    processor, system : as people call them. link : what the frames went over.
+    python, opencv : versions, as the board said them. kernels : native or numpy.
+    """
+
+    processor: str
+    system: str
+    link: str
+    python: str
+    opencv: str
+    kernels: str
+    agreement: Agreement
+
+    def row(self) -> str:
+        """A line of the table in docs/hil.md."""
+        a = self.agreement
+        cells = (
+            self.processor,
+            self.system,
+            self.python,
+            self.opencv,
+            self.kernels,
+            self.link,
+            str(a.frames),
+            f"{a.same} of {a.frames}",
+            f"{a.near} of {a.accepted}",
+            f"{a.largest_deg:.2g} deg, {1e3 * a.largest_m:.2g} mm",
+            f"{a.estimator_ms_p50:.0f} / {a.estimator_ms_p95:.0f}",
+        )
+        return "| " + " | ".join(cells) + " |"
+
+
+HEADINGS = (
+    "processor",
+    "system",
+    "Python",
+    "OpenCV",
+    "kernels",
+    "link",
+    "frames",
+    "same decision",
+    "within 0.1 deg and 10 mm",
+    "largest difference",
+    "estimator p50 / p95 [ms]",
+)
+
+
+def table_head() -> str:
+    """The first two lines of the table."""
+    return f"| {' | '.join(HEADINGS)} |\n|{'---|' * len(HEADINGS)}"
+
+
+def compare_runs(host: Path, board: Path, processor: str, system: str, link: str) -> BoardRun:
+    """Two folders of ledgers as a row of the table.
+
+    Raises
+    ------
+    UserError
+        If a ledger cannot be read, the frames are not the same, or the boards' OpenCV is not of one version.
+    """
+    reference, told = _told(host), _told(board)
+    if reference["opencv"] != told["opencv"]:
+        raise UserError(
+            f"the host's estimator ran with OpenCV {reference['opencv']}, the board's with {told['opencv']}:"
+            " install the same version on both"
+        )
+    return BoardRun(
+        processor=processor,
+        system=system,
+        link=link,
+        agreement=agreement(read_ledger(host), read_ledger(board)),
+        **told,
+    )
+
+
+def _told(folder: Path) -> dict[str, str]:
+    """Versions that a board said of itself when it met the host."""
+    try:
+        summary = msgspec.json.decode((folder / SUMMARY_JSON).read_bytes(), type=LedgerSummary)
+    except (OSError, msgspec.DecodeError) as error:
+        raise UserError(
+            f"{folder} holds no summary of a run ({error}): name a folder of hil host --log"
+        ) from error
+    said = "" if summary.board is None else summary.board.name
+    found = re.search(r"Python (\S+), OpenCV (\S+), (\w+)$", said)
+    if found is None:
+        raise UserError(f"the board of {folder} says of itself {said!r}: its bundle is older; write it anew")
+    return dict(zip(("python", "opencv", "kernels"), found.groups(), strict=True))

@@ -1,0 +1,128 @@
+"""QEMU as a board: its command line, a job handed to it, and its two lines to the host."""
+
+from __future__ import annotations
+
+import io
+import re
+import subprocess
+import tarfile
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from tools.boards.debian_image import BoardImage
+
+# A Raspberry Pi 4's processor
+CPU = "cortex-a72"
+
+
+def qemu_command(image: BoardImage, job: Path) -> list[str]:
+    """Command line of an emulated board, whose disk is as before at the next start.
+
+    Its first serial port (a PL011, ``/dev/ttyAMA0`` there) is a pseudo-terminal here, which QEMU names on standard
+    output; its console, another device, is standard output. The host's loopback is 10.0.2.2 there, and nothing reaches
+    the board from outside.
+
+    Parameters
+    ----------
+    job : tar archive that the board unpacks and whose ``run`` it runs.
+    """
+    return [
+        *("qemu-system-aarch64", "-M", "virt", "-cpu", CPU, "-smp", "1", "-m", "1024", "-accel", "tcg"),
+        *("-nographic", "-monitor", "none", "-no-reboot"),
+        *(
+            "-kernel",
+            str(image.kernel),
+            "-initrd",
+            str(image.initramfs),
+            "-append",
+            "console=hvc0 quiet panic=-1",
+        ),
+        *("-device", "virtio-rng-pci"),
+        *("-drive", _drive("root", image.disk, "snapshot=on"), "-device", "virtio-blk-pci,drive=root"),
+        *("-drive", _drive("job", job, "readonly=on"), "-device", "virtio-blk-pci,drive=job"),
+        *("-chardev", "pty,id=uart", "-serial", "chardev:uart"),
+        *("-device", "virtio-serial-pci", "-chardev", "stdio,id=console,signal=off"),
+        *("-device", "virtconsole,chardev=console"),
+        *("-netdev", "user,id=net", "-device", "virtio-net-pci,netdev=net,romfile="),
+    ]
+
+
+@dataclass(frozen=True)
+class EmulatedBoard:
+    """A board that runs: what its console says, and the device here that its serial port is wired to."""
+
+    process: subprocess.Popen[bytes]
+    console: Path
+    uart: str
+
+    def said(self) -> str:
+        """All that its console has said so far."""
+        return self.console.read_text(encoding="utf-8", errors="replace").replace("\r\n", "\n")
+
+    def wait_for(self, words: str, timeout_s: float) -> str:
+        """All that it said, as soon as ``words`` are among it.
+
+        Raises
+        ------
+        UserError
+            If they do not come in time, or the board ends before.
+        """
+        end_s = time.monotonic() + timeout_s
+        while words not in self.said():
+            if self.process.poll() is not None or time.monotonic() > end_s:
+                last = " / ".join(self.said().split("\n")[-8:])
+                raise UserError(
+                    f"the emulated board has not said {words!r} within {timeout_s:g} s: {self.console} ends with {last}"
+                )
+            time.sleep(0.2)
+        return self.said()
+
+
+@contextmanager
+def emulated_board(image: BoardImage, files: Mapping[str, bytes], folder: Path) -> Iterator[EmulatedBoard]:
+    """A board that runs a job until the block is left.
+
+    Parameters
+    ----------
+    files : of the job, by name; the shell script ``run`` is run among them, as root.
+    folder : for the job and what the console says.
+
+    Raises
+    ------
+    UserError
+        If QEMU does not start.
+    """
+    job, console = folder / "job.tar", folder / "console.log"
+    with tarfile.open(job, "w") as archive:
+        for name, content in files.items():
+            entry = tarfile.TarInfo(name)
+            entry.size = len(content)
+            archive.addfile(entry, io.BytesIO(content))
+    with console.open("wb") as out:
+        # whoever works on this machine goes first
+        process = subprocess.Popen(
+            ["nice", *qemu_command(image, job)],
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=subprocess.STDOUT,
+        )
+    try:
+        board = EmulatedBoard(process, console, "")
+        named = re.search(r"redirected to (\S+) \(label uart\)", board.wait_for("(label uart)", 20.0))
+        yield EmulatedBoard(process, console, named[1] if named else "")
+    finally:
+        process.kill()
+        process.wait()
+
+
+def _drive(name: str, path: Path, option: str) -> str:
+    # a comma in a value is written twice
+    return f"if=none,id={name},format=raw,{option},file={str(path).replace(',', ',,')}"

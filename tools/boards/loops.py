@@ -1,0 +1,182 @@
+"""Runs of the same pictures: on the host's own estimator, and on an emulated board over each of its lines."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import socket
+import subprocess
+import sys
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from hil.host.bundle import write_bundle
+from simulator.errors import UserError
+from simulator.scenario.load import load_scenario
+from simulator.scenario.write import to_toml
+from simulator.targets.library import load_target
+from tools.boards.emulator import CPU, EmulatedBoard, emulated_board
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tools.boards.debian_image import BoardImage
+
+SCENARIO, TARGET = "tango-flyaround", "tango"
+UART_BAUD = 921_600
+
+# an estimator takes some forty times as long as on the host, the first frame and the kernels' compiler besides
+BOARD_WATCHDOG_S, ANSWER_S, READY_S = 600.0, 300.0, 900.0
+
+READY = "the board is ready"
+
+# the unit as it is shipped, as its first lines say
+RUN = """\
+set -eu
+useradd --system --no-create-home --shell /usr/sbin/nologin flyaround
+mkdir -p /opt/flyaround
+cp board.pyz /opt/flyaround/
+python3 /opt/flyaround/board.pyz '{url}' --model {target} --watchdog {watchdog:g} --systemd-unit \\
+  > /etc/systemd/system/flyaround-board.service
+systemctl enable --now flyaround-board || {{ systemctl status --no-pager --lines=50 flyaround-board; exit 1; }}
+echo {ready}
+exec journalctl --follow --output=cat --unit=flyaround-board
+"""
+
+
+@dataclass(frozen=True)
+class BoardLine:
+    """A line between host and emulated board.
+
+    Parameters
+    ----------
+    name : of the command line. text : for people. binning : of the pictures, so that the line carries them in seconds.
+    """
+
+    name: str
+    text: str
+    binning: int
+
+
+LINES = {
+    line.name: line
+    for line in (
+        BoardLine("net", "virtio-net, TCP", 1),
+        BoardLine("uart", f"UART (PL011), {UART_BAUD} baud", 2),
+    )
+}
+
+
+@contextlib.contextmanager
+def served_board(image: BoardImage, line: BoardLine, folder: Path) -> Iterator[tuple[EmulatedBoard, str]]:
+    """An emulated board whose agent runs as a service and is ready, and the URL that a host listens on for it.
+
+    Raises
+    ------
+    UserError
+        If it does not start.
+    """
+    port = _free_port()
+    url = f"tcp://10.0.2.2:{port}" if line.name == "net" else f"serial:///dev/ttyAMA0?baud={UART_BAUD}"
+    bundle = folder / "board.pyz"
+    write_bundle(bundle, [load_target(TARGET)])
+    script = RUN.format(url=url, target=TARGET, watchdog=BOARD_WATCHDOG_S, ready=READY)
+    with emulated_board(image, {"run": script.encode(), "board.pyz": bundle.read_bytes()}, folder) as board:
+        board.wait_for(READY, READY_S)
+        listen = (
+            f"tcp://127.0.0.1:{port}" if line.name == "net" else f"serial://{board.uart}?baud={UART_BAUD}"
+        )
+        yield board, listen
+
+
+def scenario_of(name: str, line: BoardLine, folder: Path) -> str:
+    """The scenario that is flown for a line: as it is, or a file of it whose sensor joins pixels."""
+    if line.binning == 1:
+        return name
+    flown = load_scenario(name)
+    sensor = msgspec.structs.replace(flown.sensor, binning=line.binning)
+    path = folder / "scenario.toml"
+    table = msgspec.to_builtins(msgspec.structs.replace(flown, sensor=sensor))
+    path.write_text(to_toml(table), encoding="utf-8")
+    return str(path)
+
+
+def pictures(scenario: str, n: int, folder: Path) -> None:
+    """Draw a flight's pictures: the same for every board.
+
+    Raises
+    ------
+    UserError
+        If they cannot be drawn.
+    """
+    _flyaround(["capture", scenario, "-n", str(n), "-o", str(folder)], folder.with_suffix(".log"))
+
+
+def run_host(scenario: str, images: Path, n: int, url: str, log: Path) -> None:
+    """Send the pictures to the board that comes to ``url``, and keep the ledger.
+
+    Raises
+    ------
+    UserError
+        If the run fails.
+    """
+    options = ["--from", str(images), "-n", str(n), "--truth", "off", "--timeout", f"{ANSWER_S:g}"]
+    more = ["--wait", f"{READY_S:g}", "--listen", url, "--log", str(log)]
+    _flyaround(["hil", "host", scenario, *options, *more], log.with_suffix(".log"))
+
+
+def run_here(scenario: str, images: Path, n: int, folder: Path) -> Path:
+    """The same run on the host's own estimator, out of the same bundle, as a process; returns its ledger's folder.
+
+    Raises
+    ------
+    UserError
+        If the run fails.
+    """
+    bundle, url, log = folder / "board.pyz", f"tcp://127.0.0.1:{_free_port()}", folder / "host"
+    write_bundle(bundle, [load_target(TARGET)])
+    with (folder / "board.log").open("wb") as out:
+        board = subprocess.Popen(
+            [sys.executable, "-I", str(bundle), url, "--model", TARGET],
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+            stdout=out,
+            stderr=subprocess.STDOUT,
+        )
+        try:
+            run_host(scenario, images, n, url, log)
+        finally:
+            board.kill()
+            board.wait()
+    return log
+
+
+def emulated_processor() -> tuple[str, str]:
+    """Processor and system of the emulated board, as the table says them."""
+    version = subprocess.run(
+        ["qemu-system-aarch64", "--version"], capture_output=True, text=True, check=True
+    ).stdout
+    found = re.search(r"version (\S+)", version)
+    return f"{CPU}, emulated (QEMU {found[1] if found else '?'})", "Debian 12, arm64"
+
+
+def _flyaround(arguments: list[str], said: Path) -> None:
+    with said.open("wb") as out:
+        code = subprocess.run(
+            [sys.executable, "-m", "flyaround", *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=subprocess.STDOUT,
+            check=False,
+        ).returncode
+    if code:
+        raise UserError(f"flyaround {' '.join(arguments[:2])} ended with code {code}: see {said}")
+
+
+def _free_port() -> int:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
