@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow soak test-portable test-mutants test-starts lint bench validation proof-latency docs docs-site schemas format system clean
+.PHONY: demo test test-slow soak test-portable test-mutants test-starts lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -50,6 +50,13 @@ validation: $(STAMP) system
 SECONDS ?= 60
 proof-latency: $(STAMP)
 	$(BIN)/python -m tools.validation.hil --seconds $(SECONDS)
+
+# The loop to a board of another processor, emulated: docs/hil_boards.md. Half an hour for each line of LINES.
+N ?= 60
+LINES ?= net uart
+board-qemu: $(STAMP) system
+	rm -rf out/boards
+	$(BIN)/python -m tools.boards prove -n $(N) --lines $(LINES) -o out/boards
 
 docs: $(STAMP) system
 	$(BIN)/python -m tools.docs.pictures

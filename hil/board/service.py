@@ -122,6 +122,8 @@ WatchdogSec=30
 CacheDirectory=flyaround
 CacheDirectoryMode=0700
 Environment=FLYAROUND_CACHE_DIR=%C/flyaround
+# threads on matrices this small cost more than they give
+Environment=OPENBLAS_NUM_THREADS=1
 UMask=0077
 
 CapabilityBoundingSet=

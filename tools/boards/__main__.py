@@ -1,7 +1,8 @@
 """``python -m tools.boards``: an emulated board to start, the proof of it, and the table's row of any board.
 
 ``prove`` (`make board-qemu`) sends the same pictures to the host's own estimator and to an emulated board over each of
-its lines; ``start`` leaves a board running for a host of your own; ``compare`` makes a row of two ledgers.
+its lines; ``start`` leaves a board running for a host of your own; ``service`` holds the unit against its page;
+``compare`` makes a row of two ledgers.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from tools.boards.loops import (
     scenario_of,
     served_board,
 )
+from tools.boards.service_checks import check_service
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +37,9 @@ def main() -> int:
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     options = _options()
     try:
-        return {"prove": prove, "start": start, "compare": compare}[options.command](options)
+        return {"prove": prove, "start": start, "service": service, "compare": compare}[options.command](
+            options
+        )
     except UserError as error:
         sys.stderr.write(f"{error}\n")
         return 2
@@ -49,7 +53,7 @@ def prove(options: argparse.Namespace) -> int:
     for line in (LINES[name] for name in options.lines):
         folder = options.output / line.name
         folder.mkdir()
-        scenario = scenario_of(options.scenario, line, folder)
+        scenario = scenario_of(line, folder)
         log.info("%s: drawing %d pictures", line.text, options.n)
         pictures(scenario, options.n, folder / "pictures")
         log.info("the host's estimator on them")
@@ -78,6 +82,14 @@ def start(options: argparse.Namespace) -> int:
     return 1
 
 
+def service(options: argparse.Namespace) -> int:
+    """What docs/hil_board.md says of the service, under the emulated board's systemd."""
+    empty_folder(options.output)
+    lines = check_service(board_image(), options.output)
+    print(*lines, sep="\n")
+    return 0 if all(line.startswith("holds:") for line in lines) else 1
+
+
 def compare(options: argparse.Namespace) -> int:
     """Row of a board whose run and whose pictures' run on the host are there."""
     run = compare_runs(options.host, options.board, options.processor, options.system, options.link)
@@ -91,10 +103,13 @@ def _options() -> argparse.Namespace:
     command = commands.add_parser("prove", help="the loop over each line of the emulated board")
     command.add_argument("-o", "--output", type=Path, default=Path("out/boards"), help="new or empty folder")
     command.add_argument("-n", type=int, default=60, help="pictures for each line (60)")
-    command.add_argument("--scenario", default=SCENARIO)
     command.add_argument("--lines", nargs="+", choices=LINES, default=list(LINES))
     command = commands.add_parser("start", help="an emulated board that stays on")
     command.add_argument("--line", choices=LINES, default="net")
+    command = commands.add_parser("service", help="the service under the emulated board's systemd")
+    command.add_argument(
+        "-o", "--output", type=Path, default=Path("out/board-service"), help="new or empty folder"
+    )
     command = commands.add_parser("compare", help="a row of the table in docs/hil.md")
     command.add_argument("host", type=Path, help="ledger of the pictures on the host's estimator")
     command.add_argument("board", type=Path, help="ledger of the same pictures on the board")

@@ -92,6 +92,7 @@ LINKS = {
     "bin": "usr/bin",
     "lib": "usr/lib",
     "sbin": "usr/sbin",
+    "usr/bin/cc": "gcc",
     f"{UNITS}/systemd-binfmt.service": "/dev/null",
     # a login prompt would take the console from the job
     f"{UNITS}/serial-getty@hvc0.service": "/dev/null",
@@ -128,7 +129,14 @@ class BoardImage:
 def image_name() -> str:
     """Name of the image in the cache: another recipe or other versions of NumPy and OpenCV have another."""
     return entry_name(
-        "board-qemu", VERSION, SUITE, PACKAGES, _pinned(), sorted(FILES.items()), (DRIVERS, INIT)
+        "board-qemu",
+        VERSION,
+        SUITE,
+        PACKAGES,
+        _pinned(),
+        sorted(FILES.items()),
+        sorted(LINKS.items()),
+        (DRIVERS, INIT),
     )
 
 

@@ -1,0 +1,48 @@
+"""The service of `--systemd-unit` under an emulated board's systemd: whether it is what docs/hil_board.md says."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hil.host.bundle import write_bundle
+from hil.host.ledger.frames_csv import read_ledger
+from simulator.errors import UserError
+from simulator.targets.library import load_target
+from tools.boards.emulator import emulated_board
+from tools.boards.loops import SCENARIO, TARGET, free_port, pictures, run_host
+
+if TYPE_CHECKING:
+    from tools.boards.debian_image import BoardImage
+
+HOST_WANTED, DONE = "a host is wanted", "all of the service is checked"
+MOST_S = 1500.0
+
+
+def check_service(image: BoardImage, folder: Path) -> list[str]:
+    """What was checked and how it went: lines that begin with ``holds:`` or ``FAILS:``.
+
+    Raises
+    ------
+    UserError
+        If the checks do not come to their end.
+    """
+    bundle, port = folder / "board.pyz", free_port()
+    write_bundle(bundle, [load_target(TARGET)])
+    pictures(SCENARIO, 1, folder / "pictures")
+    script = f"target={TARGET} url=tcp://10.0.2.2:{port}\n" + Path(__file__).with_suffix(".sh").read_text(
+        encoding="utf-8"
+    )
+    with emulated_board(image, {"run": script.encode(), "board.pyz": bundle.read_bytes()}, folder) as board:
+        board.wait_for(HOST_WANTED, MOST_S)
+        # it ends with its board gone
+        with contextlib.suppress(UserError):
+            run_host(
+                SCENARIO, folder / "pictures", 1, f"tcp://127.0.0.1:{port}", folder / "host", wait_s=60.0
+            )
+        said = board.wait_for(DONE, MOST_S)
+    declined = [row.reason for row in read_ledger(folder / "host") if row.outcome == "declined"]
+    told = any("watchdog" in reason for reason in declined)
+    lines = [line for line in said.split("\n") if line.startswith(("holds:", "FAILS:"))]
+    return [*lines, ("holds:" if told else "FAILS:") + " and the host hears why its frame is declined"]
