@@ -74,7 +74,7 @@ def start(options: argparse.Namespace) -> int:
         served_board(board_image(), LINES[options.line], Path(name)) as (board, url),
     ):
         log.info("it is ready for hosts, until Ctrl-C:")
-        print(f"flyaround hil host {SCENARIO} -n 5 --timeout 300 --listen '{url}'")
+        print(f"flyaround hil host {SCENARIO} -n 5 --timeout 300 --silence 120 --listen '{url}'")
         try:
             board.process.wait()
         except KeyboardInterrupt:

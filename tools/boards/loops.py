@@ -31,7 +31,9 @@ SCENARIO, TARGET = "tango-flyaround", "tango"
 UART_BAUD = 38_400
 
 # an estimator takes some forty times as long as on the host, the first frame and the kernels' compiler besides
-BOARD_WATCHDOG_S, ANSWER_S, READY_S = 600.0, 300.0, 900.0
+BOARD_WATCHDOG_S, ANSWER_S, READY_S = 600.0, 300.0, 1200.0
+# and holds the interpreter for seconds, in which the board says nothing
+SILENT_S = 120.0
 
 READY = "the board is ready"
 
@@ -41,9 +43,10 @@ set -eu
 useradd --system --no-create-home --shell /usr/sbin/nologin flyaround
 mkdir -p /opt/flyaround
 cp board.pyz /opt/flyaround/
-python3 /opt/flyaround/board.pyz '{url}' --model {target} --watchdog {watchdog:g} --systemd-unit \\
+python3 /opt/flyaround/board.pyz '{url}' --model {target} --watchdog {watchdog:g} --silence {silence:g} --systemd-unit \\
   > /etc/systemd/system/flyaround-board.service
 systemctl enable --now flyaround-board || {{ systemctl status --no-pager --lines=50 flyaround-board; exit 1; }}
+echo "kernels kept: $(find /var/cache/flyaround/ -name '*.so' | wc -l)"
 echo {ready}
 exec journalctl --follow --output=cat --unit=flyaround-board
 """
@@ -87,7 +90,7 @@ def served_board(image: BoardImage, line: BoardLine, folder: Path) -> Iterator[t
     url = f"tcp://10.0.2.2:{port}" if line.name == "net" else f"serial:///dev/ttyAMA0?baud={UART_BAUD}"
     bundle = folder / "board.pyz"
     write_bundle(bundle, [load_target(TARGET)])
-    script = RUN.format(url=url, target=TARGET, watchdog=BOARD_WATCHDOG_S, ready=READY)
+    script = RUN.format(url=url, target=TARGET, watchdog=BOARD_WATCHDOG_S, silence=SILENT_S, ready=READY)
     with emulated_board(image, {"run": script.encode(), "board.pyz": bundle.read_bytes()}, folder) as board:
         board.wait_for(READY, READY_S)
         listen = (
@@ -129,7 +132,7 @@ def run_host(scenario: str, images: Path, n: int, url: str, log: Path, wait_s: f
         If the run fails.
     """
     options = ["--from", str(images), "-n", str(n), "--truth", "off", "--timeout", f"{ANSWER_S:g}"]
-    more = ["--wait", f"{wait_s:g}", "--listen", url, "--log", str(log)]
+    more = ["--silence", f"{SILENT_S:g}", "--wait", f"{wait_s:g}", "--listen", url, "--log", str(log)]
     _flyaround(["hil", "host", scenario, *options, *more], log.with_suffix(".log"))
 
 
