@@ -43,8 +43,8 @@ set -eu
 useradd --system --no-create-home --shell /usr/sbin/nologin flyaround
 mkdir -p /opt/flyaround
 cp board.pyz /opt/flyaround/
-python3 /opt/flyaround/board.pyz '{url}' --model {target} --watchdog {watchdog:g} --silence {silence:g} --systemd-unit \\
-  > /etc/systemd/system/flyaround-board.service
+python3 /opt/flyaround/board.pyz '{url}' --model {target} --watchdog {watchdog:g} --silence {silence:g} \\
+  --systemd-unit > /etc/systemd/system/flyaround-board.service
 systemctl enable --now flyaround-board || {{ systemctl status --no-pager --lines=50 flyaround-board; exit 1; }}
 echo "kernels kept: $(find /var/cache/flyaround/ -name '*.so' | wc -l)"
 echo {ready}
