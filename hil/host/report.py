@@ -50,7 +50,7 @@ CAPTIONS = {
     "jitter": "Change from one answer to the next; in real time also how late frames left.",
     "camera": "Age of mid-exposure when the estimator began; in real time also how far the camera was off its constant"
     " latency, every frame.",
-    "drops": "Each stroke is a frame. Faults were asked for with --faults; what they did to the frame is its outcome.",
+    "drops": "Each stroke is a frame. Faults were asked for; what they did to the frame is its outcome.",
     "outcomes": "Each frame that was offered to the link has exactly one outcome.",
     "stages": "Medians do not add up to the median of the whole; link times rest on the clock offset.",
     "closed loop": "The chaser in the target's LVLH frame, and the errors of what the filter believes, by the truth;"
@@ -216,9 +216,10 @@ def _page(
     board = "no board" if s.board is None else f"{s.board.name}, method {s.board.method}"
     host = f"{s.machine.processor}, {s.machine.cpus} CPUs, {s.machine.system}"
     line = (
-        f"{s.link.packets_sent} packets out, {s.link.packets_received} in, {s.link.packets_corrupt} damaged,"
+        f"{s.link.packets_sent} packets out, {s.link.packets_received} in, of which {s.link.packets_corrupt} damaged;"
         f" {s.link.protocol_mistakes} protocol mistake(s), {s.link.sessions} session(s),"
-        f" clock exchange {_text(s.link.clock_round_trip_ms, 'ms')} round trip,"
+        f" clock exchange {_text(s.link.clock_round_trip_ms, 'ms')} round trip at best,"
+        f" {_text(s.link.clock_round_trip_ms_p99, 'ms')} p99,"
         f" offset within {_text(s.link.clock_offset_bound_ms, 'ms')}, drift {_drift(s)}"
     )
     if s.link == LinkTotals():
@@ -282,11 +283,14 @@ def _key_figures(s: LedgerSummary) -> Markup:
         (_text(s.median_E_T_m, "m"), "median E_T, accepted"),
         (_text(s.median_E_R_deg, "deg"), "median E_R, accepted"),
     ]
+    bad = [label for label, n in ((WRONG_LABEL, s.accepted_wrong), (LATE_LABEL, s.late)) if n]
     # in a campaign's lockstep nothing of the wall clock is kept
     if s.e2e_ms_p50 is None and s.accepted + s.declined:
         figures = [figure for figure in figures if not figure[1].startswith("latency")]
     if s.deadline_misses is not None:
-        figures.insert(8, (f"{s.deadline_misses}", f"later than {_text(s.deadline_ms, 'ms')}"))
+        late_label = f"later than {_text(s.deadline_ms, 'ms')}"
+        figures.insert(8, (f"{s.deadline_misses}", late_label))
+        bad += [late_label] if s.deadline_misses else []
     if s.staleness_ms_p50 is not None:
         figures.append((_text(s.staleness_ms_p50, "ms"), "age when used, p50"))
         figures.append((_text(s.staleness_ms_p99, "ms"), "age when used, p99"))
@@ -298,5 +302,4 @@ def _key_figures(s: LedgerSummary) -> Markup:
         figures.append((f"{s.late}", LATE_LABEL))
     if s.accepted_known:
         figures.append((f"{s.accepted_wrong} of {s.accepted_known}", WRONG_LABEL))
-    bad = [label for label, n in ((WRONG_LABEL, s.accepted_wrong), (LATE_LABEL, s.late)) if n]
     return key_figures(figures, bad=bad)
