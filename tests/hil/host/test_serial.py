@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 
 import numpy as np
@@ -12,6 +13,7 @@ from serial_line import null_modem
 from hil.board.agent import run_board
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import RunConfig, run_host
+from hil.host.serial_time import line_time_s
 
 
 class Mean:
@@ -65,3 +67,29 @@ def test_run_over_a_serial_line(damage_every):
     for row in rows:
         if row.outcome == "accepted":
             assert row.t_m[2] == noise(row.frame_id).mean()
+
+
+@pytest.mark.slow
+def test_a_run_at_115200_baud_reaches_its_computed_rate():
+    """Raw frames of a whole run, from the first byte to the last: at best 95 % of what start and stop bits leave."""
+    size_bytes, rows = 60 * 80, []
+    with null_modem() as (left, right):
+        board = threading.Thread(
+            target=run_board,
+            args=(f"serial://{right}?baud=115200",),
+            kwargs={"make_estimator": Mean, "connect_timeout_s": 10.0},
+        )
+        url = f"serial://{left}?baud=115200"
+        link = LinkConfig(url=url, mode="lockstep", truth="off", timeout_s=10.0, compression="raw")
+        summary = run_host(
+            frames(8), RunConfig(link=link), on_row=rows.append, on_listening=lambda *_: board.start()
+        )
+        board.join(5.0)
+    assert summary.accepted == 8
+    shares = [line_time_s(size_bytes, 115_200) / (1e-3 * row.send_ms) for row in rows]
+    sys.stdout.write(
+        f"{100 * max(shares):.1f} % of the computed rate at best, {100 * min(shares):.1f} % at worst\n"
+    )
+    # COBS may save a byte a block, and the last piece is given to the line at once
+    assert all(share < 1.05 for share in shares)
+    assert max(shares) > 0.95
