@@ -1,6 +1,7 @@
 """Longer: a whole camera's rate, another network namespace, a dissector."""
 
 import contextlib
+import hashlib
 import os
 import shutil
 import subprocess
@@ -78,6 +79,22 @@ def test_aravis_camera_test_has_no_failed_frame():
                 "n_error_packets",
             ):
                 assert counts[none] == 0, none
+
+
+@pytest.mark.slow
+def test_gstreamer_grabs_equal_pixels(tmp_path):
+    if shutil.which("gst-launch-1.0") is None:
+        pytest.skip("no GStreamer here: apt-get install gstreamer1.0-tools gstreamer1.0-plugins-base")
+    size, file = (512, 512), tmp_path / "frames.raw"
+    pictures = images(size)
+    line = f"gst-launch-1.0 -q aravissrc camera-name={ADDRESS} num-buffers=30"
+    line += " ! video/x-raw,format=GRAY8,width=512,height=512"
+    with camera(pictures, config(size)):
+        subprocess.run([*line.split(), "!", "filesink", f"location={file}"], timeout=60, check=True)
+    data, known = file.read_bytes(), hashes(pictures)
+    got = [data[k : k + pictures[0].nbytes] for k in range(0, len(data), pictures[0].nbytes)]
+    assert len(got) == 30
+    assert {hashlib.sha256(picture).hexdigest() for picture in got} == set(known)
 
 
 @pytest.mark.slow
