@@ -124,7 +124,7 @@ def test_poses_by_the_camera_are_those_by_the_link(endpoint, camera_file, tmp_pa
     assert len({row["t_camera_from_target_m"][0] for row in by_camera}) == 6
 
 
-@pytest.mark.parametrize("pixel_format", ["Mono12p", "Mono12"])
+@pytest.mark.parametrize("pixel_format", ["Mono12p", pytest.param("Mono12", marks=pytest.mark.slow)])
 def test_every_format_brings_the_same_pixels_in_packets_as_long_as_the_line_carries(
     endpoint, camera_file, pixel_format
 ):

@@ -108,6 +108,7 @@ def test_the_ledger_has_a_row_for_each_picture_with_the_truth_beside_the_pose(tm
     assert write_report(tmp_path / "log").read_text().count("skipped") > 0
 
 
+@pytest.mark.slow
 def test_who_may_not_answer_is_told_why():
     key = bytes(range(32))
     with camera(PICTURES, config(SIZE, answers=answering(key=key)), scenes=SCENES) as notes:

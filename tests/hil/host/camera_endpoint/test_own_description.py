@@ -45,7 +45,7 @@ def zipped(*texts: str) -> bytes:
     return data.getvalue()
 
 
-@pytest.mark.parametrize("suffix", [".xml", ".zip"])
+@pytest.mark.parametrize("suffix", [".xml", pytest.param(".zip", marks=pytest.mark.slow)])
 def test_aravis_reads_and_sets_the_registers_by_the_names_of_a_users_own_description(tmp_path, suffix):
     need_aravis()
     path = tmp_path / f"other maker{suffix}"
