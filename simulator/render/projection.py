@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pyrr.matrix44 import create_perspective_projection_from_bounds
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
@@ -54,18 +55,22 @@ def clip_from_camera(
         first fragment's centre is (0.5, 0.5). Plain images use ``IMAGE_FROM_PIXEL``.
     size : width and height of the framebuffer's viewport [px].
     """
-    # homogeneous pixel coordinates (x z, y z, z) of a camera point
-    pixel = np.array(
-        [
-            [camera.fx_px, 0.0, camera.cx_px, 0.0],
-            [0.0, camera.fy_px, camera.cy_px, 0.0],
-            [0.0, 0.0, 1.0, 0.0],
-        ]
+    # OpenGL's camera looks along -z; its "bottom" is the framebuffer's row 0, the image's top
+    left, right = near_m * (np.array([-0.5, camera.width_px - 0.5]) - camera.cx_px) / camera.fx_px
+    top, bottom = near_m * (np.array([-0.5, camera.height_px - 0.5]) - camera.cy_px) / camera.fy_px
+    frustum = create_perspective_projection_from_bounds(left, right, top, bottom, near_m, far_m)
+    image_clip = frustum.T @ np.diag([1.0, 1.0, -1.0, 1.0])
+    # from the image's clip space to its pixels, on to the buffer's, and to the buffer's clip space
+    width, height = camera.width_px, camera.height_px
+    to_pixel = np.array(
+        [[width / 2, 0.0, (width - 1) / 2], [0.0, height / 2, (height - 1) / 2], [0.0, 0.0, 1.0]]
     )
-    buffer = buffer_from_pixel @ pixel
-    w = np.array([0.0, 0.0, 1.0, 0.0])
-    depth = np.array([0.0, 0.0, (far_m + near_m) / (far_m - near_m), -2 * far_m * near_m / (far_m - near_m)])
-    return np.stack([2 * buffer[0] / size[0] - w, 2 * buffer[1] / size[1] - w, depth, w])
+    window = np.eye(4)
+    window[:2, [0, 1, 3]] = 2 * (buffer_from_pixel @ to_pixel) / np.reshape(size, (2, 1)) - [
+        [0, 0, 1],
+        [0, 0, 1],
+    ]
+    return np.asarray(window @ image_clip)
 
 
 def image_of(camera: Camera, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pyrr.matrix44 import create_orthogonal_projection
 
 from simulator.render.irradiance import orthonormal_basis
 
@@ -28,11 +29,12 @@ def light_matrix(center_m: FloatArray, radius_m: float, along: FloatArray) -> Fl
     """
     x, y, z = orthonormal_basis(along)
     c, s = math.cos(_TURN_RAD), math.sin(_TURN_RAD)
-    R = np.array([c * x + s * y, c * y - s * x, z]) / (radius_m * WIDER)
-    matrix = np.eye(4)
-    matrix[:3, :3] = R
-    matrix[:3, 3] = -R @ center_m
-    return matrix
+    view = np.eye(4)
+    view[:3, :3] = c * x + s * y, c * y - s * x, z
+    view[:3, 3] = -view[:3, :3] @ center_m
+    half = radius_m * WIDER
+    # near and far in turn: OpenGL's depth grows against the view's z, ours with it
+    return np.asarray(create_orthogonal_projection(-half, half, -half, half, half, -half).T @ view)
 
 
 _LARGEST = 0.85  # of the box: a larger window is not worth a change
