@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from simulator.labels.overlay import draw_truth
     from simulator.labels.truth import Truth, read_truth
     from simulator.loop import Sink, run_frames
+    from simulator.recipes.load import list_recipes, load_recipe
+    from simulator.recipes.plan import plan_recipe
     from simulator.render.renderer import Renderer
     from simulator.scenario.load import list_scenarios, load_scenario
     from simulator.scenario.plan import Plan, plan_flight
@@ -61,13 +63,16 @@ __all__ = [
     "draw_truth",
     "estimate",
     "list_cameras",
+    "list_recipes",
     "list_scenarios",
     "list_targets",
     "load_camera",
     "load_glb",
+    "load_recipe",
     "load_scenario",
     "load_target",
     "plan_flight",
+    "plan_recipe",
     "read_truth",
     "render_scene",
     "run_frames",
@@ -98,13 +103,16 @@ _HOMES = {
     "draw_truth": "simulator.labels.overlay",
     "estimate": "hil.evaluate.estimate",
     "list_cameras": "simulator.camera.lens.files",
+    "list_recipes": "simulator.recipes.load",
     "list_scenarios": "simulator.scenario.load",
     "list_targets": "simulator.targets.library",
     "load_camera": "simulator.camera.lens.files",
     "load_glb": "simulator.targets.glb.read",
+    "load_recipe": "simulator.recipes.load",
     "load_scenario": "simulator.scenario.load",
     "load_target": "simulator.targets.library",
     "plan_flight": "simulator.scenario.plan",
+    "plan_recipe": "simulator.recipes.plan",
     "read_truth": "simulator.labels.truth",
     "render_scene": "simulator.dataset.single_frames",
     "run_frames": "simulator.loop",

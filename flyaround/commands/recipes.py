@@ -33,6 +33,14 @@ def recipes(
             help="Write the poses of its samples to this CSV file, without drawing; replaces an earlier one.",
         ),
     ] = None,
+    sheets: Annotated[
+        Path | None,
+        typer.Option("--contact-sheet", help="Draw six samples of each, or of NAME, into this folder."),
+    ] = None,
+    axes: Annotated[
+        bool,
+        typer.Option("--axes", help="Draw the craft's axes into contact sheets: x red, y green, z blue."),
+    ] = False,
     n: Annotated[
         int | None, typer.Option("-n", min=1, help="Samples (default: the recipe's number).")
     ] = None,
@@ -58,6 +66,14 @@ def recipes(
             typer.echo(json.dumps(done))
         else:
             say(f"{plan.n_frames} samples of {plan.scenario_name} in {samples}")
+        return
+    if sheets is not None:
+        from simulator.contact_sheets.recipe_sheet import write_recipe_sheets  # noqa: PLC0415 - slow to import: it draws
+
+        chosen = [load_recipe(r) for r in ((name,) if name is not None else list_recipes())]
+        empty_folder(sheets, option="--contact-sheet")
+        with progress_bar("sheets", quiet=as_json) as progress:
+            write_recipe_sheets(chosen, sheets, axes=axes, progress=progress)
         return
     if name is not None:
         raise UserError(

@@ -14,13 +14,16 @@ from simulator.targets.joined_mesh import mesh_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from simulator.camera.lens.camera_model import Camera
     from simulator.runtime.arrays import ByteArray
     from simulator.targets.model import Target
+    from simulator.world.frames.pose import Pose
 
 # RGB. Colours that a colour-blind reader tells apart (Okabe and Ito).
 GREEN, ORANGE, BLUE, GREY = (0, 158, 115), (230, 159, 0), (86, 180, 233), (150, 150, 150)
 AXES = ((213, 94, 0), (0, 158, 115), (86, 180, 233))
 AXIS_LENGTH_M = 0.5
+_FARTHEST_PX = 1e5
 
 
 def draw_truth(
@@ -55,6 +58,27 @@ def draw_truth(
         colour = GREY if hidden else GREEN if k.state == "visible" else ORANGE
         cv2.circle(canvas, centre, 6 * weight, colour, weight if hidden else 2 * weight, cv2.LINE_AA)
     return canvas
+
+
+def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) -> ByteArray:
+    """The model's axes as arrows over an RGB image: x red, y green, z blue; one that reaches behind is left out.
+
+    Parameters
+    ----------
+    canvas : (H, W, 3), 8 bits. pose : of the target in the camera. length_m : of each arrow.
+    """
+    drawn = canvas.copy()
+    weight = max(1, round(camera.width_px / 640))
+    for axis, colour in zip(np.eye(3) * length_m, AXES, strict=True):
+        ends_m = pose.apply(np.stack([np.zeros(3), axis]))
+        if ends_m[:, 2].min() <= 0:
+            continue
+        ends = camera.project(ends_m)
+        if not np.all(np.isfinite(ends)) or np.abs(ends).max() > _FARTHEST_PX:
+            continue
+        a, b = ((round(float(x)), round(float(y))) for x, y in ends)
+        cv2.arrowedLine(drawn, a, b, colour, weight, cv2.LINE_AA, tipLength=0.15)
+    return drawn
 
 
 def draw_pose(

@@ -3,6 +3,7 @@
 import csv
 import json
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -10,12 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from flyaround.__main__ import run
 from simulator.errors import UserError
-from simulator.recipes.backgrounds import draw_view
+from simulator.frame import take_frame
+from simulator.recipes.backgrounds import draw_view, without_target
 from simulator.recipes.clearance import is_clear
 from simulator.recipes.euler_poses import from_left_handed, quat_from_euler
 from simulator.recipes.load import list_recipes, load_recipe, recipe_text, show_recipe
 from simulator.recipes.plan import plan_recipe
 from simulator.recipes.poses import draw_pose
+from simulator.render.renderer import Renderer
 from simulator.targets.library import load_target
 from simulator.world.frames.pose import Pose
 from simulator.world.frames.rotation import matrix_from_quat
@@ -276,3 +279,22 @@ def test_recipes_and_scenarios_are_listed_apart(capsys):
     assert "recipe of independent samples" in capsys.readouterr().err
     assert run(["scenarios", "--show", "eval-black"]) == 2
     assert "flyaround recipes --show" in capsys.readouterr().err
+
+
+@pytest.mark.gl
+def test_the_picture_of_a_view_is_what_stands_behind_the_craft(tmp_path):
+    small = tmp_path / "small.json"
+    small.write_text(
+        '{"width_px": 320, "height_px": 240, "fx_px": 323.6, "fy_px": 323.6, "cx_px": 159.5, "cy_px": 119.5, '
+        '"distortion": {"model": "none", "coefficients": []}}'
+    )
+    plan = plan_recipe("paper-change6", 3, camera=small, seed=4, target="tango@low", bands="mono")
+    scene = plan.scene(1)
+    view = without_target(plan.scene_before(plan.library(), scene.sample.background.id))
+    with Renderer() as renderer:
+        behind = take_frame(renderer, view, plan.target, labels=False)
+        with_craft = take_frame(renderer, scene, plan.target)
+    craft = cv2.dilate(with_craft.mask, np.ones((9, 9), np.uint8)) > 0
+    assert 20 < craft.sum() < 0.2 * craft.size
+    assert behind.image.max() > 20  # the Moon's day side
+    assert np.array_equal(behind.image[~craft], with_craft.image[~craft])
