@@ -225,7 +225,7 @@ def _choose_plans(
         raise UserError(f"recipe {name} is {len(members)} data sets; ask for -n {len(members)} or more")
     shares = [None if n is None else (n + i) // len(members) for i in reversed(range(len(members)))]
     return {
-        member: _choose_plan(member, n=share, seed=(seed or 0) + i, **options)
+        member: _choose_plan(member, n=share, seed=None if seed is None else seed + i, **options)
         for i, (member, share) in enumerate(zip(members, shares, strict=True))
     }
 
