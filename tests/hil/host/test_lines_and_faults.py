@@ -59,9 +59,11 @@ def strike(line, name, mode):
     with urls(line) as (url, there):
 
         def serve(listening):
-            for _ in range(1 + (name == "disconnect")):
+            # only silence tells of a serial line that was cut; a busy machine is silent, too
+            silence_s = 0.8 if line.startswith("serial") else 5.0
+            for _ in range(6 if name == "disconnect" else 1):
                 try:
-                    summary = board(Checksum, key=key, connect_timeout_s=10.0, silence_s=0.8)(
+                    summary = board(Checksum, key=key, connect_timeout_s=10.0, silence_s=silence_s)(
                         there(listening)
                     )
                 except LinkError:
