@@ -111,7 +111,7 @@ def draw_delay_map(outcome: DelayMapOutcome) -> bytes:
         cells = [[found[drops, jitter, latency] for latency in latencies] for jitter in s.jitters_s]
         shown = ax.imshow(
             [[c.share for c in row] for row in cells],
-            cmap="RdYlGn", vmin=0, vmax=1, origin="lower", aspect="auto", alpha=0.85,
+            cmap="RdYlBu", vmin=0, vmax=1, origin="lower", aspect="auto", alpha=0.85,
         )  # fmt: skip
         for y, row in enumerate(cells):
             for x, c in enumerate(row):
