@@ -110,7 +110,7 @@ def delay_map(
         typer.echo((output / OUTCOME_JSON).read_text())
         return
     for half in outcome.half:
-        say(f"half fail at {half.words}: jitter {half.jitter_s:g} s, {half.drops:.0%} lost")
+        say(f"half fail, jitter {half.jitter_s:g} s, {half.drops:.0%} lost: {half.words}")
     for cell in outcome.checked:
         a, b = cell.without_pictures, cell.drawn
         say(

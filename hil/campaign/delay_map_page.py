@@ -115,7 +115,8 @@ def draw_delay_map(outcome: DelayMapOutcome) -> bytes:
         )  # fmt: skip
         for y, row in enumerate(cells):
             for x, c in enumerate(row):
-                ax.text(x, y, f"{c.successes}", ha="center", va="center", fontsize=9, color=INK)
+                ink = INK if 0.15 < c.share < 0.85 else "white"
+                ax.text(x, y, f"{c.successes}", ha="center", va="center", fontsize=9, color=ink)
         ax.grid(visible=False)
         ax.set_xticks(range(len(latencies)), [f"{x:g}" for x in latencies])
         ax.set_yticks(range(len(s.jitters_s)), [f"{x:g}" for x in s.jitters_s])
