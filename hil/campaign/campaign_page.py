@@ -22,14 +22,14 @@ a.run{display:inline-block;min-width:30px;text-align:center;margin:0 4px 4px 0;p
 text-decoration:none;font-size:13px;font-variant-numeric:tabular-nums;background:#dff1e6;color:#1d7a46}
 a.run.no{background:#f8deda;color:var(--bad)}
 ul.why{margin:2px 0 12px;padding-left:18px;font-size:13px}
-td.wrap{white-space:normal}
+th{white-space:normal;vertical-align:bottom}
 """
 
 
 def write_campaign_page(path: Path, campaign: Campaign, runs: Sequence[RunVerdict]) -> None:
     """Write the page; links lead to the runs' folders beside it."""
     met = [_is_met(requirement, runs) for requirement in campaign.requirement]
-    page = Page(campaign.title or campaign.name, width_px=1240, style=STYLE)
+    page = Page(campaign.title or campaign.name, width_px=1440, style=STYLE)
     failed = sum(not run.passed for run in runs)
     page.add(note(f"Campaign {campaign.name}: {len(campaign.case)} cases, each run with its seeds."))
     page.add(
@@ -122,8 +122,8 @@ def _matrix(campaign: Campaign, runs: Sequence[RunVerdict]) -> Markup:
             cells.append(markup(value, element("br"), element("small", f"{n} of {len(verdicts)}")))
         n = sum(run.passed for run in mine)
         total = element("span", f"{n} of {len(mine)}", class_="ok" if n == len(mine) else "no")
-        lines.append((case.name, *cells, total))
-    return table(("case", *(r.name for r in campaign.requirement), "runs passed"), lines)
+        lines.append((case.name, total, *cells))
+    return table(("case", "runs passed", *(r.name for r in campaign.requirement)), lines)
 
 
 def _runs_of(case: str, runs: Sequence[RunVerdict]) -> Markup:
