@@ -205,6 +205,10 @@ class HostTransport:
             else:
                 raise LinkClosed("it did not prove that it has the host's key: start it with --key FILE")
 
+    def be_patient(self, silence_s: float) -> None:
+        """Take another side for gone only after so long."""
+        self._line.be_patient(silence_s)
+
     def fileno(self) -> int:
         """What to wait on."""
         return self._line.fileno()
@@ -237,6 +241,10 @@ class BoardTransport:
         if packet is None or packet.type is PacketType.AUTH_CHALLENGE:
             return None
         return self._seal.open(packet)
+
+    def be_patient(self, silence_s: float) -> None:
+        """Take another side for gone only after so long."""
+        self._line.be_patient(silence_s)
 
     def fileno(self) -> int:
         """What to wait on."""

@@ -200,6 +200,7 @@ class BoardSession:
             self.next_sync_ns = now_ns() + SYNC_PATIENCE_NS
             self.counts = replace(self.counts, sessions=self.counts.sessions + 1)
         self.ack = ack
+        link.transport.be_patient(self._config.silence_s)
         self._tell(BoardGreeted())
         try:
             link.send(ack)

@@ -46,6 +46,9 @@ class Transport(Protocol):
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
         """The next packet, None after ``timeout_s``; PacketError for damage, LinkClosed at the end."""
 
+    def be_patient(self, silence_s: float) -> None:
+        """Take another side for gone only after so long; lines that ask sooner by themselves then wait longer."""
+
     def fileno(self) -> int:
         """What to wait on for reading."""
 
@@ -81,6 +84,9 @@ class StreamTransport(ABC):
         self.name = name
         self._framing = framing
         self._closed = False
+
+    def be_patient(self, silence_s: float) -> None:  # noqa: B027 - most streams ask nobody
+        """Take another side for gone only after so long."""
 
     def send_packet(self, packet: Packet) -> None:
         """Send, or raise LinkClosed."""

@@ -18,6 +18,7 @@ from hil.link.transports.base import StreamTransport
 SEND_STALL_S = 1.5
 # and so is one whose system acknowledges none of what was sent for so long: its cable is out
 UNACKNOWLEDGED_MS = 1500
+LONGEST_S = 86_400.0
 # and so is one that takes longer for a packet: slower than a modem, it only holds the sender
 SEND_PACKET_S = 60.0
 # a peer whose machine vanished is noticed after about half a minute in which nothing is sent to it
@@ -59,10 +60,18 @@ class TcpTransport(StreamTransport):
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         keep_alive(sock)
-        if hasattr(socket, "TCP_USER_TIMEOUT"):  # not on macOS
-            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNACKNOWLEDGED_MS)
         self._sock = sock
         self._send_stall_s, self._send_packet_s = send_stall_s, send_packet_s
+        self.be_patient(0.0)
+
+    def be_patient(self, silence_s: float) -> None:
+        """Wait so long for a side that takes no byte or whose system acknowledges none, where that is longer."""
+        silence_s = min(silence_s, LONGEST_S)
+        self._send_stall_s = max(self._send_stall_s, silence_s)
+        self._send_packet_s = max(self._send_packet_s, silence_s)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):  # not on macOS
+            unacknowledged_ms = max(UNACKNOWLEDGED_MS, int(silence_s * 1e3))
+            self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, unacknowledged_ms)
 
     def fileno(self) -> int:
         """The socket's."""

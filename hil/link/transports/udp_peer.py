@@ -22,12 +22,12 @@ from hil.link.framing.datagrams import (
 from hil.link.packets.packet import MAX_PACKET_BYTES, Packet, decode_packet, encode_packet
 
 # a peer that says nothing for this long is gone; it is asked four times a second
-SILENCE_NS = 1_500_000_000
+SILENCE_S = 1.5
 PING_NS = 250_000_000
 # what one that leaves may still have to say
 LINGER_NS = 1_000_000_000
-# a peer that takes nothing for this long is given up, as on TCP
-SEND_STALL_S = 1.5
+# the longest that a session may ask to wait; also for a peer that takes nothing
+LONGEST_S = 86_400.0
 # an unread gap is told again, and what was sent asked after, this often at most
 REPEAT_NS = 5_000_000
 LEAST_ASK_NS, MOST_ASK_NS = 20_000_000, 250_000_000
@@ -101,12 +101,17 @@ class UdpTransport:
         self._ask_ns = LEAST_ASK_NS
         self._trip_ns = REORDER_NS
         self._echo_ns = 0
+        self._silence_s = SILENCE_S
         self.owes_ack = False
         self.closed_by_us = False
         self._linger_until_ns = 0
         self.ended = ""  # why the other side is gone
 
     # --- the link's side ----------------------------------------------------------------------
+
+    def be_patient(self, silence_s: float) -> None:
+        """Wait so long for a side that says nothing or takes no byte, where that is longer."""
+        self._silence_s = max(self._silence_s, min(silence_s, LONGEST_S))
 
     def send_packet(self, packet: Packet) -> None:
         """Send, or raise LinkClosed."""
@@ -120,11 +125,11 @@ class UdpTransport:
 
     def _send(self, data: bytes) -> None:
         with self._changed:
-            until = time.monotonic() + SEND_STALL_S
+            until = time.monotonic() + self._silence_s
             while self.outgoing.pending_bytes > PENDING_BYTES and not self.ended and not self.closed_by_us:
                 if not self._changed.wait(max(0.0, until - time.monotonic())):
                     raise LinkClosed(
-                        f"{self.name} took no byte for {SEND_STALL_S:g} s: it hangs or the network is cut"
+                        f"{self.name} took no byte for {self._silence_s:g} s: it hangs or the network is cut"
                     )
             if self.closed_by_us:
                 raise LinkClosed(f"{self.name} is closed")
@@ -269,8 +274,8 @@ class UdpTransport:
                 datagram(Kind.PING, self.token, PING.pack(self.outgoing.next_number, now)), self
             )
             last = now
-        if now - self.heard_ns > SILENCE_NS:
-            self.end(f"said nothing for {SILENCE_NS / 1e9:g} s: it hangs or the network is cut")
+        if now - self.heard_ns > self._silence_s * 1e9:
+            self.end(f"said nothing for {self._silence_s:g} s: it hangs or the network is cut")
         return min(again, last + ask_ns)
 
     def may_go(self, now: int) -> bool:

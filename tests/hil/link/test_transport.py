@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import sys
+import threading
 import time
 
 import pytest
@@ -36,6 +37,28 @@ def test_a_peer_that_does_not_read_is_given_up():
     with pytest.raises(LinkClosed, match=r"took no byte for 0\.2 s"):
         flood()
     a.close()
+    for sock in (peer, server):
+        sock.close()
+
+
+def test_a_slow_peer_is_waited_for_as_long_as_the_session_says():
+    server = socket.create_server(("127.0.0.1", 0))
+    client = socket.create_connection(server.getsockname())
+    peer, _ = server.accept()
+    a = TcpTransport(client, "tcp://test", send_stall_s=0.2)
+    a.be_patient(20.0)
+
+    def read_late() -> None:
+        time.sleep(0.6)
+        while peer.recv(1 << 20):
+            pass
+
+    reader = threading.Thread(target=read_late)
+    reader.start()
+    for _ in range(100):  # more than both systems hold
+        a.send_packet(packet(1, bytes(1 << 18)))
+    a.close()
+    reader.join()
     for sock in (peer, server):
         sock.close()
 

@@ -165,7 +165,7 @@ def test_peers_are_bounded_and_garbage_changes_nothing():
 
 
 def test_a_peer_that_says_nothing_more_is_given_up(monkeypatch):
-    monkeypatch.setattr(udp_peer, "SILENCE_NS", 400_000_000)
+    monkeypatch.setattr(udp_peer, "SILENCE_S", 0.4)
     listener = listen("udp://127.0.0.1:0")
     with lossy_network(parse_url(listener.url)[2]) as (url, _):
         board = connect(url, 5.0)
