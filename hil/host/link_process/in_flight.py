@@ -97,7 +97,8 @@ class FramesInFlight:
                 replace(
                     flight.job.result("accepted" if pose.accepted else "declined", pose.reason),
                     send_start_ns=flight.send_start_ns,
-                    send_end_ns=flight.send_end_ns,
+                    # a board that is heard between chunks may answer before the end of sending is noted
+                    send_end_ns=flight.send_end_ns if flight.send_end_ns > flight.send_start_ns else at_ns,
                     received_ns=at_ns,
                     pose=pose,
                     clock_offset_ns=clock_offset_ns,

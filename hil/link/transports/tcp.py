@@ -105,6 +105,8 @@ class TcpTransport(StreamTransport):
                         ) from None
         except OSError as error:
             raise LinkClosed(f"{self.name} went away while it was sent to ({error.strerror})") from error
+        except ValueError as error:
+            raise LinkClosed(f"{self.name} is closed") from error
 
     def _read(self, timeout_s: float) -> bytes:
         try:
@@ -118,6 +120,8 @@ class TcpTransport(StreamTransport):
             return b""
         except OSError as error:
             raise LinkClosed(f"{self.name} went away ({error.strerror})") from error
+        except ValueError as error:  # closed by another thread meanwhile: the descriptor is -1
+            raise LinkClosed(f"{self.name} is closed") from error
         if not data:
             raise LinkClosed(f"{self.name} closed the connection")
         return data
