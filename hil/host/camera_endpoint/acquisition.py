@@ -75,7 +75,7 @@ class Acquisition:
         self._forget()
         self._stream.stop()
         if self.answers is not None:
-            self.answers.begin_anew()
+            self.answers.restart()
         self._started_s = self.next_s = time.monotonic()
 
     def stop(self) -> None:

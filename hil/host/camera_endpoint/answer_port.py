@@ -106,7 +106,7 @@ class AnswerPort:
         flight = self._in_flight.start(replace(job, frame_id=number), now_ns())
         self._in_flight.sent(flight, now_ns())
 
-    def begin_anew(self) -> None:
+    def restart(self) -> None:
         """Acquisition starts: numbers begin again, and earlier pictures get no answers any more."""
         self._in_flight.lose("acquisition was started anew")
 

@@ -101,12 +101,12 @@ def run_camera(
 
 def _draw(pictures: Pictures, wanted: FrameWanted, pipe: Connection, ledger: CameraLedger | None) -> None:
     """Hand a picture over; what draws may die and be started again."""
-    begun_s = time.monotonic()
+    start_s = time.monotonic()
     taken = pictures.take(wanted)
     while taken is None:
         taken = pictures.take(wanted)
     if ledger is not None and taken.scene is not None:
-        ledger.drawn(wanted.request_id, taken.scene, 1e3 * (time.monotonic() - begun_s))
+        ledger.drawn(wanted.request_id, taken.scene, 1e3 * (time.monotonic() - start_s))
     pipe.send(FrameTaken(wanted.request_id, taken.image))
 
 
