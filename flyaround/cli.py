@@ -19,6 +19,7 @@ COMMANDS = {
     "fly": "flights",
     "capture": "datasets",
     "check": "datasets",
+    "convert": "conversion",
     "estimate": "estimation",
     "evaluate": "estimation",
     "compare": "compare",

@@ -13,6 +13,7 @@ from hil.campaign.map_results import delay_map_json_schema
 from hil.evaluate.metrics import metrics_json_schema
 from hil.host.ledger.summary import summary_schema
 from simulator.dataset.card import card_json_schema
+from simulator.labels.imported import imported_json_schema
 from simulator.labels.truth import truth_json_schema
 from simulator.recipes.load import recipe_json_schema
 from simulator.recipes.vary_file import vary_json_schema
@@ -32,6 +33,7 @@ def all_schemas() -> dict[str, dict[str, Any]]:
         "target": target_json_schema(),
         "board_model": board_json_schema(),
         "truth": truth_json_schema(),
+        "imported": imported_json_schema(),
         "dataset": card_json_schema(),
         "ledger_summary": summary_schema(),
         "metrics": metrics_json_schema(),

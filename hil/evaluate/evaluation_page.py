@@ -12,7 +12,7 @@ from hil.evaluate.failure_stage import KINDS
 from hil.evaluate.failure_tiles import failure_tile
 from hil.evaluate.greyscale import grey
 from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.labels.truth import read_truth
+from simulator.labels.imported import read_label_record
 from simulator.reports.markup import Content, Markup, element, markup
 from simulator.reports.page import Page, gallery, note, picture, plot, table
 from simulator.reports.pictures import write_jpeg
@@ -264,7 +264,7 @@ def _failures(
 
 def _tile(folder: Path, model: BoardModel, camera: CameraIntrinsics, r: EvaluatedFrame) -> ByteArray:
     paths = frame_paths(folder, r.frame)
-    truth, image = read_truth(paths.truth), read_png(paths.image)
+    truth, image = read_label_record(paths.truth), read_png(paths.image)
     estimate = None if r.q_wxyz is None else (r.q_wxyz, r.t_m)
     true = (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
     return failure_tile(grey(image), truth.box_px, model, camera, true, estimate)[..., ::-1]

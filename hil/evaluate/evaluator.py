@@ -17,7 +17,7 @@ from hil.evaluate.pose_errors import frame_record
 from hil.evaluate.result_rows import EvaluatedFrame
 from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.errors import UserError
-from simulator.labels.truth import Truth, read_truth
+from simulator.labels.imported import LabelRecord, read_label_record
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,13 +41,13 @@ class Evaluator:
             c.label: make_estimator(model, intrinsics, c.method, c.solver, c.streams, c.steps)
             for c in choices
         }
-        self._last: tuple[int, Truth, NDArray[Any]] | None = None
+        self._last: tuple[int, LabelRecord, NDArray[Any]] | None = None
 
-    def _frame(self, k: int) -> tuple[Truth, NDArray[Any]]:
+    def _frame(self, k: int) -> tuple[LabelRecord, NDArray[Any]]:
         """A frame's truth and image, in grey; the last one is kept, for the next method."""
         if self._last is None or self._last[0] != k:
             paths = frame_paths(self.folder, k)
-            self._last = k, read_truth(paths.truth), grey(read_png(paths.image))
+            self._last = k, read_label_record(paths.truth), grey(read_png(paths.image))
         return self._last[1:]
 
     def answer(self, k: int, label: str) -> EvaluatedFrame:

@@ -136,7 +136,7 @@ def read_card(folder: Path) -> DatasetCard:
     except OSError as error:
         raise UserError(
             f"{folder} is not a data set: cannot read {path.name} ({error.strerror}); "
-            "give a folder written by capture"
+            "give a folder written by capture, or make one of another's with flyaround convert"
         ) from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(

@@ -129,16 +129,15 @@ def read_truth(path: str | Path) -> Truth:
         If the file is missing, is not JSON, or a field is wrong.
     """
     path = Path(path)
-    try:
-        data = read_regular(path, MOST_BYTES)
-    except OSError as error:
-        raise UserError(
-            f"cannot read truth {path}: {error.strerror or error}; give a .json written by render or capture"
-        ) from error
-    refuse_deep(data, str(path))
+    data = read_record_bytes(path)
     try:
         truth = msgspec.json.decode(data, type=Truth)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        if b'"flyaround.imported"' in data[:200]:
+            raise UserError(
+                f"{path} is of an imported picture: there is no scene that it was drawn from; give a .json written by "
+                "render or capture"
+            ) from error
         raise UserError(
             f"{path} is not a truth record: {error}; give a .json written by render or capture"
         ) from error
@@ -146,6 +145,24 @@ def read_truth(path: str | Path) -> Truth:
     if problem is not None:
         raise UserError(f"{path} is not a truth record: {problem}; give a .json written by render or capture")
     return truth
+
+
+def read_record_bytes(path: Path) -> bytes:
+    """The text of a record, not longer nor nested deeper than one is.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read or is no record's text.
+    """
+    try:
+        data = read_regular(path, MOST_BYTES)
+    except OSError as error:
+        raise UserError(
+            f"cannot read truth {path}: {error.strerror or error}; give a .json written by render or capture"
+        ) from error
+    refuse_deep(data, str(path))
+    return data
 
 
 def truth_json_schema() -> dict[str, Any]:

@@ -18,6 +18,7 @@ from simulator.dataset.card import DatasetCard, read_card
 from simulator.dataset.check.clean_twin import check_clean
 from simulator.dataset.check.feasibility import check_silhouette_inside
 from simulator.dataset.check.geometry import check_box_3d, check_keypoints, check_visible_on_mask
+from simulator.dataset.check.imported import check_imported
 from simulator.dataset.check.keypoint_states import check_amodal_box, check_states
 from simulator.dataset.check.layers import check_against_mesh, check_layers
 from simulator.dataset.check.mask_statistics import is_binary
@@ -31,6 +32,7 @@ from simulator.dataset.formats.speed import FOLDER as SPEED_FOLDER
 from simulator.errors import UserError
 from simulator.labels.boxes import mask_box
 from simulator.labels.feasible import infeasible_reason
+from simulator.labels.imported import ImportedTruth, read_label_record
 from simulator.labels.layers import pixel_hash
 from simulator.labels.truth import Truth, read_truth
 from simulator.runtime.untrusted_files import read_regular, refuse_deep
@@ -113,13 +115,20 @@ def check_dataset(
         faults += [Fault(k, "files are missing") for k in range(card.n_frames) if not is_whole(folder, k)]
     seed = fresh_seed() if redraw_seed is None else redraw_seed
     drawn = sample(frames, redraw, seed)
-    n_labels = 0
+    n_labels = n_imported = 0
     previous: Truth | None = None
     for done, k in enumerate(frames):
         try:
-            truth = read_truth(frame_paths(folder, k).truth)
+            truth = read_label_record(frame_paths(folder, k).truth)
             image = read_png(frame_paths(folder, k).image)
             mask = read_png(frame_paths(folder, k).mask)
+            if isinstance(truth, ImportedTruth):
+                imported = check_imported(k, truth, image, np.asarray(mask, np.uint8), card, target)
+                faults += [Fault(k, what) for what in imported]
+                n_imported += 1
+                n_labels += len(truth.keypoints) + 7
+                progress(done + 1, len(frames))
+                continue
             layers = {name: read_layer(folder / "images", f"{k:06d}", name) for name in truth.layer_sha256}
         except UserError as error:
             faults.append(Fault(k, str(error)))
@@ -132,7 +141,7 @@ def check_dataset(
         faults += [Fault(k, what) for what in found]
         n_labels += len(truth.keypoints) + len(truth.layers) + 7
         progress(done + 1, len(frames) + len(drawn))
-    again = Redrawn(0, ())
+    again = Redrawn(0, (), "the pictures were imported" if n_imported and drawn else "")
     readable_drawn = [k for k in drawn if k in readable]
     if target is not None and readable_drawn:
         steps = itertools.count(len(frames) + 1)

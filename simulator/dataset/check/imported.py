@@ -1,0 +1,80 @@
+"""Checks of an imported picture's labels: what follows of pose, camera and model, by OpenCV's projection."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.dataset.check.geometry import PIXEL_TOLERANCE_PX, in_lens, project_with_opencv
+from simulator.dataset.check.mask_statistics import is_binary
+from simulator.labels.boxes import mask_box
+from simulator.labels.feasible import infeasible_reason
+from simulator.labels.layers import pixel_hash
+from simulator.targets.joined_mesh import mesh_of
+from simulator.world.frames.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.dataset.card import DatasetCard
+    from simulator.labels.imported import ImportedTruth
+    from simulator.runtime.arrays import ByteArray
+    from simulator.targets.model import Target
+
+
+def check_imported(
+    k: int,
+    truth: ImportedTruth,
+    image: NDArray[Any],
+    mask: ByteArray,
+    card: DatasetCard,
+    target: Target | None,
+) -> list[str]:
+    """Everything wrong with imported frame k, a sentence each."""
+    size = (truth.camera.height_px, truth.camera.width_px)
+    if image.shape[:2] != size or mask.shape != size:
+        return [f"image is {image.shape[:2]}, mask {mask.shape}, camera says {size}"]
+    reason = infeasible_reason(truth.silhouette_inside, 1.0, truth.box_amodal_px)
+    wrong = {
+        "the image is not the one that the record describes": truth.image_sha256 != pixel_hash(image),
+        "the mask is not the one that the record describes": truth.mask_sha256 != pixel_hash(mask),
+        "camera differs from the card's": truth.camera != card.camera,
+        f"frame_index is {truth.frame_index} in the record of frame {k}": truth.frame_index != k,
+        "mask has values other than 0 and 255": not is_binary(mask),
+        "quaternion is not of unit length": abs(np.linalg.norm(truth.q_camera_from_target_wxyz) - 1) > 1e-9,
+        f"box_px {truth.box_px} is not the mask's {mask_box(mask)}": truth.box_px != mask_box(mask),
+        "feasible is not what silhouette_inside says": (truth.feasible, truth.infeasible_reason)
+        != (reason == "", reason),
+        "keypoints differ from the card's": {p.name: p.target_m for p in truth.keypoints}
+        != card.target.keypoints,
+    }
+    return [what for what, is_wrong in wrong.items() if is_wrong] + _check_places(truth, target)
+
+
+def _check_places(truth: ImportedTruth, target: Target | None) -> list[str]:
+    """Keypoints, and the box about all vertices, where OpenCV projects them."""
+    q, t = truth.q_camera_from_target_wxyz, np.asarray(truth.t_camera_from_target_m)
+    wrong = []
+    ahead = [p for p in truth.keypoints if p.pixel_px is not None]
+    if ahead:
+        points, pixels = np.array([p.target_m for p in ahead]), np.array([p.pixel_px for p in ahead])
+        usable = in_lens(truth.camera, points @ matrix_from_quat(q).T + t)
+        error = np.abs(project_with_opencv(truth.camera, points, q, t) - pixels)[usable].max(initial=0.0)
+        if not error <= PIXEL_TOLERANCE_PX:
+            wrong.append(f"a keypoint is {error:.3g} px from its projection")
+        wrong += [
+            f"keypoint {p.name} at {p.pixel_px} is labelled {p.state}"
+            for p, inside in zip(ahead, truth.camera.contains(pixels), strict=True)
+            if (p.state == "out_of_frame") == bool(inside)
+        ]
+    if target is not None and truth.box_amodal_px is not None:
+        vertices = mesh_of(target).positions_m
+        if in_lens(truth.camera, vertices @ matrix_from_quat(q).T + t).all():
+            seen = project_with_opencv(truth.camera, vertices, q, t)
+            box = np.concatenate([seen.min(axis=0), seen.max(axis=0)])
+            if np.abs(box - truth.box_amodal_px).max() > PIXEL_TOLERANCE_PX * max(
+                1.0, np.abs(box).max() / 1e3
+            ):
+                wrong.append("box_amodal_px is not the box about the projected craft")
+    return wrong

@@ -1,0 +1,170 @@
+"""Pictures with poses out of the data sets of others: what every reader gives, and how it reads their text files."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from simulator.camera.lens.files import parse_camera
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import find_beside, read_regular, refuse_deep
+from simulator.world.frames.pose import Pose
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from simulator.camera.lens.camera_model import Camera
+
+MOST_BYTES = 500_000_000  # of a list of labels: a million pictures
+MOST_CAMERA_BYTES = 4_000_000
+NEAREST_M, FARTHEST_M = 0.01, 1e6
+UNIT_WITHIN = 1e-3  # published quaternions are rounded, some to four digits
+
+
+@dataclass(frozen=True, eq=False)
+class PosedPicture:
+    """One picture and the pose of the target in its camera.
+
+    Parameters
+    ----------
+    name : as the set's own list has it. path : the file. t_s : from the first of a sequence.
+    """
+
+    name: str
+    path: Path
+    camera_from_target: Pose
+    t_s: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class PosedPictures:
+    """The pictures of a folder of others.
+
+    Parameters
+    ----------
+    labels : the list that they were read from. camera : of the set itself; None where it holds none.
+    usual_camera, usual_target : names of built-in ones that such a set was made with; empty where that differs.
+    """
+
+    labels: Path
+    pictures: tuple[PosedPicture, ...]
+    camera: Camera | None
+    usual_camera: str = ""
+    usual_target: str = ""
+
+
+def read_json(path: Path, *, most_bytes: int = MOST_BYTES) -> Any:  # noqa: ANN401 - any JSON value
+    """A JSON file of others.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read, is too long, too deep, or no JSON.
+    """
+    try:
+        data = read_regular(path, most_bytes)
+        refuse_deep(data, str(path))
+        return json.loads(data)
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror or error}; check the data set") from error
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{path} is not JSON: {error}; check the data set") from error
+
+
+def read_csv(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
+    """The rows of a CSV file of others with a header line, blanks about names and cells taken off.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read, or lacks one of the columns.
+    """
+    try:
+        text = read_regular(path, MOST_BYTES).decode("utf-8-sig")
+        reader = csv.DictReader(io.StringIO(text, newline=""), skipinitialspace=True)
+        rows = [
+            {(name or "").strip(): (cell or "").strip() for name, cell in row.items() if name is not None}
+            for row in reader
+        ]
+        header = [name.strip() for name in reader.fieldnames or ()]
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror or error}; check the data set") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise UserError(f"{path} is not a CSV file: {error}; check the data set") from error
+    missing = [name for name in columns if name not in header]
+    if missing:
+        raise UserError(f"{path} lacks the column {missing[0]}; its first line must name {','.join(columns)}")
+    return rows
+
+
+def find_camera(folder: Path, levels: int = 2) -> Camera | None:
+    """The camera of the nearest ``camera.json``, in a folder or up to so many levels above it; None without one.
+
+    Raises
+    ------
+    UserError
+        If there is one and it has a mistake.
+    """
+    for place in (folder, *folder.resolve().parents[:levels]):
+        path = place / "camera.json"
+        if path.is_file():
+            content = read_regular(path, MOST_CAMERA_BYTES)
+            return parse_camera(content, str(path)).camera(str(path))
+    return None
+
+
+def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # noqa: ANN401 - a cell of a file
+    """Where a picture lies that a list names.
+
+    Parameters
+    ----------
+    labels : the list. places : folders that are looked into, the likeliest first.
+
+    Raises
+    ------
+    UserError
+        If it is in none of them, or the name leads out of them.
+    """
+    if not isinstance(name, str) or not name:
+        raise UserError(f"{labels} names a picture {name!r}; a file name is needed")
+    looked = []
+    for place in places:
+        path = find_beside(place / labels.name, name, "picture")
+        if path.is_file():
+            return path
+        looked.append(str(place))
+    raise UserError(f"{labels} names {name}, which is not in {' or '.join(looked)}; give the whole data set")
+
+
+def checked_pose(q_wxyz: Any, t_m: Any, where: str) -> Pose:  # noqa: ANN401 - values of a file
+    """The target's pose in the camera out of a file of others.
+
+    Raises
+    ------
+    UserError
+        If these are not four and three finite numbers, the quaternion is not of unit length, or the target not before
+        the camera; ``where`` says which.
+    """
+    numbers = []
+    for what, values, count in (("quaternion", q_wxyz, 4), ("position", t_m, 3)):
+        try:
+            row = [float(v) for v in values]
+        except (TypeError, ValueError):
+            row = []
+        if len(row) != count or not all(math.isfinite(v) for v in row):
+            raise UserError(f"{where}: the {what} is {str(values)[:80]}, {count} finite numbers are needed")
+        numbers.append(row)
+    q, t = numbers
+    if abs(math.hypot(*q) - 1) > UNIT_WITHIN:
+        raise UserError(f"{where}: the quaternion's length is {math.hypot(*q):g}; it must be one")
+    if not (t[2] > 0 and NEAREST_M < math.hypot(*t) < FARTHEST_M):
+        raise UserError(
+            f"{where}: the target is at {t} m, which is not before the camera or not {NEAREST_M:g} to "
+            f"{FARTHEST_M:g} m away; the data set's axes are another's"
+        )
+    return Pose.of("camera", "target", q, t)

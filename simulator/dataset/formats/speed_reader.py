@@ -1,0 +1,132 @@
+"""Reading folders like SPEED, SPEED+ and SHIRT: a JSON list of file names, quaternions and positions.
+
+SPEED: ``train.json`` beside ``images/train/``. SPEED+: ``camera.json``, and in each of ``synthetic``, ``lightbox`` and
+``sunlamp`` its lists beside ``images/``. SHIRT: ``roe1/roe1.json`` beside ``roe1/lightbox/images/`` and
+``roe1/synthetic/images/``. ``q_vbs2tango`` is q_camera_from_target, scalar first, and is copied.
+
+References
+----------
+Kisantal et al. (2020), Satellite Pose Estimation Challenge. Park et al. (2022), SPEED+: Next-Generation Dataset for
+Spacecraft Pose Estimation across Domain Gap. Park and D'Amico (2023), Adaptive Neural-Network-Based Unscented Kalman
+Filter for Robust Pose Tracking of Noncooperative Spacecraft (SHIRT).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from simulator.dataset.formats.posed_pictures import (
+    PosedPicture,
+    PosedPictures,
+    checked_pose,
+    find_camera,
+    find_picture,
+    read_json,
+)
+from simulator.errors import UserError
+
+NOT_LISTS = ("camera.json", "dataset.json", "split.json")
+QUATERNION = {"speed": "q_vbs2tango", "speedplus": "q_vbs2tango_true", "shirt": "q_vbs2tango_true"}
+POSITION = "r_Vo2To_vbs_true"
+SHIRT_SPACING_S = 5.0  # between pictures of a trajectory
+SHIRT_LISTS = ("roe1.json", "roe2.json")
+
+
+def read_speed(place: Path) -> PosedPictures | None:
+    """The pictures of a folder like SPEED; None of another kind. Errors as of `read_speedplus`."""
+    return _read(place, "speed")
+
+
+def read_speedplus(place: Path) -> PosedPictures | None:
+    """The pictures of a domain's folder of SPEED+ or of one of its lists; None of a folder of another kind.
+
+    Raises
+    ------
+    UserError
+        If it is one of several such sets, has pictures without poses, or a picture is missing.
+    """
+    return _read(place, "speedplus")
+
+
+def read_shirt(place: Path) -> PosedPictures | None:
+    """The pictures of a trajectory's folder of SHIRT, `lightbox` or `synthetic`; None of a folder of another kind.
+
+    Errors as of `read_speedplus`.
+    """
+    return _read(place, "shirt")
+
+
+def _read(place: Path, kind: str) -> PosedPictures | None:
+    lists = [place] if place.is_file() else _lists(place, kind)
+    if kind == "shirt":
+        lists = [path for path in lists if path.name in SHIRT_LISTS]
+    else:
+        lists = [path for path in lists if path.name not in SHIRT_LISTS]
+    rows = {path: _rows(path) for path in lists if path.suffix == ".json"}
+    wanted = "speed" if kind == "speed" else "speedplus"
+    known = {path: found for path, found in rows.items() if found and _kind(found) == wanted}
+    if not known:
+        bare = [path for path, found in rows.items() if found and _kind(found) == ""]
+        if bare and kind == "speedplus":
+            raise UserError(
+                f"{bare[0]} has no poses (the public test lists have none); give a list with poses, such as train.json"
+            )
+        return None
+    if len(known) > 1:
+        names = ", ".join(str(path) for path in known)
+        raise UserError(f"{place} holds several sets ({names}); give one of these lists")
+    (labels, found), *_ = known.items()
+    folders = _picture_folders(place, labels, kind)
+    pictures = []
+    for k, row in enumerate(found):
+        where = f"{labels} entry {k + 1}"
+        if not isinstance(row, dict) or QUATERNION[kind] not in row or POSITION not in row:
+            raise UserError(f"{where} has no {QUATERNION[kind]} or no {POSITION}; give a list with poses")
+        pose = checked_pose(row[QUATERNION[kind]], row[POSITION], where)
+        name = row.get("filename")
+        t_s = SHIRT_SPACING_S * k if kind == "shirt" else 0.0
+        pictures.append(PosedPicture(str(name), find_picture(labels, folders, name), pose, t_s))
+    return PosedPictures(labels, tuple(pictures), find_camera(labels.parent), wanted, "tango")
+
+
+def _lists(folder: Path, kind: str) -> list[Path]:
+    """Lists of a folder, or of the sets that lie in it; for one of SHIRT's picture folders the list above it."""
+    levels = [folder.glob("*.json"), folder.glob("*/*.json")]
+    if kind == "shirt":
+        levels.insert(0, folder.parent.glob("*.json"))
+    for level in levels:
+        found = sorted(path for path in level if path.name not in NOT_LISTS and path.is_file())
+        if found:
+            return found
+    return []
+
+
+def _rows(path: Path) -> list[Any]:
+    value = read_json(path)
+    return value if isinstance(value, list) else []
+
+
+def _kind(rows: list[Any]) -> str | None:
+    """Whose list it is by the first entry: empty for one without poses, None for none of them."""
+    first = rows[0]
+    if not isinstance(first, dict) or "filename" not in first:
+        return None
+    for name in ("speedplus", "speed"):
+        if QUATERNION[name] in first:
+            return name
+    return ""
+
+
+def _picture_folders(place: Path, labels: Path, kind: str) -> list[Path]:
+    beside = labels.parent
+    if kind == "shirt":
+        if place.is_dir() and place != beside:
+            return [place / "images", place]
+        domains = [name for name in ("lightbox", "synthetic") if (beside / name).is_dir()]
+        if len(domains) > 1:
+            raise UserError(
+                f"{place} has pictures of {' and '.join(domains)}; give one of these folders within it"
+            )
+        return [*(beside / name / "images" for name in domains), beside / "images", beside]
+    return [beside / "images" / labels.stem, beside / "images", beside]

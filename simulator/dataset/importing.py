@@ -1,0 +1,221 @@
+"""Pictures with poses that others took, made into a data set that the estimators can be evaluated on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import msgspec
+import numpy as np
+
+from simulator.camera.lens.files import load_camera
+from simulator.dataset.card import CARD_NAME, CardTarget, DatasetCard, card_to_json, describe_machine
+from simulator.dataset.formats.native import EncodedFrame, encode_png, write_encoded
+from simulator.dataset.silhouette import silhouette
+from simulator.errors import UserError
+from simulator.labels.boxes import mask_box
+from simulator.labels.feasible import infeasible_reason
+from simulator.labels.imported import ImportedTruth
+from simulator.labels.keypoints import pixel_or_none
+from simulator.labels.layers import pixel_hash
+from simulator.labels.part_classes import part_class
+from simulator.labels.truth import KeypointLabel, KeypointState
+from simulator.labels.visibility import occluded_from_camera
+from simulator.runtime.arrays import vec3
+from simulator.runtime.files import write_atomic
+from simulator.runtime.untrusted_files import read_regular
+from simulator.targets.joined_mesh import box_3d_m, mesh_of
+from simulator.targets.textures import picture_size
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.dataset.formats.posed_pictures import PosedPicture, PosedPictures
+    from simulator.runtime.arrays import ByteArray
+    from simulator.targets.model import Target
+    from simulator.world.frames.pose import Pose
+
+MOST_PICTURE_BYTES = 500_000_000
+SCHEMA = "flyaround.imported"
+"""What the card's scenario calls itself where the pictures were not drawn here."""
+
+
+def camera_of(found: PosedPictures, given: str | None) -> Camera:
+    """The camera of imported pictures: the one that is given, the set's own, or the one such sets are made with.
+
+    Raises
+    ------
+    UserError
+        If none is known, or the pictures are not of its size.
+    """
+    if given is not None:
+        camera, name = load_camera(given), f"camera {given}"
+    elif found.camera is not None:
+        camera, name = found.camera, "the set's camera.json"
+    elif found.usual_camera:
+        camera, name = load_camera(found.usual_camera), f"camera {found.usual_camera}"
+    else:
+        raise UserError(
+            f"{found.labels.parent} has no camera.json; name the camera that took it with --camera"
+        )
+    for picture in found.pictures:
+        size = _size(picture)
+        if size != (camera.width_px, camera.height_px):
+            raise UserError(
+                f"picture {picture.path} is {size[0]} x {size[1]} pixels, {name} {camera.width_px} x "
+                f"{camera.height_px}; give the camera that took it with --camera"
+            )
+    return camera
+
+
+def import_card(found: PosedPictures, camera: Camera, target: Target, form: str) -> DatasetCard:
+    """The card of a data set of imported pictures, not complete yet."""
+    source = f"{found.labels.resolve().parent.name}/{found.labels.name}"
+    return DatasetCard(
+        scenario_name=source,
+        scenario={"schema": SCHEMA, "format": form, "source": source},
+        seed=0,
+        n_frames=len(found.pictures),
+        every_s=None,
+        complete=False,
+        formats=("native",),
+        camera=camera,
+        target=CardTarget(
+            name=target.name,
+            sha256=target.sha256,
+            parts=tuple(part.name for part in target.parts),
+            part_classes=tuple(part_class(part.name) for part in target.parts),
+            keypoints={k.name: k.position_m for k in target.keypoints},
+        ),
+        machine=describe_machine("", "", ""),
+        licence="pictures and poses are those of the set that they were imported from, and under its licence",
+    )
+
+
+def imported_frames(
+    found: PosedPictures, camera: Camera, target: Target
+) -> Iterator[tuple[EncodedFrame, ImportedTruth]]:
+    """The frames of imported pictures, in order, each with its record.
+
+    Raises
+    ------
+    UserError
+        If a picture cannot be read.
+    """
+    for k, picture in enumerate(found.pictures):
+        image = read_picture(picture.path)
+        truth, mask = label_imported(k, picture, image, camera, target)
+        record = msgspec.json.format(msgspec.json.encode(truth), indent=1) + b"\n"
+        yield EncodedFrame(encode_png(image), encode_png(mask), record, {}), truth
+
+
+def write_imported(
+    found: PosedPictures,
+    folder: Path,
+    camera: Camera,
+    target: Target,
+    form: str,
+    progress: Callable[[int, int], None] = lambda _done, _of: None,
+) -> DatasetCard:
+    """Write imported pictures as a native data set into an empty folder."""
+    card = import_card(found, camera, target, form)
+    (folder / "images").mkdir(exist_ok=True)
+    write_atomic(folder / CARD_NAME, card_to_json(card))
+    for k, (files, _) in enumerate(imported_frames(found, camera, target)):
+        write_encoded(folder, k, files)
+        progress(k + 1, card.n_frames)
+    card = msgspec.structs.replace(card, complete=True)
+    write_atomic(folder / CARD_NAME, card_to_json(card))
+    return card
+
+
+def read_picture(path: Path) -> NDArray[np.unsignedinteger]:
+    """A picture of 8 or 16 bits: mono (H, W), also where three bands are alike, or RGB (H, W, 3).
+
+    Raises
+    ------
+    UserError
+        If it is not one, or larger than any that is read.
+    """
+    data = _data(path)
+    image: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    if image is None or image.dtype.type not in (np.uint8, np.uint16):
+        raise UserError(f"cannot read picture {path}; save it as JPEG or PNG with 8 or 16 bits")
+    if image.ndim == 2:
+        return np.asarray(image)
+    bands = image[..., 2::-1] if image.shape[2] >= 3 else image[..., :1]
+    alike = bool((bands == bands[..., :1]).all())
+    return np.ascontiguousarray(bands[..., 0] if alike else bands)
+
+
+def label_imported(
+    k: int, picture: PosedPicture, image: NDArray[np.unsignedinteger], camera: Camera, target: Target
+) -> tuple[ImportedTruth, ByteArray]:
+    """The record of picture k, and its mask (H, W): what follows of the pose, the camera and the model."""
+    pose = picture.camera_from_target
+    seen = silhouette(camera, pose, target)
+    reason = infeasible_reason(seen.inside, 1.0, seen.box_amodal_px)
+    corners = box_3d_m(target)
+    truth = ImportedTruth(
+        source=picture.name,
+        t_s=picture.t_s,
+        frame_index=k,
+        q_camera_from_target_wxyz=pose.q_wxyz,
+        t_camera_from_target_m=pose.t_m,
+        camera=camera,
+        keypoints=_keypoints(camera, pose, target),
+        box_px=mask_box(seen.mask),
+        box_amodal_px=seen.box_amodal_px,
+        feasible=reason == "",
+        infeasible_reason=reason,
+        silhouette_inside=seen.inside,
+        image_sha256=pixel_hash(image),
+        mask_sha256=pixel_hash(seen.mask),
+        box_3d_target_m=tuple(vec3(p) for p in corners),
+        box_3d_px=tuple(pixel_or_none(p) for p in camera.project(pose.apply(corners))),
+    )
+    return truth, seen.mask
+
+
+def _keypoints(camera: Camera, pose: Pose, target: Target) -> tuple[KeypointLabel, ...]:
+    points = np.array([k.position_m for k in target.keypoints], float).reshape(-1, 3)
+    pixels = camera.project(pose.apply(points))
+    inside = camera.contains(pixels)
+    hidden = np.zeros(len(points), bool)
+    hidden[inside] = occluded_from_camera(mesh_of(target), points[inside], pose)
+    states: list[KeypointState] = [
+        "out_of_frame" if not on else "self_occluded" if behind else "visible"
+        for on, behind in zip(inside, hidden, strict=True)
+    ]
+    return tuple(
+        KeypointLabel(name=k.name, target_m=k.position_m, pixel_px=pixel_or_none(at), state=state)
+        for k, at, state in zip(target.keypoints, pixels, states, strict=True)
+    )
+
+
+def _data(path: Path) -> bytes:
+    try:
+        data = read_regular(path, MOST_PICTURE_BYTES)
+    except OSError as error:
+        raise UserError(
+            f"cannot read picture {path}: {error.strerror or error}; check the data set"
+        ) from error
+    size = picture_size(data)
+    return b"" if size is None or max(size) > 16_384 else data
+
+
+def _size(picture: PosedPicture) -> tuple[int, int]:
+    try:
+        with picture.path.open("rb") as file:
+            size = picture_size(file.read(1 << 20))
+    except OSError as error:
+        raise UserError(
+            f"cannot read picture {picture.path}: {error.strerror or error}; check the data set"
+        ) from error
+    if size is None:
+        raise UserError(f"cannot read picture {picture.path}; save it as JPEG or PNG with 8 or 16 bits")
+    return size

@@ -1,0 +1,84 @@
+"""The record of a picture that others took: its pose and what follows of it, with no scene that it was drawn from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from simulator.camera.lens.camera_model import Camera, camera_problem
+from simulator.errors import UserError
+from simulator.labels.truth import Box, InfeasibleReason, KeypointLabel, Truth, read_record_bytes, read_truth
+from simulator.runtime.arrays import Quat, Vec3
+
+
+class ImportedTruth(msgspec.Struct, frozen=True, kw_only=True):
+    """What is known of a picture with a pose: the fields have the meaning that they have in `Truth`.
+
+    Nothing is known of its light. A keypoint's ``state`` is by the geometry alone: out_of_frame, self_occluded or
+    visible. The mask is the model's silhouette at the pose, and a frame is feasible unless it is cropped.
+
+    Attributes
+    ----------
+    source : the picture's name in the set that it comes from. t_s : seconds from the first of a sequence; 0 where the
+        set has no times.
+    """
+
+    schema: Literal["flyaround.imported"] = "flyaround.imported"
+    version: Literal[1] = 1
+    source: str
+    t_s: float = 0.0
+    frame_index: int
+    q_camera_from_target_wxyz: Quat
+    t_camera_from_target_m: Vec3
+    camera: Camera
+    keypoints: tuple[KeypointLabel, ...]
+    box_px: Box | None
+    box_amodal_px: Box | None
+    feasible: bool
+    infeasible_reason: InfeasibleReason
+    silhouette_inside: float
+    image_sha256: str
+    mask_sha256: str
+    box_3d_target_m: tuple[Vec3, ...] = ()
+    box_3d_px: tuple[tuple[float, float] | None, ...] = ()
+
+
+LabelRecord = Truth | ImportedTruth
+"""The record of a data set's frame, drawn or imported."""
+
+
+class _Kind(msgspec.Struct, frozen=True):
+    schema: str = ""
+
+
+def read_label_record(path: str | Path) -> LabelRecord:
+    """Read and validate the record of a frame, drawn or imported.
+
+    Raises
+    ------
+    UserError
+        If the file is missing, is not JSON, or a field is wrong.
+    """
+    path = Path(path)
+    data = read_record_bytes(path)
+    try:
+        if msgspec.json.decode(data, type=_Kind).schema != "flyaround.imported":
+            return read_truth(path)
+        record = msgspec.json.decode(data, type=ImportedTruth)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise UserError(
+            f"{path} is not a label record: {error}; give a .json written by capture or convert"
+        ) from error
+    problem = camera_problem(record.camera)
+    if problem is not None:
+        raise UserError(
+            f"{path} is not a label record: {problem}; give a .json written by capture or convert"
+        )
+    return record
+
+
+def imported_json_schema() -> dict[str, Any]:
+    """JSON Schema of the record of an imported picture."""
+    return msgspec.json.schema(ImportedTruth)
