@@ -30,13 +30,10 @@ def renderer(renderers, request):
     """One GL context for all tests of a file that draw, and for those of the files after it.
 
     A file of tests of what is left out or interpolated says SOFTWARE_PATH = True: with a GPU nothing is.
-    One that says OWN_RENDERER = True begins with a renderer that has drawn nothing.
     """
     from simulator.render.renderer import Renderer
 
     software_path = getattr(request.module, "SOFTWARE_PATH", None)
-    if renderers and getattr(request.module, "OWN_RENDERER", False):
-        renderers.pop().close()
     if renderers:
         wanted = renderers[0].info.is_software if software_path is None else software_path
         if (

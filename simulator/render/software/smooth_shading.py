@@ -124,7 +124,7 @@ class SmoothShadingPass:
         self._context, self._programs = context, programs
         self._images: dict[int, BufferPool[CornerImage]] = {}
         self._looks: dict[Program, moderngl.VertexArray] = {}
-        self._fills: dict[int, moderngl.VertexArray] = {}
+        self._fills: dict[Program, moderngl.VertexArray] = {}
         self._values = context.buffer(reserve=8, dynamic=True)
 
     def program(
@@ -201,7 +201,9 @@ class SmoothShadingPass:
         vertices = np.concatenate([tiles.centers_px.astype(np.float32), tiles.corners], axis=1)
         self._values.orphan(vertices.nbytes)
         self._values.write(vertices)
-        if bands not in self._fills:
+        if program not in self._fills:
             content = (self._values, "2f" + " 4f" * bands, "in_pixel", *_NAMES[:bands])
-            self._fills[bands] = self._context.vertex_array(program.gl, [content], mode=self._context.POINTS)
-        self._fills[bands].render(vertices=len(vertices))
+            self._fills[program] = self._context.vertex_array(
+                program.gl, [content], mode=self._context.POINTS
+            )
+        self._fills[program].render(vertices=len(vertices))

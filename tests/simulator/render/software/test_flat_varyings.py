@@ -11,7 +11,6 @@ from tests.harness.boxes import closed_box
 
 pytestmark = pytest.mark.gl
 
-OWN_RENDERER = True
 FIELDS = (
     Field("vec4", "u_sun"),
     Field("mat4", "u_turn"),
@@ -52,10 +51,6 @@ def test_what_finds_no_slot_stays_a_uniform():
     assert vertex.count("flat out") == 2
 
 
-@pytest.mark.xfail(
-    strict=False,
-    reason="a renderer that has drawn much else sometimes leaves pixels of this out in whole runs; alone it passes",
-)
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
 def test_pictures_are_the_same_with_uniforms(renderer, draw_kit, monkeypatch, bands):
     box = closed_box("box", (-0.7, -0.6, -0.5), (0.6, 0.5, 0.4), "gloss")

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 pytestmark = pytest.mark.gl
-OWN_RENDERER = True
 HALF_M = 0.45
 CORNERS_M = np.array([(-HALF_M, -HALF_M, 0), (-HALF_M, HALF_M, 0), (HALF_M, HALF_M, 0), (HALF_M, -HALF_M, 0)])
 
@@ -21,10 +20,6 @@ def _area_inside(n, d):
 
 # A sample weighed for the wrong side is off by its share of the pixel or a good part of it, 0.2, 0.14 and 0.02 px2 at
 # least; corners rounded to 1/256 of a sample's distance, by 0.0017.
-@pytest.mark.xfail(
-    strict=False,
-    reason="a renderer that has drawn much else sometimes leaves pixels of this out in whole runs; alone it passes",
-)
 @pytest.mark.parametrize("quality", ["draft", "default", "high"])
 def test_each_pixel_at_an_edge_shows_the_area_inside(renderer, draw_kit, quality):
     # long edges, all in the picture: a driver's interpolation along them was once off by a part in ten thousand
