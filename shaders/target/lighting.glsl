@@ -80,6 +80,10 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
     return out_light;
 }
 
+#ifdef LIGHT_POINTS
+#include "target/area_lights.glsl"
+#endif
+
 // Radiance that leaves one surface towards the camera [W m-2 sr-1].
 // base: reflectance per band, metallic; surface: roughness, clear coat, its roughness, crinkle; p_m: camera frame [m].
 // geometric: the face's normal, which shadows are cut at; n: the one that light falls on.
@@ -150,6 +154,9 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     float rim = dot(r, u_earth_rim.xyz) - u_earth_rim.w;
     float blur = surface.x * surface.x + 0.02;
     color gloss = (f0 * e.x + e.y) * again;
+#ifdef LIGHT_POINTS
+    direct += area_light(s, geometric, p_m, surface, color(1.0) - gloss);
+#endif
     color sky = ambient * diffuse * (color(1.0) - gloss) + gloss * (earth * smoothstep(-blur, blur, rim) + own);
 #ifdef CLEARCOAT
     {

@@ -103,6 +103,8 @@ class OpticsSection(Section, frozen=True, kw_only=True):
     natural_vignetting: bool = False
     mechanical_vignetting: Annotated[float, Meta(ge=0, le=10)] = 0.0
     rim_radius: Annotated[float, Meta(ge=0.1, le=10)] = 1.2
+    glow_share: Annotated[float, Meta(ge=0, le=0.5)] = 0.0
+    glow_radius_px: Annotated[float, Meta(ge=2, le=500)] = 20.0
     veiling_glare_sr: Annotated[float, Meta(ge=0, le=1)] = 0.0
     glare_limit_deg: Annotated[float, Meta(ge=0, le=180)] = 60.0
 

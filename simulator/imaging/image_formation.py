@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.camera.detector.electrons import detect, detector_sigma, electrons_per_radiance, white_balance
+from simulator.camera.detector.glow import glow
 from simulator.camera.detector.image_noise import arithmetic_of, draw_noise, start_noise
 from simulator.camera.detector.optics import Optics
 from simulator.camera.detector.psf import blur, defocus_px
@@ -93,7 +94,7 @@ def _through_the_lens(image: Float32Array, optics: Optics, around: ViewingCondit
     if share is not None:
         image = image * (share if image.ndim == 2 else share[..., None])
     glare = veiling_glare(around.camera, optics, around.sun_direction, around.sun_irradiance_w_m2)
-    return image if glare is None else image + glare
+    return glow(image if glare is None else image + glare, optics)
 
 
 def noise_sigma(sensor: Sensor, signal: float = 0.0, exposure_s: float = 0.0) -> float:
@@ -213,7 +214,7 @@ def _sun_at_the_lens(scene: SceneState, radiance: Float32Array) -> FloatArray:
     In the shadow of the Earth it is the target's share; where the disc is in the image, what the picture shows of it.
     """
     to_sun = np.asarray(scene.r_sun_eci_m) - np.asarray(scene.r_camera_eci_m)
-    irradiance = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(to_sun))) * scene.sun_visible_fraction
+    irradiance = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(to_sun))) * scene.sunlit_fraction
     if scene.optics.veiling_glare_sr <= 0:
         return irradiance
     direction = np.array(scene.sun_direction_camera)

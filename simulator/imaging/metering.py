@@ -94,11 +94,14 @@ def _craft(scene: SceneState, target: Target) -> tuple[FloatArray, FloatArray]:
         on_image = c.contains(c.project(p))
     area = points.area_m2 * facing / distance**2 * c.fx_px * c.fy_px * on_image
     sun_m = float(np.linalg.norm(np.subtract(scene.r_sun_eci_m, scene.r_target_eci_m)))
-    sunlight = float(sun_irradiance_w_m2("mono", sun_m)[0]) * scene.sun_visible_fraction
+    sunlight = float(sun_irradiance_w_m2("mono", sun_m)[0]) * scene.sunlit_fraction
     incidence = np.clip(n @ np.asarray(scene.sun_direction_camera), 0, None)
     light = sunlight * incidence
     if scene.lamp is not None:
         light = light + scene.lamp.irradiance_w_m2(p, n, "mono")[:, 0]
+    for lit in scene.area_lights:
+        factor = lit.placed(pose).irradiance_factor(p, n)
+        light = light + factor * lit.radiance_w_m2_sr
     return points.albedo / np.pi * light, area
 
 

@@ -106,7 +106,7 @@ def geometric_states(
         if on_image.size:
             occluded[on_image] = occluded_from_camera(mesh, points[on_image], seen_from)
     shadowed = np.zeros(len(points), bool)
-    if scene.lamp is None and scene.sun_visible_fraction >= ECLIPSED_BELOW:
+    if not scene.has_lamps and scene.sunlit_fraction >= ECLIPSED_BELOW:
         asked = np.flatnonzero(inside & ~occluded)
         to_sun = pose.R.T @ np.asarray(scene.sun_direction_camera)
         shadowed[asked] = hidden_from_direction(mesh, points[asked], to_sun)
@@ -116,9 +116,9 @@ def geometric_states(
             states.append("out_of_frame")
         elif occluded[k]:
             states.append("self_occluded")
-        elif scene.lamp is not None:  # what the camera sees, its lamp lights
+        elif scene.has_lamps:  # what the camera sees, its lamp lights; of a room's lights some do
             states.append(None)
-        elif scene.sun_visible_fraction < ECLIPSED_BELOW:
+        elif scene.sunlit_fraction < ECLIPSED_BELOW:
             states.append("eclipsed")
         else:
             states.append("shadowed" if shadowed[k] else None)

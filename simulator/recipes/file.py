@@ -13,6 +13,7 @@ from simulator.recipes.vary_file import Vary
 from simulator.runtime.sections import Degrees, Metres, Range, Section
 from simulator.scenario.scenario import Output, SensorSection
 from simulator.scene.environments import EnvironmentName, EnvironmentSection
+from simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
 from simulator.scene.illumination.lamp import Lamp
 from simulator.world.ephemeris.bodies import BodyName
 
@@ -213,4 +214,5 @@ class Recipe(Section, frozen=True, kw_only=True):
     optics: OpticsSection = OpticsSection()
     environment: EnvironmentSection = EnvironmentSection()
     lamp: Lamp | None = None
+    lights: Annotated[list[AreaLight], Meta(max_length=MOST_LIGHTS)] = msgspec.field(default_factory=list)
     output: Output = Output()

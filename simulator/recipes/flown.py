@@ -155,5 +155,6 @@ def _as_seen(scenario: Scenario, asked: _Asked) -> Plan:
         optics=r.optics,
         environment=r.environment,
         lamp=r.lamp,
+        lights=r.lights,
     )
     return plan_flight(seen, times=(0.0,), seed=asked.seed)

@@ -245,6 +245,7 @@ class RecipePlan:
             ),
             central_body=place.body,
             lamp=recipe.lamp,
+            lights=tuple(recipe.lights) or msgspec.UNSET,
         )
         auto = recipe.sensor.metering(where)
         return (

@@ -10,8 +10,11 @@ import msgspec
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.recipes.vary_file import Vary, VaryCraft
+from simulator.recipes.sky import in_cone, uniform_direction
+from simulator.recipes.vary_file import Vary, VaryBoxes, VaryCraft
+from simulator.runtime.arrays import vec3
 from simulator.scene.environments import environment_preset
+from simulator.scene.illumination.area_light import AreaLight, axes_across
 from simulator.scene.illumination.lamp import Lamp
 from simulator.scene.sample import Sample, VariedBy
 from simulator.scene.state import TargetRef
@@ -105,7 +108,7 @@ class VariedPlan:
     def _varied(self, scene: SceneState, k: int) -> SceneState:
         rng = _generator(self.seed, k, _FRAMES)
         by: dict[str, Any] = {}
-        for vary in (self._image, self._lights, self._background):
+        for vary in (self._image, self._lights, self._background, self._boxes):
             scene = vary(rng, scene, by)
         craft = self.vary.craft
         if craft is not None:
@@ -129,6 +132,14 @@ class VariedPlan:
         if image.pedestal_dn is not None and sensor.detector is not None:
             by["pedestal_dn"] = float(np.round(rng.uniform(*image.pedestal_dn)))
             sensor = replace(sensor, detector=replace(sensor.detector, black_level_dn=by["pedestal_dn"]))
+        if image.glow_share is not None:
+            by["glow_share"], radius = (
+                _factor(rng, image.glow_share),
+                float(rng.uniform(*image.glow_radius_px)),
+            )
+            scene = replace(
+                scene, optics=replace(scene.optics, glow_share=by["glow_share"], glow_radius_px=radius)
+            )
         return replace(scene, sensor=sensor, exposure_s=scene.exposure_s * by["exposure"])
 
     def _background(self, rng: Generator, scene: SceneState, by: dict[str, Any]) -> SceneState:
@@ -139,7 +150,17 @@ class VariedPlan:
         environment = environment_preset(by["environment"])
         if by.get("earthshine") is False:
             environment = msgspec.structs.replace(environment, earthshine=False)
+        if not scene.environment.sunlight:
+            environment = msgspec.structs.replace(environment, sunlight=False)
         return replace(scene, environment=environment)
+
+    def _boxes(self, rng: Generator, scene: SceneState, by: dict[str, Any]) -> SceneState:
+        boxes = self.vary.boxes
+        if boxes is None:
+            return scene
+        by["boxes"] = int(rng.integers(boxes.count[0], boxes.count[1] + 1))
+        lights = tuple(_box(rng, scene, boxes) for _ in range(by["boxes"]))
+        return replace(scene, lights=lights or msgspec.UNSET)
 
     def _lights(self, rng: Generator, scene: SceneState, by: dict[str, Any]) -> SceneState:
         lights = self.vary.lights
@@ -154,6 +175,25 @@ class VariedPlan:
             dark = msgspec.structs.replace(scene.environment, earthshine=False)
             scene = replace(scene, environment=dark)
         return scene
+
+
+def _box(rng: Generator, scene: SceneState, boxes: VaryBoxes) -> AreaLight:
+    """One area light about the craft."""
+    origin = np.asarray(scene.t_camera_from_target_m)
+    to_camera = -origin / max(float(np.linalg.norm(origin)), 1e-9)
+    towards = in_cone(rng, np.array([0.0, 0.0, 1.0]), 0.0, boxes.max_angle_deg)
+    towards = towards @ np.stack([*axes_across(to_camera), to_camera])
+    place = origin + float(rng.uniform(*boxes.distance_m)) * towards
+    aim = origin + rng.uniform(0.0, boxes.aim_error_m) * uniform_direction(rng)
+    return AreaLight(
+        position_m=vec3(place),
+        direction=vec3(aim - place),
+        width_m=float(rng.uniform(*boxes.size_m)),
+        height_m=float(rng.uniform(*boxes.size_m)),
+        turn_deg=float(rng.uniform(0.0, 180.0)),
+        radiance_w_m2_sr=_factor(rng, boxes.radiance_w_m2_sr),
+        half_angle_deg=float(rng.uniform(*boxes.half_angle_deg)),
+    )
 
 
 def varied_plan(plan: Plan | RecipePlan, vary: Vary | None = None) -> Plan | RecipePlan | VariedPlan:

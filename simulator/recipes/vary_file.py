@@ -14,8 +14,14 @@ from simulator.runtime.untrusted_files import read_regular
 from simulator.runtime.validation_errors import explain
 from simulator.scenario.load import MOST_BYTES, toml_table
 from simulator.scene.environments import EnvironmentName
+from simulator.scene.illumination.area_light import DIFFUSE_DEG, MOST_LIGHTS
 
 Factors = tuple[Annotated[float, Meta(ge=0.01, le=100)], Annotated[float, Meta(ge=0.01, le=100)]]
+
+_Positive = Annotated[float, Meta(gt=0, le=1e6)]
+_LightSide = Annotated[float, Meta(ge=0.01, le=100)]
+_HalfAngle = Annotated[float, Meta(ge=1, le=60)]
+_GlowShare = Annotated[float, Meta(ge=1e-6, le=0.5)]
 
 
 class VaryCraft(Section, frozen=True, kw_only=True):
@@ -51,8 +57,31 @@ class VaryLights(Section, frozen=True, kw_only=True):
     earthshine_share: Annotated[float, Meta(ge=0, le=1)] = 1.0
 
 
+class VaryBoxes(Section, frozen=True, kw_only=True):
+    """Area lights about the craft instead of the scene's own: how many, where, how large, how bright.
+
+    Each is at ``distance_m`` from the target's origin, in a direction within ``max_angle_deg`` of that to the camera,
+    uniform in solid angle, and shines at a place within ``aim_error_m`` of it. Sides are drawn one by one; radiance is
+    uniform in its logarithm; ``half_angle_deg`` of 60 is a diffuse box, less a lamp.
+    """
+
+    count: tuple[Annotated[int, Meta(ge=0, le=MOST_LIGHTS)], Annotated[int, Meta(ge=0, le=MOST_LIGHTS)]] = (
+        1,
+        3,
+    )
+    distance_m: tuple[_Positive, _Positive] = (1.5, 4.0)
+    max_angle_deg: Annotated[float, Meta(ge=1, le=180)] = 150.0
+    size_m: tuple[_LightSide, _LightSide] = (0.4, 1.5)
+    radiance_w_m2_sr: tuple[_Positive, _Positive] = (100.0, 1000.0)
+    half_angle_deg: tuple[_HalfAngle, _HalfAngle] = (DIFFUSE_DEG, DIFFUSE_DEG)
+    aim_error_m: Annotated[float, Meta(ge=0, le=100)] = 0.3
+
+
 class VaryImage(Section, frozen=True, kw_only=True):
-    """Exposure and noise by factors, uniform in their logarithm; width of the PSF; a detector's black level."""
+    """Exposure and noise by factors, uniform in their logarithm; width of the PSF; a detector's black level; glow.
+
+    ``glow_share`` is uniform in its logarithm, ``glow_radius_px`` uniform.
+    """
 
     exposure: Factors = (1.0, 1.0)
     noise: Factors = (1.0, 1.0)
@@ -62,6 +91,11 @@ class VaryImage(Section, frozen=True, kw_only=True):
     pedestal_dn: (
         tuple[Annotated[float, Meta(ge=0, le=60_000)], Annotated[float, Meta(ge=0, le=60_000)]] | None
     ) = None
+    glow_share: tuple[_GlowShare, _GlowShare] | None = None
+    glow_radius_px: tuple[Annotated[float, Meta(ge=2, le=500)], Annotated[float, Meta(ge=2, le=500)]] = (
+        10.0,
+        40.0,
+    )
 
 
 class VaryBackground(Section, frozen=True, kw_only=True):
@@ -77,6 +111,7 @@ class Vary(Section, frozen=True, kw_only=True):
     version: Literal[1] = 1
     craft: VaryCraft | None = None
     lights: VaryLights | None = None
+    boxes: VaryBoxes | None = None
     image: VaryImage | None = None
     background: VaryBackground | None = None
 
@@ -112,7 +147,7 @@ def check_vary(vary: Vary, where: str) -> None:
     UserError
         With the key, its values and what to do.
     """
-    for name in ("craft", "lights", "image"):
+    for name in ("craft", "lights", "boxes", "image"):
         section = getattr(vary, name)
         for key, value in () if section is None else msgspec.structs.asdict(section).items():
             if isinstance(value, tuple) and value[0] > value[1]:

@@ -17,6 +17,8 @@ from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere
 from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import ArrayLike
 
     from simulator.runtime.arrays import FloatArray
@@ -42,6 +44,7 @@ class View:
     sun_at_earth_w_m2 : per band, at the Earth.
     sky : light of Earth and Moon on the target.
     nadir : unit vector to the Earth's centre.
+    lights : of area lights, unit vector from the target's origin and irradiance there per band.
     """
 
     R_camera_from_target: FloatArray
@@ -60,6 +63,7 @@ class View:
     sun_share: FloatArray
     sky: IrradianceField
     nadir: FloatArray
+    lights: tuple[tuple[FloatArray, FloatArray], ...] = ()
 
 
 def build_view(scene: SceneState, sky: IrradianceField | None = None) -> View:
@@ -91,17 +95,29 @@ def build_view(scene: SceneState, sky: IrradianceField | None = None) -> View:
         moon_share=moonlight_share(r_moon, sun_unit) if scene.environment.moon else 0.0,
         sun_irradiance_w_m2=sun_w_m2,
         sun_at_earth_w_m2=sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun))),
-        sun_visible_fraction=scene.sun_visible_fraction,
+        sun_visible_fraction=scene.sunlit_fraction,
         sun_share=_sun_share(scene, R_ie),
         sky=dark_field(len(bands_of(scene.bands))) if sky is None else sky,
         nadir=R_ce @ (-r_camera / np.linalg.norm(r_camera)),
+        lights=tuple(_from_far(scene)),
     )
+
+
+def _from_far(scene: SceneState) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Area lights as the whole target sees them, for light between its parts."""
+    origin = np.asarray(scene.t_camera_from_target_m)
+    for light in scene.area_lights:
+        placed = light.placed(scene.camera_from_target)
+        to = placed.middle_m - origin
+        direction = to / max(float(np.linalg.norm(to)), 1e-6)
+        factor = float(placed.irradiance_factor(origin[None], direction[None])[0])
+        yield direction, factor * light.radiance(scene.bands)
 
 
 def _sun_share(scene: SceneState, R_itrs_from_eci: FloatArray) -> FloatArray:
     """Share (n,) of the Sun's light per band at the target, through the Earth's air where that is drawn."""
-    fraction = np.full(len(bands_of(scene.bands)), scene.sun_visible_fraction)
-    if not (scene.environment.earth and scene.environment.atmosphere):
+    fraction = np.full(len(bands_of(scene.bands)), scene.sunlit_fraction)
+    if not scene.environment.sunlight or not (scene.environment.earth and scene.environment.atmosphere):
         return fraction
     stretch = np.array([1.0, 1.0, EQUATOR_M / POLE_M])  # the ellipsoid becomes a sphere
     r, sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)

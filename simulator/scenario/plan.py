@@ -126,6 +126,7 @@ class Plan:
             shutter=scenario.shutter_model,
             optics=scenario.optics_model,
             lamp=scenario.lamp,
+            lights=scenario.lights,
         )
 
     def shifted(self, times_s: tuple[float, ...]) -> Plan:

@@ -21,6 +21,7 @@ from simulator.imaging.auto_exposure import AutoExposure
 from simulator.runtime.sections import Section
 from simulator.scenario.faults import Faults
 from simulator.scene.environments import EnvironmentSection
+from simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
 from simulator.scene.illumination.bands import Bands
 from simulator.scene.illumination.lamp import Lamp
 from simulator.scene.state import Quality
@@ -176,6 +177,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     optics: OpticsSection = OpticsSection()
     environment: EnvironmentSection = EnvironmentSection()
     lamp: Lamp | None = None
+    lights: Annotated[list[AreaLight], Meta(max_length=MOST_LIGHTS)] = msgspec.field(default_factory=list)
     output: Output = Output()
     faults: Faults | None = None
 

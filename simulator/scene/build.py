@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import UNSET
 
 from simulator.camera.detector.optics import Optics
 from simulator.camera.detector.shutter import Shutter
@@ -15,8 +16,11 @@ from simulator.scene.state import Quality, SceneState, TargetRef
 from simulator.world.frames.rotation import matrix_from_quat, quat_multiply
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from simulator.camera.detector.sensor import Sensor
     from simulator.camera.lens.camera_model import Camera
+    from simulator.scene.illumination.area_light import AreaLight
     from simulator.scene.illumination.lamp import Lamp
     from simulator.world.flight.world_state import WorldState
 
@@ -37,6 +41,7 @@ def build_scene(
     optics: Optics | None = None,
     shutter: Shutter | None = None,
     lamp: Lamp | None = None,
+    lights: Sequence[AreaLight] = (),
 ) -> SceneState:
     """Freeze the world at mid-exposure as one camera sees it.
 
@@ -50,7 +55,7 @@ def build_scene(
     target : model that is drawn.
     com_target_m : its centre of mass in the model frame [m].
     frame_index, seed : key of the frame's random numbers.
-    quality, bands, environment, lamp : how it is lit and drawn. shutter : global unless given.
+    quality, bands, environment, lamp, lights : how it is lit and drawn. shutter : global unless given.
     """
     q_ce = np.array(world.q_camera_from_eci_wxyz)
     R_camera_from_eci = matrix_from_quat(q_ce)
@@ -95,4 +100,5 @@ def build_scene(
         sun_visible_fraction=world.sun_visible_fraction,
         central_body=world.central_body,
         lamp=lamp,
+        lights=tuple(lights) or UNSET,
     )

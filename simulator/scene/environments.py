@@ -17,6 +17,7 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
+    sunlight : the Sun shines on the target; without it, it lights what is behind alone, as a screen in a laboratory is.
     seasons : land and ice of the date, August's otherwise. relief : shading of mountains. sea_ice : as in most years.
     undifferentiated : land, sea and clouds reflect alike, as a plain globe does.
     atmosphere_thickness_km : height of the air's top.
@@ -29,6 +30,7 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
     atmosphere: bool = True
     stars: bool = True
     sun: bool = True
+    sunlight: bool = True
     earthshine: bool = True
     moon: bool = True
     planets: bool = True

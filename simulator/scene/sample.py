@@ -50,7 +50,8 @@ class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
     Attributes
     ----------
     exposure, noise : factors. noise is of standard deviations. psf_sigma_px : width of the Gaussian PSF.
-    pedestal_dn : the detector's black level. lamp : whether one was lit. environment : the layers' name, or empty.
+    pedestal_dn : the detector's black level. glow_share : of the optics. boxes : number of area lights.
+    lamp : whether one was lit. environment : the layers' name, or empty.
     craft : number of the craft, whose differences from its model are the scene's target's.
     """
 
@@ -58,6 +59,8 @@ class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
     noise: float = 1.0
     psf_sigma_px: float | None = None
     pedestal_dn: float | None = None
+    glow_share: float | None = None
+    boxes: int | None = None
     lamp: bool = False
     earthshine: bool | None = None
     environment: str = ""

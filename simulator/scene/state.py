@@ -14,6 +14,7 @@ from simulator.camera.detector.shutter import Shutter
 from simulator.camera.lens.camera_model import Camera
 from simulator.runtime.arrays import Quat, Vec3, vec3
 from simulator.scene.environments import ENVIRONMENTS, Environment
+from simulator.scene.illumination.area_light import AreaLight
 from simulator.scene.illumination.bands import Bands
 from simulator.scene.illumination.lamp import Lamp
 from simulator.scene.sample import Sample
@@ -81,6 +82,7 @@ class SceneState:
         frame: x to longitude 0, z along the axis).
     sun_visible_fraction : share of the Sun's disc that the target sees past the Earth and the Moon, 0..1.
     central_body : what the target circles. lamp : a lamp on the chaser, where it has one lit.
+    lights : area lights; absent where there are none.
     sample : what a recipe drew beside all this; absent where that is nothing.
     """
 
@@ -114,7 +116,23 @@ class SceneState:
     q_moon_from_eci_wxyz: Quat = (1.0, 0.0, 0.0, 0.0)
     central_body: BodyName = "earth"
     lamp: Lamp | None = None
+    lights: tuple[AreaLight, ...] | UnsetType = UNSET
     sample: Sample | UnsetType = UNSET
+
+    @property
+    def area_lights(self) -> tuple[AreaLight, ...]:
+        """Its area lights, if any."""
+        return () if isinstance(self.lights, UnsetType) else self.lights
+
+    @property
+    def has_lamps(self) -> bool:
+        """Whether anything but Sun, Earth and Moon lights the target."""
+        return self.lamp is not None or bool(self.area_lights)
+
+    @property
+    def sunlit_fraction(self) -> float:
+        """Share of the Sun's light that falls on the target, 0..1: ``sun_visible_fraction`` where sunlight is on."""
+        return self.sun_visible_fraction if self.environment.sunlight else 0.0
 
     @property
     def camera_from_target(self) -> Pose:

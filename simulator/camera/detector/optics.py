@@ -32,6 +32,8 @@ class Optics:
     natural_vignetting : share that reaches a pixel falls as cos^4 of the angle from the axis.
     mechanical_vignetting : shift of the rear rim's shadow across the aperture, in aperture radii at 45 degrees from
         the axis; 0 for none. ``rim_radius`` is that rim's radius in aperture radii.
+    glow_share : share of the light that is scattered about, into a tail of the PSF of ``glow_radius_px`` (standard
+        deviation; half of it goes three times as far). 0 for none.
     veiling_glare_sr : light of the Sun scattered into the picture, radiance over irradiance at one degree from the
         Sun [sr-1]; it falls with the square of the angle. 0 for none.
     glare_limit_deg : Sun's angle from the boresight beyond which the baffle keeps it out.
@@ -49,6 +51,8 @@ class Optics:
     natural_vignetting: bool = False
     mechanical_vignetting: float = 0.0
     rim_radius: float = 1.2
+    glow_share: float = 0.0
+    glow_radius_px: float = 20.0
     veiling_glare_sr: float = 0.0
     glare_limit_deg: float = 60.0
 

@@ -107,9 +107,9 @@ def _possible(
     possible: list[KeypointState | str] = ["self_occluded"] if perhaps else []
     if surely:
         return possible
-    if truth.scene.lamp is not None:
+    if truth.scene.has_lamps:
         return [*possible, "in sight"]  # what the camera sees, its lamp lights
-    if truth.sun_visible_fraction < ECLIPSED_BELOW:
+    if truth.scene.sunlit_fraction < ECLIPSED_BELOW:
         return [*possible, "eclipsed"]
     surely, perhaps = mesh.between(point, to_sun, np.inf)
     possible += ["shadowed"] if perhaps else []

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from simulator.render.gl.uniform_block import Field, UniformBlock
+from simulator.scene.illumination.area_light import MOST_LIGHTS
 
 if TYPE_CHECKING:
     import moderngl
 
+MOST_PATCHES = 128  # of all area lights together: simulator/render/target/light_maps.py
 MAX_MATERIALS = 255  # the g-buffer keeps the material's number in 8 bits, 0 meaning nothing
 
 FRAME = (
@@ -93,6 +95,20 @@ MATERIALS = (
     ),  # xyz: of brushing, target frame; w: strength, negative: around it
 )
 
+# simulator/render/target/light_maps.py; lights are rectangles, and each has patches of one size
+AREA_LIGHTS = (
+    Field(
+        "vec4", "u_light_count"
+    ),  # lights; by how much a point is lifted off its face [m a metre]: grazing, always
+    Field("vec4", "u_light_middle", MOST_LIGHTS),  # camera frame [m]
+    Field("vec4", "u_light_right", MOST_LIGHTS),  # half a side [m]; w: area of a patch [m2]
+    Field("vec4", "u_light_down", MOST_LIGHTS),  # half the other side [m]
+    Field("vec4", "u_light_axis", MOST_LIGHTS),  # unit vector; w: exponent of the cosine from it
+    Field("vec4", "u_light_radiance", MOST_LIGHTS),  # on the axis, per band [W m-2 sr-1]
+    Field("vec4", "u_patch_place", MOST_PATCHES),  # camera frame [m]
+    Field("mat4", "u_patch_map", MOST_PATCHES),  # from the camera frame to texture coordinates and depth
+)
+
 
 @dataclass(frozen=True, eq=False)
 class UniformBlocks:
@@ -105,6 +121,7 @@ class UniformBlocks:
     moon: UniformBlock
     lens: UniformBlock
     shadow: UniformBlock
+    lights: UniformBlock
 
     @staticmethod
     def create(context: moderngl.Context) -> UniformBlocks:
@@ -117,8 +134,18 @@ class UniformBlocks:
             UniformBlock(context, "Moon", 4, MOON),
             UniformBlock(context, "Lens", 5, LENS),
             UniformBlock(context, "Shadow", 6, SHADOW),
+            UniformBlock(context, "AreaLights", 7, AREA_LIGHTS),
         )
 
     def all(self) -> tuple[UniformBlock, ...]:
         """The blocks in order of their binding."""
-        return (self.frame, self.target, self.materials, self.earth, self.moon, self.lens, self.shadow)
+        return (
+            self.frame,
+            self.target,
+            self.materials,
+            self.earth,
+            self.moon,
+            self.lens,
+            self.shadow,
+            self.lights,
+        )

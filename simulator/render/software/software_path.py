@@ -201,7 +201,7 @@ class SoftwarePath:
     def _find_edge_free_tiles(self, r: PassResources) -> None:
         """Part the target's tiles by whether an edge comes near."""
         scene, target = r[SCENE], r[TARGET]
-        may_be_smooth = scene.quality != "high" and target.place.hull_px is not None and scene.lamp is None
+        may_be_smooth = scene.quality != "high" and target.place.hull_px is not None and not scene.has_lamps
         if not may_be_smooth or not self._traits_of(r[MODEL])[0]:
             return
         seen, edges = target.drawn.edges.seen, len(target.loaded.seen.edges.ends)

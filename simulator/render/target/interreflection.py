@@ -50,20 +50,21 @@ class AtlasTextures:
     def update(self, view: View) -> None:
         """Set ``interreflection`` [W m-2] to that of a frame."""
         R = view.R_camera_from_target
-        weights = _between(self._made.directions, R.T @ view.sun_direction)
-        sun = view.sun_irradiance_w_m2 * view.sun_share
+        far = ((view.sun_direction, view.sun_irradiance_w_m2 * view.sun_share), *view.lights)
+        sources = [(*_between(self._made.directions, R.T @ towards), light) for towards, light in far]
         sky = sky_harmonics(view.sky, R)
-        state = b"".join(np.asarray(x).tobytes() for x in (*weights, sun, sky))
+        state = b"".join(np.asarray(x).tobytes() for x in (*(x for source in sources for x in source), sky))
         if state == self._last:
             return
         self._last = state
-        rows, shares = weights
         for band, (table, even) in enumerate(
             zip(self._made.interreflected, self._made.interreflected_sky, strict=True)
         ):
             light = _weighted(sky[band], even)
-            if sun[band] > 0:
-                light += _weighted(sun[band] * INTERREFLECTION_STEP * shares, table[rows].astype(np.float32))
+            for rows, shares, falling in sources:
+                if falling[band] > 0:
+                    step = falling[band] * INTERREFLECTION_STEP
+                    light += _weighted(step * shares, table[rows].astype(np.float32))
             np.maximum(light, 0, out=self._image[:, band])
         self.interreflection.write(self._image, alignment=1)
 

@@ -37,6 +37,7 @@ class ShadePass:
 
     SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_sky_visibility", "t_interreflection")
     TEXTURED = ("t_texel", "t_detail")
+    LIT = ("t_light_depth",)
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context = context
@@ -53,12 +54,13 @@ class ShadePass:
         lamp: Lamp | None = None,
         *,
         exact: bool,
+        light_points: int = 0,
     ) -> Program:
         """The program of one lattice, number of bands and kind of mesh; what its materials lack is left out.
 
         Parameters
         ----------
-        exact : the slopes are those of `EXACT_AREAS`.
+        exact : the slopes are those of `EXACT_AREAS`. light_points : patches of each area light; 0 where none is.
         """
         most = MAX_SURFACES_FAR if lattice.samples > FAR_SAMPLES else MAX_SURFACES
         defines = {
@@ -68,12 +70,13 @@ class ShadePass:
             "MAX_SURFACES": MAX_SURFACES_EXACT if exact else most,
             "TILE_PX": TILE_PX,
             **({} if lamp is None else {"LAMP": 1 + get_args(Profile).index(lamp.profile)}),
+            **({"LIGHT_POINTS": light_points} if light_points else {}),
         }
         return self._programs.get(
             "target/tiles.vert",
             "target/shade.frag",
             defines,
-            self.SAMPLERS + self.TEXTURED * (mesh.uv is not None),
+            self.SAMPLERS + self.TEXTURED * (mesh.uv is not None) + self.LIT * (light_points > 0),
             many_fragments=True,
         )
 

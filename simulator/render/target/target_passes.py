@@ -17,6 +17,7 @@ from simulator.render.target.edge_pass import EdgeBuffers, EdgePass
 from simulator.render.target.gbuffer_pass import GBufferPass, TexturedGBufferPass
 from simulator.render.target.interreflection import Interreflection
 from simulator.render.target.label_pass import LabelPass, Surfaces
+from simulator.render.target.light_maps import LightMaps
 from simulator.render.target.mesh import upload
 from simulator.render.target.mesh_array import WholeMesh
 from simulator.render.target.resident_targets import DrawnMesh, ResidentTarget, ResidentTargets
@@ -94,10 +95,17 @@ class TargetSamples:
 
 @dataclass(frozen=True, eq=False)
 class TargetShadow:
-    """The target as the Sun sees it: the map, and how the shading reads it."""
+    """The target as the Sun sees it: the map, and how the shading reads it.
+
+    Parameters
+    ----------
+    lights : maps of area lights. light_points : patches of each of them; 0 where none is.
+    """
 
     map: moderngl.Texture
     choice: ShadowChoice
+    lights: moderngl.Texture | None = None
+    light_points: int = 0
 
 
 class TargetPasses:
@@ -119,6 +127,7 @@ class TargetPasses:
     ) -> None:
         self._context, self._programs, self._blocks, self._culling = context, programs, blocks, culling
         self._shadow = SelfShadow(context, programs, blocks)
+        self._light_maps = LightMaps(context, programs, blocks)
         self._gbuffer = GBufferPass(context, programs)
         self._textured: TexturedGBufferPass | None = None  # made with the first mesh that has textures
         self._edges = EdgePass(context, programs)
@@ -209,8 +218,11 @@ class TargetPasses:
         )
 
     def draw_shadow(self, scene: SceneState, view: View, placed: PlacedTarget) -> TargetShadow:
-        """Draw the target as the Sun sees it."""
-        return TargetShadow(*self._shadow.draw(scene, view, placed.loaded, placed.place))
+        """Draw the target as the Sun sees it, and as area lights do."""
+        sun = self._shadow.draw(scene, view, placed.loaded, placed.place)
+        if not scene.area_lights:
+            return TargetShadow(*sun)
+        return TargetShadow(*sun, *self._light_maps.draw(scene, placed.loaded, placed.place))
 
     def draw_edges(self, scene: SceneState, placed: PlacedTarget) -> moderngl.Texture:
         """Draw the slopes of the samples' weights, by which edges share out their pixels."""
@@ -239,8 +251,15 @@ class TargetPasses:
         """
         mesh, exact, bands = placed.loaded.mesh, scene.quality == "high", len(bands_of(scene.bands))
         program = self._shade.program(
-            placed.lattice, bands, mesh, shadow.choice.window, scene.lamp, exact=exact
+            placed.lattice,
+            bands,
+            mesh,
+            shadow.choice.window,
+            scene.lamp,
+            exact=exact,
+            light_points=shadow.light_points,
         )
+        lights = {} if shadow.lights is None else {"t_light_depth": shadow.lights}
         program.set("u_stamp", samples.stamp)
         images.mark_covered(placed.rect)
         self._shade.run(
@@ -248,7 +267,7 @@ class TargetPasses:
             placed.rect,
             tiles_px,
             program,
-            {**samples.textures, "t_shadow": shadow.map, **textures},
+            {**samples.textures, "t_shadow": shadow.map, **lights, **textures},
             one_tile=one_tile,
         )
 
@@ -297,6 +316,7 @@ class TargetPasses:
         """Free the uploaded targets."""
         self._loaded.release()
         self._labels.release()
+        self._light_maps.release()
 
 
 def _matrix(R: FloatArray, t_m: ArrayLike) -> FloatArray:

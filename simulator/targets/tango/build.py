@@ -18,7 +18,7 @@ from simulator.targets.tango.dimensions import ANTENNA_ROOTS, ANTENNA_TIPS
 from simulator.targets.tango.fittings import build_fittings
 from simulator.targets.tango.instruments import build_instruments
 from simulator.targets.tango.labels import build_keypoints, build_occluders, build_wireframe
-from simulator.targets.tango.materials import MATERIALS, MLI
+from simulator.targets.tango.materials import MATERIALS, MLI, MOCKUP_MATERIALS
 from simulator.targets.tango.panel import build_panel
 
 NOTES = (
@@ -55,6 +55,16 @@ FINE = frozenset(
 def build_tango(detail: Detail = "full") -> Target:
     """Tango with painted plates, as in SPEED's synthetic pictures."""
     return _assemble("tango", "Tango (PRISMA), SPEED frame, painted sides", _pieces(detail), MATERIALS)
+
+
+def build_tango_mockup(detail: Detail = "full") -> Target:
+    """Tango as a mock-up in a laboratory: the same shape, other surfaces."""
+    return _assemble(
+        "tango-mockup",
+        "Tango (PRISMA), SPEED frame, a laboratory's mock-up",
+        _pieces(detail),
+        MOCKUP_MATERIALS,
+    )
 
 
 def build_tango_mli(detail: Detail = "full") -> Target:

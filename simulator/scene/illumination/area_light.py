@@ -1,0 +1,132 @@
+"""Area lights: diffuse boxes and lamps with a face. CPU twin of shaders/target/area_lights.glsl."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from msgspec import Meta
+
+from simulator.runtime.sections import Degrees, DirectionXyz, MetresXyz, Section
+from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray
+    from simulator.scene.illumination.bands import Bands
+    from simulator.world.frames.pose import Pose
+
+Side = Annotated[float, Meta(ge=0.01, le=100)]
+MOST_LIGHTS = 8
+DIFFUSE_DEG = 60.0
+"""Half angle at which a Lambert surface's intensity is half of that on its axis."""
+
+
+class AreaLight(Section, frozen=True, kw_only=True):
+    """A lit rectangle: a diffuse box (``half_angle_deg`` of 60), or with a narrower beam a lamp.
+
+    ``position_m`` is its middle, in the axes of the ``camera`` (right, down, forward; it moves along with it) or of the
+    ``target``. It shines from one side, along ``direction``, or at the target's origin where that is left out.
+    ``turn_deg`` turns it about that axis. Radiance is on the axis, panchromatic, of the Sun's colour. It is not drawn
+    itself where the camera looks at it.
+    """
+
+    position_m: MetresXyz
+    radiance_w_m2_sr: Annotated[float, Meta(gt=0, le=1e8)]
+    frame: Literal["camera", "target"] = "camera"
+    direction: DirectionXyz | None = None
+    width_m: Side = 1.0
+    height_m: Side = 1.0
+    turn_deg: Degrees = 0.0
+    # the intensity falls to half at this angle from the axis
+    half_angle_deg: Annotated[float, Meta(ge=1, le=60)] = DIFFUSE_DEG
+
+    @property
+    def exponent(self) -> float:
+        """Of the cosine from the axis, by which the radiance falls; 0 for a diffuse light."""
+        return max(float(np.log(0.5) / np.log(np.cos(np.radians(self.half_angle_deg)))) - 1.0, 0.0)
+
+    def placed(self, camera_from_target: Pose) -> PlacedLight:
+        """The light in the camera's axes."""
+        middle, along = np.asarray(self.position_m, float), self.direction
+        origin = np.zeros(3) if self.frame == "target" else np.asarray(camera_from_target.t_m)
+        axis = origin - middle if along is None or not np.any(along) else np.asarray(along, float)
+        length = float(np.linalg.norm(axis))
+        axis = np.array([0.0, 0.0, 1.0]) if length < 1e-9 else axis / length
+        across, down = axes_across(axis)
+        c, s = np.cos(np.radians(self.turn_deg)), np.sin(np.radians(self.turn_deg))
+        right, down = c * across + s * down, c * down - s * across
+        if self.frame == "target":
+            R = camera_from_target.R
+            middle, axis, right, down = camera_from_target.apply(middle), R @ axis, R @ right, R @ down
+        return PlacedLight(
+            middle, axis, right * (self.width_m / 2), down * (self.height_m / 2), self.exponent
+        )
+
+    def radiance(self, bands: Bands) -> FloatArray:
+        """(n,) radiance on the axis, per band [W m-2 sr-1]."""
+        colour = sun_irradiance_w_m2(bands, ASTRONOMICAL_UNIT_M)
+        return np.asarray(self.radiance_w_m2_sr * colour / sun_irradiance_w_m2("mono", ASTRONOMICAL_UNIT_M))
+
+
+def axes_across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Two unit vectors (3,) across a third one: the first level in camera axes, the second as far down as may be."""
+    across = np.cross([0.0, 1.0, 0.0], axis)
+    length = float(np.linalg.norm(across))
+    across = np.array([1.0, 0.0, 0.0]) if length < 1e-3 else across / length
+    down = np.cross(axis, across)
+    return across, down / np.linalg.norm(down)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedLight:
+    """A light in the camera's axes.
+
+    Parameters
+    ----------
+    middle_m : (3,). axis : (3,) unit vector along which it shines. right_m, down_m : (3,) half of its sides.
+    exponent : of the cosine from the axis.
+    """
+
+    middle_m: FloatArray
+    axis: FloatArray
+    right_m: FloatArray
+    down_m: FloatArray
+    exponent: float
+
+    def points_m(self, count: int) -> FloatArray:
+        """(count, 3) places on it that stand for equal patches; no two are level in either axis."""
+        u, v = rook_points(count).T
+        return np.asarray(self.middle_m + u[:, None] * self.right_m + v[:, None] * self.down_m)
+
+    @property
+    def area_m2(self) -> float:
+        """Of the rectangle."""
+        return float(4 * np.linalg.norm(np.cross(self.right_m, self.down_m)))
+
+    def irradiance_factor(self, positions_m: FloatArray, normals: FloatArray, count: int = 16) -> FloatArray:
+        """(K,) irradiance over radiance on unshadowed faces [sr].
+
+        Parameters
+        ----------
+        positions_m, normals : (K, 3) camera axes. count : of patches.
+        """
+        d = self.points_m(count)[None] - np.asarray(positions_m, float)[:, None]
+        square = np.maximum((d * d).sum(axis=2), 1e-4)
+        towards = d / np.sqrt(square)[..., None]
+        incidence = np.clip((towards * np.asarray(normals)[:, None]).sum(axis=2), 0, None)
+        leaving = np.clip(-(towards @ self.axis), 0, None)
+        beam = leaving * leaving**self.exponent
+        return np.asarray((incidence * beam / square).mean(axis=1) * self.area_m2)
+
+
+@lru_cache(maxsize=16)
+def rook_points(count: int) -> FloatArray:
+    """(count, 2) points of the square from -1 to 1, one in each row and column: straight edges cross them one by one.
+
+    The order of columns is that of the golden ratio's multiples: neighbouring rows lie far apart.
+    """
+    k = np.arange(count)
+    order = np.argsort(np.argsort((k * 0.6180339887498949) % 1.0))
+    return np.asarray(np.stack([2 * k + 1 - count, 2 * order + 1 - count], axis=1) / count)
