@@ -44,7 +44,14 @@ def test_sections_that_are_offered_have_the_types_of_the_file() -> None:
     text = show_scenario("tango-flyaround")
     shown = re.sub(r"^# (\[+[\w.]+\]+|\w+ = (?!\.\.\.).*)$", r"\1", text, flags=re.MULTILINE)
     raw = tomllib.loads(shown)
-    for needs in (("lamp",), ("burns",), ("faults",), ("attitude", "point"), ("chaser", "keep_out")):
+    for needs in (
+        ("lamp",),
+        ("lights",),
+        ("burns",),
+        ("faults",),
+        ("attitude", "point"),
+        ("chaser", "keep_out"),
+    ):
         table = raw
         for step in needs[:-1]:
             table = table[step]
