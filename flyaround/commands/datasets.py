@@ -67,7 +67,11 @@ def capture(
     labels: Labels = None,
     seed: Seed = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on where an interrupted capture stopped.")
+        bool,
+        typer.Option(
+            "--resume",
+            help="Go on with a data set: verify what is there, draw what is damaged or missing, up to a larger -n.",
+        ),
     ] = False,
     workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that draw; same bytes.")] = 1,
     gpu: Device = None,
@@ -122,6 +126,7 @@ def _report(summary: CaptureSummary) -> dict[str, Any]:
         "quarantined": [{"frame": k, "reason": r} for k, r in summary.quarantined],
         "clipping": None if summary.clipping is None else asdict(summary.clipping),
         "redraws": summary.redraws,
+        "damaged": list(summary.damaged),
     }
 
 
@@ -130,10 +135,17 @@ def _tell_capture(summary: CaptureSummary) -> None:
         f"{summary.n_written} frames written to {summary.folder} ({summary.n_kept} were there, "
         f"{summary.n_feasible} of the new ones feasible, {len(summary.quarantined)} quarantined)"
     )
+    if summary.damaged:
+        say(f"{len(summary.damaged)} frames were damaged and are drawn again: {_some(summary.damaged)}")
     for name, count in summary.redraws.items():
         say(f"{count} poses drawn again for {name}")
     if summary.clipping is not None:
         _tell_clipping(summary.clipping)
+
+
+def _some(frames: tuple[int, ...], most: int = 10) -> str:
+    """The first numbers, and that there are more."""
+    return ", ".join(str(k) for k in frames[:most]) + (", ..." if len(frames) > most else "")
 
 
 def _tell_clipping(clipping: ClippingSummary) -> None:

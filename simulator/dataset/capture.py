@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
-from simulator.dataset.card import CARD_NAME, CardTarget, DatasetCard, describe_machine, read_card
+from simulator.dataset.card import CARD_NAME, CardTarget, DatasetCard, describe_machine
 from simulator.dataset.clipping import ClippingSummary, summarise_clipping
 from simulator.dataset.formats.native import is_whole
 from simulator.dataset.formats.speed import export_speed
+from simulator.dataset.resume import WhatIsThere, card_to_resume, look_at_frames
+from simulator.dataset.storage.space import frame_bytes, refuse_without_room
+from simulator.dataset.storage.store import FolderStore
 from simulator.dataset.writer import CheckAndEncode, DatasetWriter
 from simulator.errors import UserError
 from simulator.labels.part_classes import part_class
@@ -65,6 +68,7 @@ class CaptureSummary:
     """What a capture did; ``clipping`` is of the frames that it wrote, None where it wrote none with a target.
 
     ``redraws`` of these frames: how many poses were drawn again for which of the recipe's constraints.
+    ``damaged``: frames that were there and were not what had been written, and so were drawn again.
     """
 
     folder: Path
@@ -74,6 +78,7 @@ class CaptureSummary:
     quarantined: tuple[tuple[int, str], ...]
     clipping: ClippingSummary | None = None
     redraws: dict[str, int] = dataclass_field(default_factory=dict)
+    damaged: tuple[int, ...] = ()
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
@@ -108,7 +113,7 @@ def capture(
 
     Each frame is checked before it is written; one whose labels disagree goes to ``quarantine/`` with its
     reason and is never silently kept. An interrupted capture is valid as far as it went and goes on with
-    ``resume``.
+    ``resume``, which verifies what is there, draws again what is damaged, and takes a plan of more frames.
 
     Parameters
     ----------
@@ -118,21 +123,22 @@ def capture(
     Raises
     ------
     UserError
-        If the folder is not empty (without ``resume``), belongs to another plan, cannot be written, or another capture
-        is writing into it.
+        If the folder is not empty (without ``resume``), belongs to another plan, cannot be written, has too little room
+        or another capture is writing into it.
     """
     folder = Path(folder)
     labels = _possible(plan, labels)
     empty_folder(folder, resume=True)
     with only_writer(folder, "capture"):
-        if not resume and any(path.name != lock_name("capture") for path in folder.iterdir()):
+        store = FolderStore(folder, frozenset({lock_name("capture")}))
+        if not resume and not store.is_empty():
             empty_folder(folder, resume=False)
-        return _capture(plan, folder, formats, labels, workers, device_index, progress, resume=resume)
+        return _capture(plan, store, formats, labels, workers, device_index, progress, resume=resume)
 
 
 def _capture(
     plan: CapturePlan,
-    folder: Path,
+    store: FolderStore,
     formats: tuple[str, ...],
     labels: tuple[str, ...],
     workers: int,
@@ -141,8 +147,12 @@ def _capture(
     *,
     resume: bool,
 ) -> CaptureSummary:
-    """`capture` into a folder that is this one's alone."""
+    """`capture` into a store that is this one's alone."""
     planned = _card(plan, formats, labels)
+    if not (
+        resume and store.exists(CARD_NAME)
+    ):  # what is there is counted once it is known to be the same plan
+        _refuse_without_room(store, plan, labels, formats, plan.n_frames)
     with open_frames(
         CheckAndEncode(planned, plan.target if workers == 1 else None),
         # one draws here; more have each a renderer of their own
@@ -155,30 +165,42 @@ def _capture(
         card = msgspec.structs.replace(
             planned, machine=describe_machine(info.vendor, info.renderer, info.version)
         )
+        there = WhatIsThere(frozenset())
         if resume:
-            card = _same_plan(folder, card)
-        writer = DatasetWriter(folder, card)
-        kept = {k for k in range(plan.n_frames) if is_whole(folder, k)} if resume else set()
-        missing = [k for k in range(plan.n_frames) if k not in kept]
-        frames = run_frames(
-            plan, producer, [writer], labels=lambda k: _request(plan, k, labels), numbers=missing
-        )
-        for done, _ in enumerate(frames, start=len(kept) + 1):
-            progress(done, plan.n_frames)
-    if "speed" in writer.card.formats:
-        export_speed(folder, [k for k in range(plan.n_frames) if is_whole(folder, k)])
-    writer.finish()
+            card, old = card_to_resume(store, card)
+            if old is not None:
+                there = look_at_frames(store, plan, old)
+                _refuse_without_room(store, plan, labels, formats, plan.n_frames - len(there.kept))
+        missing = [k for k in range(plan.n_frames) if k not in there.kept]
+        with DatasetWriter(store, card) as writer:
+            frames = run_frames(
+                plan, producer, [writer], labels=lambda k: _request(plan, k, labels), numbers=missing
+            )
+            for done, _ in enumerate(frames, start=len(there.kept) + 1):
+                progress(done, plan.n_frames)
+            writer.flush()
+            if "speed" in writer.card.formats:
+                export_speed(store.folder, [k for k in range(plan.n_frames) if is_whole(store.folder, k)])
+            writer.finish()
     n_written = len(missing) - len(writer.quarantined)
     clipping = summarise_clipping(writer.clipping, plan.scenario_document)
     return CaptureSummary(
-        folder,
+        store.folder,
         n_written,
-        len(kept),
+        len(there.kept),
         writer.n_feasible,
         tuple(writer.quarantined),
         clipping,
         dict(writer.redraws),
+        there.damaged,
     )
+
+
+def _refuse_without_room(
+    store: FolderStore, plan: CapturePlan, labels: tuple[str, ...], formats: tuple[str, ...], n_frames: int
+) -> None:
+    exports = len([name for name in formats if name != "native"])
+    refuse_without_room(store, n_frames, frame_bytes(plan.scene(0), labels, exports))
 
 
 def _possible(plan: CapturePlan, labels: tuple[str, ...]) -> tuple[str, ...]:
@@ -229,31 +251,3 @@ def _card(plan: CapturePlan, formats: tuple[str, ...], labels: tuple[str, ...]) 
         ),
         machine=describe_machine("", "", ""),
     )
-
-
-def _same_plan(folder: Path, card: DatasetCard) -> DatasetCard:
-    """The card to go on with: refuses to mix two plans or two renderers, keeps the formats there were."""
-    if not (folder / CARD_NAME).is_file():
-        if any(path.name != lock_name("capture") for path in folder.iterdir()):
-            raise UserError(
-                f"{folder} is not empty and has no {CARD_NAME} to go on from; name a new folder with -o"
-            )
-        return card
-    old = read_card(folder)
-    for field in ("scenario", "seed", "n_frames", "every_s", "camera", "target", "labels"):
-        if getattr(old, field) != getattr(card, field):
-            which = "another " + field
-            if field == "labels":
-                which = (
-                    f"other labels ({','.join(old.labels) or 'none'}, here {','.join(card.labels) or 'none'})"
-                )
-            raise UserError(
-                f"{folder} was captured with {which}; resume with the same command, or name a new folder"
-            )
-    for field in ("gl_renderer", "gl_version", "flyaround"):
-        if getattr(old.machine, field) != getattr(card.machine, field):
-            raise UserError(
-                f"{folder} was captured with {field} {getattr(old.machine, field)}, here it is "
-                f"{getattr(card.machine, field)}; go on where it began, or name a new folder"
-            )
-    return msgspec.structs.replace(card, formats=tuple(dict.fromkeys((*old.formats, *card.formats))))

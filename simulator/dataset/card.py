@@ -131,16 +131,28 @@ def read_card(folder: Path) -> DatasetCard:
     path = folder / CARD_NAME
     try:
         data = read_regular(path, MOST_BYTES)
-        refuse_deep(data, str(path))
-        return msgspec.json.decode(data, type=DatasetCard)
     except OSError as error:
         raise UserError(
             f"{folder} is not a data set: cannot read {path.name} ({error.strerror}); "
             "give a folder written by capture, or make one of another's with flyaround convert"
         ) from error
+    return decode_card(data, str(path))
+
+
+def decode_card(data: bytes, where: str) -> DatasetCard:
+    """The card in a file's bytes.
+
+    Raises
+    ------
+    UserError
+        If it is damaged.
+    """
+    refuse_deep(data, where)
+    try:
+        return msgspec.json.decode(data, type=DatasetCard)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(
-            f"{path} is damaged: {error}; run capture again with --resume to rewrite it"
+            f"{where} is damaged: {error}; run capture again with --resume to rewrite it"
         ) from error
 
 

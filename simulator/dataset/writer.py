@@ -5,20 +5,20 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import msgspec
 
 from simulator.dataset.card import CARD_NAME, CardQuarantine, DatasetCard, card_to_json
 from simulator.dataset.check.verify import check_frame
 from simulator.dataset.clipping import Clipping, measure_clipping
-from simulator.dataset.formats.native import EncodedFrame, encode_frame, write_encoded
-from simulator.runtime.files import write_atomic
+from simulator.dataset.formats.native import EncodedFrame, encode_frame, frame_files
+from simulator.dataset.storage.batches import FrameBatches, FrameFiles
+from simulator.dataset.storage.manifest import manifest_lines, sort_manifest
 from simulator.targets.model import Target
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
+    from simulator.dataset.storage.store import Store
     from simulator.frame import Frame
 
 log = logging.getLogger(__name__)
@@ -28,7 +28,8 @@ log = logging.getLogger(__name__)
 class CheckedFrame:
     """A frame ready to be written: its files, whether it is feasible, and what is wrong with its labels, or nothing.
 
-    ``redraws`` : how often each constraint of a recipe had its pose drawn again.
+    ``manifest`` : lines of its files' hashes. ``redraws`` : how often each constraint of a recipe had its pose drawn
+    again.
     """
 
     number: int
@@ -36,6 +37,7 @@ class CheckedFrame:
     feasible: bool
     reason: str
     clipping: Clipping
+    manifest: bytes
     redraws: dict[str, int] = field(default_factory=dict)
 
 
@@ -61,57 +63,74 @@ class CheckAndEncode:
             frame.number, frame.truth, frame.image, frame.mask, self.card, target, frame.layers
         )
         sample = frame.scene.sample
+        files = encode_frame(frame)
         return CheckedFrame(
             frame.number,
-            encode_frame(frame),
+            files,
             frame.truth.feasible,
             "; ".join(wrong),
             measure_clipping(frame),
+            manifest_lines(frame_files(frame.number, files)),
             {} if isinstance(sample, msgspec.UnsetType) else sample.redraws,
         )
 
 
 class DatasetWriter:
-    """Writes checked frames into a folder, those whose labels disagree apart, and keeps the card true meanwhile.
+    """Writes checked frames into a store, those whose labels disagree apart, and keeps the card true meanwhile.
+
+    Use as a context manager: leaving it, for whatever reason, writes the frames that are still held.
 
     Parameters
     ----------
     card : written at once; it says that the data set is not complete yet.
     """
 
-    def __init__(self, folder: Path, card: DatasetCard) -> None:
-        self._folder, self.card = folder, card
+    def __init__(self, store: Store, card: DatasetCard) -> None:
+        self._store, self.card = store, card
         self.quarantined: list[tuple[int, str]] = []
         self.clipping: list[Clipping] = []
         self.n_feasible = 0
         self.redraws: Counter[str] = Counter()
-        (folder / "images").mkdir(exist_ok=True)
+        self._batches = FrameBatches(store)
         self._write_card()
 
     def write(self, frame: CheckedFrame) -> None:
-        """Write one frame."""
+        """Write one frame, by the end of the `with` at the latest."""
         if frame.reason:
             self._quarantine(frame)
             return
-        write_encoded(self._folder, frame.number, frame.files)
+        *parts, record = frame_files(frame.number, frame.files)
+        self._batches.add(FrameFiles(parts, record, frame.manifest))
         self.n_feasible += frame.feasible
         self.clipping.append(frame.clipping)
         self.redraws.update(frame.redraws)
 
+    def flush(self) -> None:
+        """Have all frames so far on the disk."""
+        self._batches.flush()
+
     def finish(self) -> None:
         """Have the card say that all is there, unless frames are kept apart."""
+        self.flush()
+        sort_manifest(self._store)
         self.card = msgspec.structs.replace(self.card, complete=not self.quarantined)
         self._write_card()
 
+    def __enter__(self) -> Self:
+        self._batches.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._batches.__exit__(*error)
+
     def _write_card(self) -> None:
-        write_atomic(self._folder / CARD_NAME, card_to_json(self.card))
+        self._store.write([(CARD_NAME, card_to_json(self.card))])
 
     def _quarantine(self, frame: CheckedFrame) -> None:
         """Write a frame whose labels disagree apart, with its reason."""
-        place = self._folder / "quarantine"
-        (place / "images").mkdir(parents=True, exist_ok=True)
-        write_atomic(place / f"{frame.number:06d}.txt", (frame.reason + "\n").encode())
-        write_encoded(place, frame.number, frame.files)
+        reason = (f"{frame.number:06d}.txt", (frame.reason + "\n").encode())
+        files = [reason, *frame_files(frame.number, frame.files)]
+        self._store.write([(f"quarantine/{name}", data) for name, data in files])
         log.warning("frame %d is quarantined: %s", frame.number, frame.reason)
         self.quarantined.append((frame.number, frame.reason))
         kept_apart = CardQuarantine(frame=frame.number, reason=frame.reason)

@@ -7,9 +7,15 @@ import json
 import os
 import secrets
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from simulator.errors import UserError, write_error
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+PART_FILES = ".*.part"
+"""What temporary files are called: a killed writer leaves some behind."""
 
 
 def write_atomic(path: Path, data: bytes) -> None:
@@ -20,7 +26,7 @@ def write_atomic(path: Path, data: bytes) -> None:
     UserError
         If the folder does not exist, cannot be written, or its disk is full.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
+    temporary = _temporary(path)
     try:
         temporary.write_bytes(data)
         temporary.replace(path)
@@ -28,6 +34,54 @@ def write_atomic(path: Path, data: bytes) -> None:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
         raise write_error(path, error) from error
+
+
+def write_lasting(files: Sequence[tuple[Path, bytes]]) -> None:
+    """Write files that outlast a loss of power: none has its name before all are whole on the disk; named in order.
+
+    Many at once wait for the disk little longer than one.
+
+    Raises
+    ------
+    UserError
+        As of `write_atomic`; of the files named by then all are whole.
+    """
+    parts: list[tuple[Path, Path]] = []
+    path = Path()
+    try:
+        for path, data in files:
+            parts.append((_temporary(path), path))
+            parts[-1][0].write_bytes(data)
+        for temporary, _ in parts:
+            _to_disk(temporary)
+        for temporary, path in parts:
+            temporary.replace(path)
+        for folder in {path.parent for _, path in parts}:
+            _names_to_disk(folder)
+    except OSError as error:
+        for temporary, _ in parts:
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
+        raise write_error(path, error) from error
+
+
+def _temporary(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
+
+
+def _to_disk(path: Path) -> None:
+    with path.open("r+b") as file:
+        os.fsync(file.fileno())
+
+
+def _names_to_disk(folder: Path) -> None:
+    """The names in a folder, where the system has that: Windows and some network disks do not."""
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 def write_json(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON value

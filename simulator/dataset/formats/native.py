@@ -152,21 +152,25 @@ def write_frame(folder: Path, k: int, frame: Frame) -> FramePaths:
     return write_encoded(folder, k, encode_frame(frame))
 
 
+def frame_files(k: int, files: EncodedFrame) -> list[tuple[str, bytes]]:
+    """Names within the data set and bytes of frame k's files; its truth record last: a record means a whole frame."""
+    paths = frame_paths(Path(), k)
+    layers = {layer_path(Path("images"), f"{k:06d}", name): data for name, data in files.layers.items()}
+    named = {paths.image: files.image, paths.mask: files.mask, **layers, paths.truth: files.truth}
+    return [(path.as_posix(), data) for path, data in named.items()]
+
+
 def write_encoded(folder: Path, k: int, files: EncodedFrame) -> FramePaths:
-    """Write frame k; its truth record comes last, so that a record means a whole frame.
+    """Write frame k; its truth record comes last.
 
     Raises
     ------
     UserError
         If the disk is full or the folder cannot be written.
     """
-    paths = frame_paths(folder, k)
-    write_atomic(paths.image, files.image)
-    write_atomic(paths.mask, files.mask)
-    for name, data in files.layers.items():
-        write_atomic(layer_path(folder / "images", f"{k:06d}", name), data)
-    write_atomic(paths.truth, files.truth)
-    return paths
+    for name, data in frame_files(k, files):
+        write_atomic(folder / name, data)
+    return frame_paths(folder, k)
 
 
 def is_whole(folder: Path, k: int) -> bool:

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import shutil
+from types import SimpleNamespace
 
 import cv2
 import jsonschema
@@ -19,6 +20,7 @@ from simulator.dataset.single_frames import render_scene, save_picture
 from simulator.errors import UserError
 from simulator.frame import take_frame
 from simulator.labels.truth import read_truth, truth_json_schema
+from simulator.recipes.plan import plan_recipe
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
 from tools.validation.labels.faults import inject_fault
@@ -236,6 +238,65 @@ def test_resume_draws_what_is_missing_and_gives_the_same_bytes(copy, plan):
     assert (summary.n_written, summary.n_kept) == (1, N - 1)
     assert all(frame_paths(copy, k).image.read_bytes() == before[k] for k in range(N))
     assert _faults(copy) == []
+
+
+def _flip_a_bit(path):
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("with_manifest", [True, False])
+def test_resume_draws_again_what_is_damaged(copy, dataset, plan, with_manifest):
+    _flip_a_bit(frame_paths(copy, 0).image)
+    frame_paths(copy, 2).mask.unlink()
+    (copy / "images" / ".000001.png.77.abcd.part").write_bytes(b"left by a killed one")
+    if not with_manifest:  # as of an earlier version, or with lines that a loss of power cost
+        (copy / "manifest.sha256").unlink()
+    summary = capture(plan, copy, resume=True)
+    assert (summary.damaged, summary.n_written, summary.n_kept) == ((0, 2), 2, 1)
+    names = sorted(path.relative_to(dataset) for path in (dataset / "images").iterdir())
+    assert sorted(path.relative_to(copy) for path in (copy / "images").iterdir()) == names
+    assert all((copy / name).read_bytes() == (dataset / name).read_bytes() for name in names)
+    if with_manifest:
+        assert (copy / "manifest.sha256").read_bytes() == (dataset / "manifest.sha256").read_bytes()
+
+
+def test_resume_takes_more_samples_of_a_recipe_and_not_fewer(tmp_path):
+    def recipe(n):
+        made = plan_recipe("eval-black", n, target="tango@low", quality="draft")
+        return dataclasses.replace(made, camera=smaller(made.camera, 384))
+
+    capture(recipe(1), tmp_path / "grown")
+    summary = capture(recipe(2), tmp_path / "grown", resume=True)
+    assert (summary.n_written, summary.n_kept) == (1, 1)
+    capture(recipe(2), tmp_path / "whole")
+    for path in sorted((tmp_path / "whole").rglob("*.*")):
+        if path.is_file():
+            assert (
+                tmp_path / "grown" / path.relative_to(tmp_path / "whole")
+            ).read_bytes() == path.read_bytes()
+    with pytest.raises(UserError, match="data set of 2 frames, and 1 are asked for"):
+        capture(recipe(1), tmp_path / "grown", resume=True)
+
+
+def test_more_moments_of_a_flight_are_other_moments(copy):
+    before = {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()}
+    more = plan_flight(
+        msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low"),
+        n=N + 1,
+        quality="draft",
+    )
+    with pytest.raises(UserError, match="each would be of another moment"):
+        capture(dataclasses.replace(more, camera=smaller(more.camera, 384)), copy, resume=True)
+    assert {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()} == before
+
+
+def test_too_little_room_is_refused_before_anything_is_drawn(tmp_path, plan, monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1000))
+    with pytest.raises(UserError, match=r"3 frames take about .* MB and the disk of .* has 0\.0 MB left"):
+        capture(plan, tmp_path / "set")
+    assert list((tmp_path / "set").iterdir()) == []
 
 
 def test_workers_give_the_same_bytes(dataset, plan, tmp_path):

@@ -1,0 +1,171 @@
+"""Going on with a data set: the same plan or refused, and which of its frames are there undamaged."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from simulator.dataset.card import CARD_NAME, MOST_BYTES, DatasetCard, decode_card
+from simulator.dataset.formats.native import frame_paths, is_whole, read_layer, read_png
+from simulator.dataset.storage.manifest import file_hash, read_manifest, rewrite_manifest
+from simulator.dataset.storage.store import FolderStore
+from simulator.errors import UserError
+from simulator.labels.layers import layer_hash, pixel_hash
+from simulator.labels.truth import Truth, read_truth
+from simulator.runtime.threads import threads
+from simulator.runtime.untrusted_files import refuse_deep
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.dataset.storage.store import Store
+    from simulator.scenario.plan import FramePlan
+
+MOST_FILE_BYTES = 2**32
+
+
+@dataclass(frozen=True)
+class WhatIsThere:
+    """Frames of an earlier capture.
+
+    Parameters
+    ----------
+    kept : undamaged. damaged : begun or finished, and not what was written; they are drawn again.
+    """
+
+    kept: frozenset[int]
+    damaged: tuple[int, ...] = ()
+
+
+def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, DatasetCard | None]:
+    """The card to go on with and the one that was there; None where nothing was.
+
+    Raises
+    ------
+    UserError
+        If what is there is another plan's or another renderer's, or has more frames than are asked for.
+    """
+    if not store.exists(CARD_NAME):
+        if not store.is_empty():
+            raise UserError(
+                f"{store.title} is not empty and has no {CARD_NAME} to go on from; name a new folder with -o"
+            )
+        return card, None
+    try:
+        old = decode_card(store.read(CARD_NAME, MOST_BYTES), f"{store.title}/{CARD_NAME}")
+    except OSError as error:
+        raise UserError(
+            f"{store.title}: cannot read {CARD_NAME} ({error.strerror or error}); name a new folder with -o"
+        ) from error
+    for field in ("scenario", "seed", "every_s", "camera", "target", "labels"):
+        if getattr(old, field) != getattr(card, field):
+            which = "another " + field
+            if field == "labels":
+                which = (
+                    f"other labels ({','.join(old.labels) or 'none'}, here {','.join(card.labels) or 'none'})"
+                )
+            raise UserError(
+                f"{store.title} was captured with {which}; resume with the same command, or name a new folder"
+            )
+    if card.n_frames < old.n_frames:
+        raise UserError(
+            f"{store.title} is a data set of {old.n_frames} frames, and {card.n_frames} are asked for; resume with "
+            f"-n {old.n_frames} or more, or name a new folder"
+        )
+    for field in ("gl_renderer", "gl_version", "flyaround"):
+        if getattr(old.machine, field) != getattr(card.machine, field):
+            raise UserError(
+                f"{store.title} was captured with {field} {getattr(old.machine, field)}, here it is "
+                f"{getattr(card.machine, field)}; go on where it began, or name a new folder"
+            )
+    return msgspec.structs.replace(card, formats=tuple(dict.fromkeys((*old.formats, *card.formats)))), old
+
+
+def look_at_frames(store: Store, plan: FramePlan, old: DatasetCard) -> WhatIsThere:
+    """Which frames are there as they were written; of damaged ones the record is taken away, as of unfinished ones.
+
+    By the manifest's hashes; frames that it does not name, by the hashes of pixels in their records.
+
+    Raises
+    ------
+    UserError
+        If more frames are asked for than there were, and those that are there would be others then.
+    """
+    manifest = read_manifest(store)
+    with ThreadPoolExecutor(threads()) as pool:  # hashing leaves Python's lock alone
+        states = list(pool.map(lambda k: _state(store, k, manifest.get(k, {})), range(old.n_frames)))
+    kept = [k for k, intact in enumerate(states) if intact]
+    if old.n_frames < plan.n_frames:
+        _refuse_other_frames(store, plan, old, [kept[0], kept[-1]] if kept else [])
+        last = old.n_frames - 1
+        if "flow" in old.labels and kept and kept[-1] == last:
+            kept.pop()  # it led nowhere, and may lead to the next now
+    store.remove_unfinished()
+    damaged = tuple(k for k, intact in enumerate(states) if intact is False)
+    for k in damaged:
+        store.remove(_name(k))
+    if manifest:
+        rewrite_manifest(store, {k: manifest[k] for k in kept if k in manifest})
+    return WhatIsThere(frozenset(kept), damaged)
+
+
+def _name(k: int) -> str:
+    """Of frame k's record."""
+    return f"images/{k:06d}.json"
+
+
+def _state(store: Store, k: int, hashes: dict[str, str]) -> bool | None:
+    """Whether frame k is what was written; None where it never was to the end."""
+    if not store.exists(_name(k)):
+        # a record that was there once and is gone is damage too, but nothing is lost by calling it missing
+        return None
+    if _name(k) in hashes:
+        return all(_has_hash(store, name, digest) for name, digest in hashes.items())
+    return isinstance(store, FolderStore) and _agrees_with_its_record(store.folder, k)
+
+
+def _has_hash(store: Store, name: str, digest: str) -> bool:
+    try:
+        return file_hash(store.read(name, MOST_FILE_BYTES)) == digest
+    except (OSError, UserError):
+        return False
+
+
+def _agrees_with_its_record(folder: Path, k: int) -> bool:
+    """Whether image, mask and layers are those that the record has the hashes of."""
+    if not is_whole(folder, k):
+        return False
+    paths = frame_paths(folder, k)
+    try:
+        truth, mask = read_truth(paths.truth), np.asarray(read_png(paths.mask), np.uint8)
+        return (
+            pixel_hash(read_png(paths.image)) == truth.image_sha256
+            and pixel_hash(mask) == truth.mask_sha256
+            and all(
+                layer_hash(name, read_layer(folder / "images", f"{k:06d}", name), mask) == digest
+                for name, digest in truth.layer_sha256.items()
+            )
+        )
+    except UserError:
+        return False
+
+
+def _refuse_other_frames(store: Store, plan: FramePlan, old: DatasetCard, frames: list[int]) -> None:
+    """A larger number must leave the frames that are there as they are: moments spread over a flight move."""
+    for k in frames:
+        where = f"{store.title}/{_name(k)}"
+        try:
+            data = store.read(_name(k), MOST_BYTES)
+            refuse_deep(data, where)
+            scene = msgspec.json.decode(data, type=Truth).scene
+        except (OSError, msgspec.DecodeError, RecursionError) as error:
+            raise UserError(f"cannot read {where} ({error}); name a new folder with -o") from error
+        if scene != plan.scene(k):
+            raise UserError(
+                f"{store.title} has {old.n_frames} frames spread over the flight, and with {plan.n_frames} each would "
+                f"be of another moment; resume with -n {old.n_frames}, use --every, or name a new folder"
+            )

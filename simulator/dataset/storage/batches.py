@@ -1,0 +1,106 @@
+"""Frames written behind the drawing, in batches: one wait for the disk serves many files."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+from simulator.dataset.storage.manifest import MANIFEST_NAME
+
+if TYPE_CHECKING:
+    from simulator.dataset.storage.store import Files, Store
+
+MOST_BYTES = 64_000_000
+MOST_S = 2.0
+"""Frames that a loss of power may cost: those of so many bytes, or of so long."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameFiles:
+    """The files of one frame.
+
+    Parameters
+    ----------
+    parts : all but its record. record : gets its name after all of them. lines : of the manifest.
+    """
+
+    parts: Files
+    record: tuple[str, bytes]
+    lines: bytes
+
+    @property
+    def n_bytes(self) -> int:
+        """Of all files."""
+        return sum(len(data) for _, data in (*self.parts, self.record))
+
+
+class FrameBatches:
+    """Writes frames into a store, a batch at a time, while the next is collected. Use as a context manager.
+
+    Leaving it writes what is still held, also after an error elsewhere: a data set is valid as far as it went.
+
+    Raises
+    ------
+    UserError
+        From `add` or at the end, if the store is full or refuses; what it did not take has no name there.
+    """
+
+    def __init__(self, store: Store, *, most_bytes: int = MOST_BYTES, most_s: float = MOST_S) -> None:
+        self._store, self._most_bytes, self._most_s = store, most_bytes, most_s
+        self._held: list[FrameFiles] = []
+        self._since_s = 0.0
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="flyaround-write")
+        self._under_way: Future[None] | None = None
+
+    def add(self, frame: FrameFiles) -> None:
+        """Take one frame; waits while the batch before is still being written and this one is full."""
+        if not self._held:
+            self._since_s = time.monotonic()
+        self._held.append(frame)
+        if self._under_way is not None and self._under_way.done():
+            self._wait()
+        if (
+            sum(f.n_bytes for f in self._held) >= self._most_bytes
+            or time.monotonic() - self._since_s >= self._most_s
+        ):
+            self._send()
+
+    def flush(self) -> None:
+        """Wait until all that was added is on the disk."""
+        if self._held:
+            self._send()
+        self._wait()
+
+    def _send(self) -> None:
+        self._wait()
+        batch, self._held = self._held, []
+        self._under_way = self._thread.submit(self._write, batch)
+
+    def _wait(self) -> None:
+        under_way, self._under_way = self._under_way, None
+        if under_way is not None:
+            try:
+                under_way.result()
+            except BaseException:
+                self._held = []  # the disk that took no more takes these no more either
+                raise
+
+    def _write(self, batch: list[FrameFiles]) -> None:
+        self._store.write(
+            [part for frame in batch for part in frame.parts], [frame.record for frame in batch]
+        )
+        self._store.append(MANIFEST_NAME, b"".join(frame.lines for frame in batch))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        try:
+            # the first error is the one to be told
+            with contextlib.suppress(Exception) if kind is not None else contextlib.nullcontext():
+                self.flush()
+        finally:
+            self._thread.shutdown()

@@ -1,0 +1,76 @@
+"""manifest.sha256: the hash of every file of the native layout, as ``sha256sum -c`` reads it; so resume knows damage.
+
+Lines are added once the files that they name are on the disk. A frame's record comes last, so that its line means that
+the others of the frame are there too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from typing import TYPE_CHECKING
+
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from simulator.dataset.storage.store import Files, Store
+
+MANIFEST_NAME = "manifest.sha256"
+MOST_BYTES = 2**32
+_LINE = re.compile(r"([0-9a-f]{64})  (images/(\d{6,8})\.[\w.]+)")
+
+
+def file_hash(data: bytes) -> str:
+    """SHA-256 of a file's bytes."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def manifest_lines(files: Files) -> bytes:
+    """Lines of some files, in their order."""
+    return _text((name, file_hash(data)) for name, data in files)
+
+
+def read_manifest(store: Store) -> dict[int, dict[str, str]]:
+    """Hashes by name, of each frame; the last line of a name counts. None of a store that has no manifest.
+
+    What is no line, as the last one of a writer that lost power, is left out: its file is verified by other means.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read.
+    """
+    if not store.exists(MANIFEST_NAME):
+        return {}
+    try:
+        text = store.read(MANIFEST_NAME, MOST_BYTES).decode("ascii", "replace")
+    except OSError as error:
+        raise UserError(
+            f"{store.title}: cannot read {MANIFEST_NAME} ({error.strerror or error}); remove it, and --resume looks at "
+            "every image instead"
+        ) from error
+    frames: dict[int, dict[str, str]] = {}
+    for line in text.splitlines():
+        found = _LINE.fullmatch(line)
+        if found:
+            frames.setdefault(int(found[3]), {})[found[2]] = found[1]
+    return frames
+
+
+def rewrite_manifest(store: Store, frames: Mapping[int, Mapping[str, str]]) -> None:
+    """Write the manifest of some frames anew, in order of their numbers, the files of each as they were written."""
+    text = b"".join(_text(frames[k].items()) for k in sorted(frames))
+    store.write([(MANIFEST_NAME, text)])
+
+
+def sort_manifest(store: Store) -> None:
+    """Put the lines of a finished data set in order, so that resumed and undisturbed ones are alike."""
+    frames = read_manifest(store)
+    if list(frames) != sorted(frames):
+        rewrite_manifest(store, frames)
+
+
+def _text(pairs: Iterable[tuple[str, str]]) -> bytes:
+    return "".join(f"{digest}  {name}\n" for name, digest in pairs).encode()
