@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.sections import Degrees, DirectionXyz, MetresXyz, Section
+from simulator.runtime.sections import Degrees, DirectionXyz, Section
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from simulator.scene.illumination.bands import Bands
     from simulator.world.frames.pose import Pose
 
+_Place = Annotated[float, Meta(ge=-1e4, le=1e4)]
 Side = Annotated[float, Meta(ge=0.01, le=100)]
 MOST_LIGHTS = 8
 DIFFUSE_DEG = 60.0
@@ -32,7 +33,7 @@ class AreaLight(Section, frozen=True, kw_only=True):
     itself where the camera looks at it.
     """
 
-    position_m: MetresXyz
+    position_m: tuple[_Place, _Place, _Place]
     radiance_w_m2_sr: Annotated[float, Meta(gt=0, le=1e8)]
     frame: Literal["camera", "target"] = "camera"
     direction: DirectionXyz | None = None
