@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow soak test-portable test-mutants test-starts lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
+.PHONY: demo test test-slow test-train soak test-portable test-mutants test-starts lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -24,6 +24,11 @@ soak: $(STAMP) system
 # As on other processors: minutes for each factor; FACTORS="blas-prescott worst" runs some of them.
 test-portable: $(STAMP) system
 	$(BIN)/python tools/portable.py $(FACTORS)
+
+# What PyTorch trains: the extra 'train' is installed first, some 200 MB; a page of the documents among it.
+test-train: $(STAMP) system
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[train]'
+	$(BIN)/pytest -q tests/hil/train tests/docs/test_own_network.py tests/hil/board/svd/test_learned_proposal.py
 
 test-starts: $(STAMP) system
 	$(BIN)/pytest -q tests/gui/test_starts.py

@@ -22,6 +22,7 @@ COMMANDS = {
     "convert": "conversion",
     "estimate": "estimation",
     "evaluate": "estimation",
+    "train": "training",
     "compare": "compare",
     "bench": "bench",
     "doctor": "doctor",

@@ -12,13 +12,15 @@ from rich.table import Column, Table
 
 from flyaround.commands.terminal import progress_bar, say, terminal
 from hil.board.errors import BoardModelError
-from hil.board.svd import METHODS, BoardModel, CameraIntrinsics, make_estimator
+from hil.board.methods import ALL_METHODS, check_method_name, estimator_by_name
+from hil.board.svd import BoardModel, CameraIntrinsics
 from hil.board.svd.debug.stage_pictures import write_stage_pictures
 from hil.board.svd.methods import PUBLISHED
 from hil.board.svd.native.backend import describe_backend
 from hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS
 from hil.evaluate.dataset_evaluation import evaluate_dataset
 from hil.evaluate.estimate import checked_picture
+from hil.evaluate.evaluation_page import about_mean_predictor
 from hil.evaluate.greyscale import PLAIN, about_pictures
 from hil.evaluate.method_choice import MethodChoice, board_model
 from hil.evaluate.metrics import MethodMetrics
@@ -56,7 +58,7 @@ def estimate(
     ],
     target: Annotated[str, typer.Option(help="Target name.")] = "tango",
     camera: Annotated[str, typer.Option(help="CAMERA.json, or the name of a built-in camera.")] = "speed",
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(ALL_METHODS)}.")] = "svd",
     solver: Solver = None,
     streams: Streams = None,
     steps: Steps = None,
@@ -72,7 +74,7 @@ def estimate(
     check_method(method)
     intrinsics = load_camera(camera)
     try:
-        estimator = make_estimator(
+        estimator = estimator_by_name(
             board_model(load_target(target)),
             CameraIntrinsics.from_dict(msgspec.to_builtins(intrinsics)),
             method,
@@ -146,7 +148,9 @@ def evaluate(
     ] = Path("report"),
     methods: Annotated[
         list[str] | None,
-        typer.Option("--method", help=f"One of {', '.join(METHODS)} (default svd); repeat it to compare."),
+        typer.Option(
+            "--method", help=f"One of {', '.join(ALL_METHODS)} (default svd); repeat it to compare."
+        ),
     ] = None,
     solver: Solver = None,
     streams: Streams = None,
@@ -196,6 +200,7 @@ def evaluate(
             table.add_row(name, *("" if v is None else f"{v:.4g}" for v in values))
     terminal().print(table)
     say(f"pictures: {metrics.pictures}")
+    say(about_mean_predictor(metrics.mean_predictor))
     say(f"page: {output / 'index.html'}")
 
 
@@ -205,12 +210,14 @@ def split_names(streams: str | None) -> list[str] | None:
 
 
 def check_method(method: str) -> None:
-    """Refuse a method that the estimator does not have.
+    """Refuse a method that there is not.
 
     Raises
     ------
     UserError
-        With the methods there are.
+        With the methods there are; of a network, what is wrong with its file.
     """
-    if method not in METHODS:
-        raise UserError(f"unknown method '{method}' in --method; choose from {', '.join(METHODS)}")
+    try:
+        check_method_name(method)
+    except BoardModelError as error:
+        raise UserError(f"--method: {error}") from error

@@ -27,6 +27,7 @@ from hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary
 from hil.host.link_process.host_link import choose_pixel_format
 from hil.host.link_process.ipc import Compression, LinkConfig, PixelFormatName
 from hil.host.picture_frames import pictures_in
+from hil.host.pose_errors import read_pose_noise
 from hil.host.pose_link import PoseLink
 from hil.host.recording.ros_log import RosLog
 from hil.host.recording.space_packets import SpacePacketSink
@@ -181,6 +182,13 @@ def host(
             help="With --closed-loop: board; truth or noisy (the estimator's errors) need no board, draw nothing."
         ),
     ] = "board",
+    pose_errors: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --closed-loop: metrics.json of evaluate, whose errors the filter takes the board's poses to have"
+            " (default: those of svd)."
+        ),
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed (default: the scenario's).")] = None,
     workers: Annotated[
         int, typer.Option(min=1, max=64, help="Processes that draw in turn: more frames a second.")
@@ -210,6 +218,10 @@ def host(
         raise UserError("a closed loop decides each frame before it is drawn: leave --workers out")
     if pose != "board" and not closed_loop:
         raise UserError(f"--pose {pose} needs --closed-loop")
+    if pose_errors is not None and (not closed_loop or pose != "board"):
+        raise UserError(
+            "--pose-errors is of a board's poses in a closed loop: give --closed-loop, and no --pose"
+        )
     if closed_loop and pose != "board":
         _fly_without_pictures(
             scenario, "truth" if pose == "truth" else "noisy", every_s, seed, log, faults, as_json=as_json
@@ -248,7 +260,12 @@ def host(
             raise UserError("a closed loop draws what was flown: leave --from or --closed-loop out")
         pictures_in(source)
     options = FlightOptions(
-        closed_loop=told, source=source, time_code=time_code, workers=workers, device_index=gpu
+        closed_loop=told,
+        pose_noise=None if pose_errors is None else read_pose_noise(pose_errors),
+        source=source,
+        time_code=time_code,
+        workers=workers,
+        device_index=gpu,
     )
     config = RunConfig(
         link=link, log_dir=log, connect_timeout_s=wait_s or timeout_s or CONNECT_S, latency_s=latency_s

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 
 from hil.board.answering import BoardEstimator
-from hil.board.errors import KernelError
+from hil.board.errors import BoardModelError
 from hil.board.frame_server import BoardSummary, FrameServer
 from hil.link.errors import LinkError
 from hil.link.packets.enums import GREY_FORMATS, format_mask
@@ -37,28 +37,23 @@ EstimatorFactory = Callable[[Dict[str, Any]], BoardEstimator]
 
 
 def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFactory, str, str]:
-    """The SVD estimator on a model file: factory, model name, model hash.
+    """An estimator by name on a model file: factory, model name, model hash.
 
     Raises
     ------
     LinkError
         If the model file, the method or the kernels that are asked for cannot be used.
     """
-    from hil.board.svd import (  # noqa: PLC0415 - needs OpenCV
-        METHODS,
-        BoardModel,
-        CameraIntrinsics,
-        make_estimator,
-    )
+    from hil.board.methods import check_method_name, estimator_by_name  # noqa: PLC0415 - needs OpenCV
+    from hil.board.svd import BoardModel, CameraIntrinsics  # noqa: PLC0415 - the same
     from hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - the same
 
     try:
         # built and loaded before a host is met
         logger.info("kernels of the estimator: %s", describe_backend())
-    except KernelError as error:
+        check_method_name(method)
+    except BoardModelError as error:
         raise LinkError(str(error)) from error
-    if method not in METHODS:
-        raise LinkError(f"unknown method {method!r}: choose one of {', '.join(METHODS)}")
 
     try:
         inside = _bundled(str(model_path))
@@ -69,7 +64,7 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
         raise LinkError(f"{error}: write it anew on the host and copy it to the board") from error
 
     def make(camera: Dict[str, Any]) -> BoardEstimator:
-        return make_estimator(model, CameraIntrinsics.from_dict(camera), method)
+        return estimator_by_name(model, CameraIntrinsics.from_dict(camera), method)
 
     return make, model.name, model.sha256
 

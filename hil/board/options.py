@@ -36,7 +36,12 @@ class AgentOption(NamedTuple):
 
 
 AGENT_OPTIONS: Tuple[AgentOption, ...] = (
-    AgentOption("--method", str, "svd", "Estimator: svd, or another of docs/svd_methods.md."),
+    AgentOption(
+        "--method",
+        str,
+        "svd",
+        "Estimator: svd, another of docs/svd_methods.md, or net:FILE of flyaround train.",
+    ),
     AgentOption(
         "--timeout", float, 60.0, "Seconds to try to reach the host, and to wait for its first word.", "S"
     ),

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 
-from hil.board.svd import METHODS
+from hil.board.errors import BoardModelError
+from hil.board.methods import check_method_name
 from hil.campaign.quantities import QUANTITIES
 from hil.host.link_process.ipc import Compression, PixelFormatName
 from hil.host.pose_link import PoseLink
@@ -203,8 +204,10 @@ def _check_case(case: Case, where: str) -> None:
         raise UserError(f"{where} has a seed twice: each run has its own")
     if case.all_seeds[-1] >= 2**31:
         raise UserError(f"{where} has a seed of 2^31 or more: begin lower")
-    if case.method not in METHODS:
-        raise UserError(f"{where}: unknown method {case.method!r}; choose from {', '.join(METHODS)}")
+    try:
+        check_method_name(case.method)
+    except BoardModelError as error:
+        raise UserError(f"{where}: {error}") from error
     if case.pose != "board" and not case.closed_loop:
         raise UserError(f'{where} has pose = "{case.pose}", which needs closed_loop = true')
     if case.pose != "board" and (case.mode != "lockstep" or case.link != LinkSettings()):

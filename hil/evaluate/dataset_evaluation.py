@@ -14,12 +14,14 @@ from hil.board.svd.native.backend import describe_backend
 from hil.evaluate.evaluation_page import write_page
 from hil.evaluate.evaluator import Evaluator, answer_in_worker, start_worker
 from hil.evaluate.greyscale import about_pictures
+from hil.evaluate.mean_predictor import MeanPredictor, mean_predictor
 from hil.evaluate.method_choice import MethodChoice, board_model
 from hil.evaluate.metrics import MethodMetrics, Metrics, compose, summarise
 from hil.evaluate.result_rows import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
 from simulator.dataset.card import read_card
 from simulator.dataset.formats.native import frame_paths, is_whole, read_png
 from simulator.errors import UserError
+from simulator.labels.truth import read_truth
 from simulator.runtime.files import write_atomic
 from simulator.runtime.task_pool import run_tasks
 from simulator.targets.library import load_target
@@ -120,7 +122,21 @@ def _metrics(folder: Path, labels: Sequence[str], rows: Sequence[EvaluatedFrame]
         describe_backend(),
         kind,
         grey_from_colour=colour,
+        mean_predictor=_mean_predictor(folder, rows),
     )
+
+
+def _mean_predictor(folder: Path, rows: Sequence[EvaluatedFrame]) -> MeanPredictor | None:
+    """What the mean of the feasible frames' truths would have cost as the answer to all of them."""
+    poses = []
+    for k in sorted({row.frame for row in rows if row.record.feasible}):
+        try:
+            truth = read_truth(frame_paths(folder, k).truth)
+        except UserError:
+            # as of `_pictures`
+            continue
+        poses.append((truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m))
+    return mean_predictor(*zip(*poses, strict=True)) if poses else None
 
 
 def _pictures(folder: Path, rows: Sequence[EvaluatedFrame]) -> tuple[str, bool]:

@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 
 from hil.board.errors import BoardModelError
-from hil.board.svd import CameraIntrinsics, make_estimator
+from hil.board.methods import estimator_by_name
+from hil.board.svd import CameraIntrinsics
 from hil.evaluate.greyscale import grey
 from hil.evaluate.method_choice import MethodChoice, board_model
 from simulator.camera.lens.camera_model import Camera
@@ -45,7 +46,7 @@ def estimate(
     image : (H, W) or (H, W, 3) uint8 or uint16 of the camera's size, or the file of one. Colour is taken in grey.
     camera : that took it: a camera, the name of a built-in one, or a file.
     target : the craft in it: a target, a name of `list_targets`, or a target file.
-    method : ``svd``, or another of ``hil.board.svd.METHODS``.
+    method : ``svd``, or another of ``hil.board.methods.ALL_METHODS``; ``net:FILE`` is a network of `flyaround train`.
 
     Returns
     -------
@@ -103,7 +104,7 @@ class _Craft:
 
 def _made(craft: _Craft, camera: Camera, method: str) -> Estimator:
     try:
-        return make_estimator(
+        return estimator_by_name(
             board_model(craft.target), CameraIntrinsics.from_dict(msgspec.to_builtins(camera)), method
         )
     except BoardModelError as error:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
+    from hil.evaluate.mean_predictor import MeanPredictor
     from hil.evaluate.metrics import MethodMetrics, Metrics, Summary
     from hil.evaluate.result_rows import EvaluatedFrame
     from simulator.dataset.card import DatasetCard
@@ -80,7 +81,12 @@ def write_page(
             f"pictures: {metrics.pictures}"
         )
     )
-    page.section("Methods", _methods_table(list(metrics.by_method.values())), note(ABOUT_METHODS))
+    page.section(
+        "Methods",
+        _methods_table(list(metrics.by_method.values())),
+        note(ABOUT_METHODS),
+        note(about_mean_predictor(metrics.mean_predictor)),
+    )
     plots = draw_plots(rows, labels)
     if plots:
         page.section("Errors and time", [plot(png, CAPTIONS[name], alt=name) for name, png in plots.items()])
@@ -95,6 +101,16 @@ def write_page(
     for label in labels:
         page.add(_failures(place, folder, model, camera, label, [r for r in rows if r.method == label]))
     return page.write(report / INDEX)
+
+
+def about_mean_predictor(m: MeanPredictor | None) -> str:
+    """What knowing nothing costs, in a sentence; empty where there is no pose."""
+    if m is None:
+        return ""
+    return (
+        f"The mean predictor, one pose for all {m.n} feasible frames, the mean of their truths: mean errors "
+        f"{m.mean_E_T_m:.3g} m and {m.mean_E_R_deg:.3g}\N{DEGREE SIGN}."
+    )
 
 
 def _share(value: float | None, interval: tuple[float, float] | None) -> Content:

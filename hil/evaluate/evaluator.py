@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 
-from hil.board.svd import BoardModel, CameraIntrinsics, Estimator, make_estimator
+from hil.board.methods import estimator_by_name
+from hil.board.svd import BoardModel, CameraIntrinsics, Estimator
 from hil.board.svd.image.noise import noise_sigma
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.evaluate.failure_stage import failure_kind
@@ -38,7 +39,7 @@ class Evaluator:
         intrinsics = CameraIntrinsics.from_dict(camera)
         self.craft = PreparedTarget.prepare(model, intrinsics)
         self.estimators: dict[str, Estimator] = {
-            c.label: make_estimator(model, intrinsics, c.method, c.solver, c.streams, c.steps)
+            c.label: estimator_by_name(model, intrinsics, c.method, c.solver, c.streams, c.steps)
             for c in choices
         }
         self._last: tuple[int, LabelRecord, NDArray[Any]] | None = None

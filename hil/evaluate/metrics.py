@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from hil.evaluate.mean_predictor import MeanPredictor
 from hil.evaluate.pose_errors import FrameRecord
+from hil.evaluate.pose_spread import PoseSpread, pose_spread
 from simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
@@ -114,6 +116,7 @@ class MethodMetrics(Summary, frozen=True, kw_only=True):
     bias_m, spread_m : mean and standard deviation of the position error of accepted frames along camera x, y, z.
     turn_bias_deg, turn_spread_deg : the same of the attitude error about these axes.
     time_ms_p50, time_ms_p95 : of one frame on the machine that evaluated.
+    spread : of accepted poses' errors, what a navigation filter must know; None of too few.
     """
 
     method: str = ""
@@ -126,6 +129,7 @@ class MethodMetrics(Summary, frozen=True, kw_only=True):
     turn_spread_deg: tuple[float, float, float] | None = None
     time_ms_p50: float | None = None
     time_ms_p95: float | None = None
+    spread: PoseSpread | None = None
 
 
 class Metrics(MethodMetrics, frozen=True, kw_only=True):
@@ -135,6 +139,7 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
     ----------
     kernels : what the estimators' inner loops ran in: ``native``, or ``numpy`` with the reason.
     pictures : what they were, in words. grey_from_colour : whether they were in colour and taken in grey.
+    mean_predictor : errors of the mean pose of the feasible frames, told for each of them; None where there is none.
     """
 
     schema: str = SCHEMA
@@ -142,6 +147,7 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
     kernels: str = ""
     pictures: str = ""
     grey_from_colour: bool = False
+    mean_predictor: MeanPredictor | None = None
     by_method: dict[str, MethodMetrics] = {}
 
 
@@ -215,18 +221,24 @@ def summarise(
         turn_spread_deg=vec3(turns.std(axis=0)) if len(turns) else None,
         time_ms_p50=_reduce(_median, times_ms),
         time_ms_p95=_reduce(_p95, times_ms),
+        spread=pose_spread(frames),
         **_figures(frames),
     )
 
 
 def compose(
-    methods: Sequence[MethodMetrics], kernels: str = "", pictures: str = "", *, grey_from_colour: bool = False
+    methods: Sequence[MethodMetrics],
+    kernels: str = "",
+    pictures: str = "",
+    *,
+    grey_from_colour: bool = False,
+    mean_predictor: MeanPredictor | None = None,
 ) -> Metrics:
     """The document of ``metrics.json``: the first method's figures at the top, every method's by name.
 
     Parameters
     ----------
-    kernels : what the estimators ran in. pictures, grey_from_colour : as of `Metrics`.
+    kernels : what the estimators ran in. pictures, grey_from_colour, mean_predictor : as of `Metrics`.
 
     Raises
     ------
@@ -241,6 +253,7 @@ def compose(
         kernels=kernels,
         pictures=pictures,
         grey_from_colour=grey_from_colour,
+        mean_predictor=mean_predictor,
         **top,
     )
 

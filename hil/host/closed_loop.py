@@ -112,13 +112,19 @@ class BoardLoop:
 
     @staticmethod
     def of(
-        plan: Plan, config: ClosedLoopConfig, *, realtime: bool, link: PoseLink | None = None
+        plan: Plan,
+        config: ClosedLoopConfig,
+        *,
+        realtime: bool,
+        link: PoseLink | None = None,
+        noise: PoseNoise | None = None,
     ) -> BoardLoop:
         """The loop of a plan's flight.
 
         Parameters
         ----------
         link : in lockstep, of the poses; None: each is there after the usual latency.
+        noise : of the board's poses; None: that of the estimator ``svd``.
 
         Raises
         ------
@@ -126,7 +132,7 @@ class BoardLoop:
             If the flight has no path or no thrusters.
         """
         check_closed_loop(plan.flight, f"scenario {plan.scenario_name}")
-        poses = BoardPoses(PoseNoise(), None if realtime else link or PoseLink())
+        poses = BoardPoses(noise or PoseNoise(), None if realtime else link or PoseLink())
         mass = plan.target.mass
         loop = ClosedLoop(plan.flight, mass.com_m, mass.inertia_kg_m2, poses.arrived, config)
         return BoardLoop(plan=plan, loop=loop, poses=poses, seed=config.seed)

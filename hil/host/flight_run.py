@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from hil.host.ledger.summary import LedgerSummary
     from hil.host.recording.recorder import Recorder
     from hil.navigation.closed_loop import ClosedLoopConfig
+    from hil.navigation.measurement import PoseNoise
     from simulator.scenario.plan import Plan
 
 
@@ -35,12 +36,14 @@ class FlightOptions:
     closed_loop : fly on the poses, so told; None follows the plan.
     pose_link : of a closed loop in lockstep: when poses count as there; None: at their usual age, and later where
         the line's faults delay them.
+    pose_noise : of a closed loop, errors that the board's poses are taken to have; None: those of ``svd``.
     source : a folder whose pictures are sent instead of drawn ones.
     time_code : drawn into a corner. workers, device_index : of the drawing.
     """
 
     closed_loop: ClosedLoopConfig | None = None
     pose_link: PoseLink | None = None
+    pose_noise: PoseNoise | None = None
     source: Path | None = None
     time_code: bool = False
     workers: int = 1
@@ -71,6 +74,7 @@ class FlightRun:
                 options.closed_loop,
                 realtime=self._realtime,
                 link=options.pose_link or PoseLink.in_lockstep(self._faults),
+                noise=options.pose_noise,
             )
         self.n_frames = plan.n_frames if self._loop is None else self._loop.loop.most_pictures
         self._config = replace(

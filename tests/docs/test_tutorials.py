@@ -41,5 +41,6 @@ def test_own_flight(tmp_path):
 
 
 def test_every_tutorial_is_tested():
+    # own_network.md needs PyTorch: tests/docs/test_own_network.py
     text = Path(__file__).read_text()
     assert all(page.name in text for page in PAGES.glob("*_*.md"))

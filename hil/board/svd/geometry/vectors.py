@@ -26,3 +26,10 @@ def cross(a: Array, b: Array) -> Array:
         np.multiply(a[..., i], b[..., j], out=out[..., k])
         out[..., k] -= a[..., j] * b[..., i]
     return out
+
+
+def swing(direction: Array) -> Array:
+    """(3, 3) the shortest rotation from the boresight to a unit vector (3,)."""
+    x, y, z = direction.tolist()
+    c = 1.0 / (1.0 + max(z, -0.99))
+    return np.array([[1 - x * x * c, -x * y * c, x], [-x * y * c, 1 - y * y * c, y], [-x, -y, z]])

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.vectors import length
+from hil.board.svd.geometry.vectors import length, swing
 from hil.board.svd.image.edge_field import area_mean
 from hil.board.svd.native.backend import accelerated
 from hil.board.svd.native.images.image_functions import readable
@@ -51,9 +51,7 @@ class ImageCrop:
 
     def swing(self) -> Array:
         """(3, 3) the shortest rotation from the boresight to this direction."""
-        x, y, z = self.direction.tolist()
-        c = 1.0 / (1.0 + max(z, -0.99))
-        return np.array([[1 - x * x * c, -x * y * c, x], [-x * y * c, 1 - y * y * c, y], [-x, -y, z]])
+        return swing(self.direction)
 
 
 def crop_image(

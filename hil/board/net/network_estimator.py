@@ -1,0 +1,113 @@
+"""The pose by one look of a network at the whole picture: place and range regressed, attitude classified.
+
+References
+----------
+Proenca & Gao (2020), Deep learning for spacecraft pose estimation from photorealistic rendering, ICRA.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Tuple
+
+import numpy as np
+
+from hil.board.errors import BoardModelError
+from hil.board.net.attitude_classes import mean_attitude, shares
+from hil.board.net.network_camera import PictureReducer, standardised
+from hil.board.net.network_file import NetworkFile
+from hil.board.svd.base import Estimator, PoseResult
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.geometry.vectors import swing
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.model.target_model import BoardModel
+
+Array = np.ndarray
+
+logger = logging.getLogger(__name__)
+
+# A pose is accepted where the attitude's neighbourhood holds this share of what is likely.
+ACCEPT_AT = 0.5
+
+# Largest range that an answer may have over the mean of the training's [log].
+MOST_LOG = 7.0
+
+
+class NetworkEstimator(Estimator):
+    """A network's answer, picture by picture.
+
+    Parameters
+    ----------
+    network : as read from its file. model, camera : as of `Estimator`.
+
+    Raises
+    ------
+    BoardModelError
+        If it was trained on another craft, or OpenCV cannot run it.
+    """
+
+    def __init__(self, network: NetworkFile, model: BoardModel, camera: CameraIntrinsics) -> None:
+        super().__init__(model, camera)
+        if _craft(model.name) != _craft(network.target):
+            raise BoardModelError(
+                f"network {network.name} was trained on {network.target}, and the target is {model.name}: "
+                "name another network or target"
+            )
+        if model.sha256 != network.sha256:
+            logger.info("network %s was trained on another version of %s", network.name, model.name)
+        self.method = f"net:{network.name}"
+        self.network = network
+        self._net = network.open()
+        self._reduce = PictureReducer.prepare(network.camera, camera)
+
+    def _estimate(self, frame: Observation) -> PoseResult:
+        picture = standardised(self._reduce(frame.image))
+        frame.mark("reduce")
+        place, attitude = self.network.run(self._net, picture)
+        frame.mark("network")
+        if not (np.isfinite(place).all() and np.isfinite(attitude).all()):
+            return self._declined(frame, "the network's answer is not finite")
+        t, direction = placed(place, self.network)
+        likely = shares(attitude)
+        seen, held = mean_attitude(likely)
+        q = quat.normalise(quat.multiply(quat.from_matrix(swing(direction)), seen))
+        frame.keep("attitude shares", likely)
+        frame.mark("pose")
+        return PoseResult(
+            held >= ACCEPT_AT,
+            "" if held >= ACCEPT_AT else "several attitudes are as likely",
+            q,
+            t,
+            held,
+            frame.stages_ms,
+            frame.counts,
+            covariance=self._covariance(t),
+            method=self.method,
+        )
+
+    def _covariance(self, t: Array) -> Array:
+        """(6, 6) of turn [rad] and shift [m], camera axes: the errors of held-out pictures at this range."""
+        e, away = self.network.errors, float(np.linalg.norm(t))
+        across, along = (e.across_share * away) ** 2, (e.along_share * away) ** 2
+        return np.diag([e.turn_rad**2] * 3 + [across, across, along])
+
+
+def placed(place: Array, network: NetworkFile) -> Tuple[Array, Array]:
+    """Position (3,) of the model's origin in the camera [m], and the unit vector to it, of the network's three numbers.
+
+    Parameters
+    ----------
+    place : (3,) x and y over z in halves of the view, and the logarithm of the range in units of the sheet.
+    """
+    ray = np.append(place[:2] * network.camera.half_view, 1.0)
+    direction = ray / np.linalg.norm(ray)
+    log_range = network.log_range_mean + network.log_range_scale * float(
+        np.clip(place[2], -MOST_LOG, MOST_LOG)
+    )
+    return np.exp(log_range) * direction, direction
+
+
+def _craft(name: str) -> str:
+    """A target's name without its level of detail."""
+    return name.split("@", maxsplit=1)[0]

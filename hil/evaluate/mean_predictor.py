@@ -1,0 +1,56 @@
+"""What knowing nothing of a picture costs: one pose for every frame, the mean of the truths."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from hil.evaluate.pose_errors import frame_errors
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+class MeanPredictor(msgspec.Struct, frozen=True, kw_only=True):
+    """Errors of the mean pose, told for every frame: the least that an estimator must be better than.
+
+    Parameters
+    ----------
+    n : frames. t_m : mean position. q_wxyz : mean attitude (Markley et al. 2007).
+    """
+
+    n: int
+    t_m: tuple[float, float, float]
+    q_wxyz: tuple[float, float, float, float]
+    mean_E_T_m: float
+    median_E_T_m: float
+    mean_E_R_deg: float
+    median_E_R_deg: float
+
+
+def mean_predictor(q_wxyz: ArrayLike, t_m: ArrayLike) -> MeanPredictor:
+    """The mean pose of a data set's own truths (N, 4), (N, 3), and its errors on them.
+
+    It has seen what it is judged by, so that an estimator is held against the best of its kind.
+
+    References
+    ----------
+    Markley et al. (2007), Averaging quaternions, J. Guidance 30(4), 1193.
+    """
+    q, t = np.asarray(q_wxyz, float).reshape(-1, 4), np.asarray(t_m, float).reshape(-1, 3)
+    # the attitude whose angles to all others are least in the mean of squared sines of half of them
+    one = np.linalg.eigh(q.T @ q)[1][:, -1]
+    one = -one if one[0] < 0 else one
+    where = t.mean(axis=0)
+    errors = np.array([frame_errors(a, b, one, where) for a, b in zip(q, t, strict=True)])
+    return MeanPredictor(
+        n=len(q),
+        t_m=(float(where[0]), float(where[1]), float(where[2])),
+        q_wxyz=(float(one[0]), float(one[1]), float(one[2]), float(one[3])),
+        mean_E_T_m=float(errors[:, 0].mean()),
+        median_E_T_m=float(np.median(errors[:, 0])),
+        mean_E_R_deg=float(errors[:, 2].mean()),
+        median_E_R_deg=float(np.median(errors[:, 2])),
+    )

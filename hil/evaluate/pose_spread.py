@@ -1,0 +1,63 @@
+"""How large the errors of accepted poses are, along the camera's axes: what a navigation filter must know of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.evaluate.pose_errors import FrameRecord
+
+# A pose with a part beyond so many robust deviations is wrong: no spread makes a filter cope with it.
+WRONG_AT = 5.0
+
+# From a median of absolute values to a normal's standard deviation.
+NORMAL = 1.4826
+
+# Fewer poses have no spread worth telling, and none is told as smaller than this.
+LEAST_POSES, LEAST = 10, 1e-6
+
+
+class PoseSpread(msgspec.Struct, frozen=True, kw_only=True):
+    """Of accepted poses that are not wrong, RMS; ``wrong``: share of those that are.
+
+    Parameters
+    ----------
+    across_share, along_share : errors across and along the camera's boresight over the range.
+    tilt_rad, roll_rad : of the turn about each axis across the boresight, and about it [rad].
+    available : share of the feasible frames that are accepted.
+    """
+
+    across_share: float
+    along_share: float
+    tilt_rad: float
+    roll_rad: float
+    available: float
+    wrong: float
+
+
+def pose_spread(records: Sequence[FrameRecord]) -> PoseSpread | None:
+    """The spread of a set of frames; None of fewer than ten accepted poses."""
+    feasible = [r for r in records if r.feasible]
+    accepted = [r for r in feasible if r.accepted]
+    if len(accepted) < LEAST_POSES:
+        return None
+    away = np.array([r.range_m for r in accepted])[:, None]
+    shift = np.array([r.shift_camera_m for r in accepted], float) / away
+    turn = np.radians(np.array([r.turn_camera_deg for r in accepted], float))
+    parts = np.concatenate([shift, turn], axis=1)
+    robust = NORMAL * np.median(np.abs(parts), axis=0)
+    right = np.all(np.abs(parts) <= WRONG_AT * np.maximum(robust, LEAST), axis=1)
+    rms = np.maximum(np.sqrt(np.mean(parts[right] ** 2, axis=0)), LEAST)
+    return PoseSpread(
+        across_share=float(np.hypot(rms[0], rms[1]) / np.sqrt(2)),
+        along_share=float(rms[2]),
+        tilt_rad=float(np.hypot(rms[3], rms[4]) / np.sqrt(2)),
+        roll_rad=float(rms[5]),
+        available=len(accepted) / len(feasible),
+        wrong=float(np.mean(~right)),
+    )

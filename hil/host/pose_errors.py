@@ -1,0 +1,60 @@
+"""How large the board's errors are, for the filter: as an evaluation of its estimator measured them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from hil.evaluate.pose_spread import PoseSpread
+from hil.navigation.measurement import PoseNoise
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import read_regular, refuse_deep
+
+MOST_BYTES = 10_000_000
+
+# A sine or a share beyond these is no accuracy, and below them none that a filter could be told.
+LEAST, MOST = 1e-7, 3.2
+
+
+class _Metrics(msgspec.Struct, frozen=True):
+    """What is read of a metrics.json."""
+
+    spread: PoseSpread | None = None
+
+
+def read_pose_noise(path: Path) -> PoseNoise:
+    """The noise of an estimator's poses, of the first method in a ``metrics.json``.
+
+    Raises
+    ------
+    UserError
+        If the file is none, or has too few accepted poses.
+    """
+    where = f"--pose-errors {path}"
+    try:
+        data = read_regular(path, MOST_BYTES)
+        refuse_deep(data, str(path))
+        spread = msgspec.json.decode(data, type=_Metrics).spread
+    except OSError as error:
+        raise UserError(
+            f"{where} cannot be read: {error.strerror or error}; give the metrics.json of flyaround evaluate"
+        ) from error
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise UserError(
+            f"{where} is damaged: {error}; give the metrics.json of flyaround evaluate"
+        ) from error
+    if spread is None:
+        raise UserError(
+            f"{where} has no spread of poses, which takes ten accepted ones; evaluate more frames"
+        )
+    sizes = (spread.across_share, spread.along_share, spread.tilt_rad, spread.roll_rad)
+    if not all(LEAST <= x <= MOST for x in sizes):
+        raise UserError(f"{where} has errors of {sizes}, allowed: {LEAST:g} to {MOST:g}; evaluate again")
+    return PoseNoise(
+        across_m=0.0,
+        across_share=spread.across_share,
+        along_share=spread.along_share,
+        tilt_rad=spread.tilt_rad,
+        roll_rad=spread.roll_rad,
+    )

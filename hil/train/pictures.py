@@ -1,0 +1,216 @@
+"""Pictures of a data set as a network is trained on them: reduced, with their poses, turned and exposed by chance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import msgspec
+import numpy as np
+
+from hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
+from hil.board.svd import CameraIntrinsics
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.vectors import swing
+from hil.evaluate.greyscale import grey
+from simulator.dataset.card import read_card
+from simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from simulator.errors import UserError
+from simulator.labels.truth import read_truth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+
+# Pixels of a kept picture for one of the network's, each way: a turned one is averaged from more.
+FINER = 2
+
+# Every so-manieth frame is held out.
+HELD_OUT = 10
+
+# Fewer pictures teach nothing.
+LEAST_PICTURES = 20
+
+# How far the camera is turned across the boresight [halves of the view], and how often such a turn is tried.
+TILT, TRIES = 0.35, 8
+
+# Exposure and noise of a sample: standard deviation of the logarithm, and largest deviation [full scale].
+EXPOSED, NOISE = 0.3, 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledPictures:
+    """Pictures and poses.
+
+    Parameters
+    ----------
+    camera : the network's. signal : (N, FINER h, FINER w) square root of the share of full scale, 255 for one.
+    q_wxyz : (N, 4) attitude in the camera. t_m : (N, 3) position in the camera.
+    """
+
+    camera: NetworkCamera
+    signal: ByteArray
+    q_wxyz: FloatArray
+    t_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.signal)
+
+    def chosen(self, which: FloatArray) -> LabelledPictures:
+        """Some of them, by a mask (N,)."""
+        return LabelledPictures(self.camera, self.signal[which], self.q_wxyz[which], self.t_m[which])
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """A batch.
+
+    Parameters
+    ----------
+    pictures : (B, h, w) standardised. q_wxyz : (B, 4) attitude against the line of sight.
+    place : (B, 2) x and y over z in halves of the view. log_range : (B,) logarithm of the range [m].
+    """
+
+    pictures: Float32Array
+    q_wxyz: FloatArray
+    place: FloatArray
+    log_range: FloatArray
+
+
+@dataclass(frozen=True)
+class TrainingSet:
+    """What a data set is for a network: which craft, and pictures to learn from and to be judged by."""
+
+    target: tuple[str, str]
+    camera: CameraIntrinsics
+    learned: LabelledPictures
+    held_out: LabelledPictures
+    held_out_frames: tuple[int, ...]
+
+
+def read_training_set(
+    folder: Path, width_px: int, progress: Callable[[int, int], None] = lambda _done, _of: None
+) -> TrainingSet:
+    """A data set's feasible frames, every tenth of its frames held out.
+
+    Parameters
+    ----------
+    width_px : of the network's pictures.
+
+    Raises
+    ------
+    UserError
+        If the folder is no data set, or too few frames show the target.
+    """
+    card = read_card(folder)
+    camera = CameraIntrinsics.from_dict(msgspec.to_builtins(card.camera))
+    small = NetworkCamera.like(camera, width_px)
+    reduce = PictureReducer.prepare(small.enlarged(FINER), camera)
+    frames, signals, q, t = [], [], [], []
+    for k in range(card.n_frames):
+        progress(k + 1, card.n_frames)
+        if not is_whole(folder, k):
+            continue
+        truth = read_truth(frame_paths(folder, k).truth)
+        if not truth.feasible:
+            continue
+        image = grey(read_png(frame_paths(folder, k).image))
+        frames.append(k)
+        signals.append(np.rint(255 * np.clip(reduce(image), 0, 1)).astype(np.uint8))
+        q.append(truth.q_camera_from_target_wxyz)
+        t.append(truth.t_camera_from_target_m)
+    held = np.array([k % HELD_OUT == HELD_OUT - 1 for k in frames], bool)
+    if held.sum() < 2 or len(frames) - held.sum() < LEAST_PICTURES:
+        raise UserError(
+            f"data set {folder} has {len(frames)} feasible frames, and training needs {LEAST_PICTURES} besides two of "
+            f"every {HELD_OUT}th, which are held out; capture more"
+        )
+    whole = LabelledPictures(small, np.stack(signals), np.array(q, float), np.array(t, float))
+    return TrainingSet(
+        (card.target.name, card.target.sha256),
+        camera,
+        whole.chosen(~held),
+        whole.chosen(held),
+        tuple(k for k, out in zip(frames, held, strict=True) if out),
+    )
+
+
+def sample(pictures: LabelledPictures, rng: np.random.Generator, size: int) -> Samples:
+    """Random pictures, each as the camera would have taken it turned another way, exposed and noisy by chance."""
+    which = rng.integers(len(pictures), size=size)
+    small = pictures.camera
+    out = np.empty((size, small.height_px, small.width_px), np.float32)
+    q, t = np.empty((size, 4)), np.empty((size, 3))
+    gain = np.exp(rng.normal(0, 0.5 * EXPOSED, size)).astype(np.float32)
+    noise = (NOISE * rng.random(size) ** 2).astype(np.float32)
+    for i, k in enumerate(which):
+        R = _turn(small, pictures.t_m[k], rng)
+        out[i] = _turned(pictures.signal[k], small, R)
+        q[i] = quat.multiply(quat.from_matrix(R), pictures.q_wxyz[k])
+        t[i] = R @ pictures.t_m[k]
+    out = np.minimum(out * gain[:, None, None], 1.0)
+    out += noise[:, None, None] * rng.standard_normal(out.shape, np.float32)
+    return labelled(out, small, q, t)
+
+
+def as_they_are(pictures: LabelledPictures) -> Samples:
+    """All of them, as taken."""
+    small = pictures.camera
+    out = np.stack([_turned(one, small, np.eye(3)) for one in pictures.signal])
+    return labelled(out, small, pictures.q_wxyz, pictures.t_m)
+
+
+def labelled(signal: Float32Array, camera: NetworkCamera, q_wxyz: FloatArray, t_m: FloatArray) -> Samples:
+    """Pictures (B, h, w) with the labels that their poses give."""
+    away = np.linalg.norm(t_m, axis=1)
+    back = np.stack([swing(d).T for d in t_m / away[:, None]])
+    seen = quat.multiply(quat.from_matrix(back), q_wxyz)
+    return Samples(standardised(signal), seen, t_m[:, :2] / t_m[:, 2:] / camera.half_view, np.log(away))
+
+
+def _turn(camera: NetworkCamera, t_m: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """(3, 3) from the camera's axes to those of one turned by chance that still has the target in view."""
+    for _ in range(TRIES):
+        x, y = TILT * rng.uniform(-1, 1, 2) * camera.half_view
+        roll = rng.uniform(0, 2 * np.pi)
+        R = quat.matrix(quat.from_rotvec(np.array([0.0, 0.0, roll]))) @ quat.matrix(
+            quat.from_rotvec(np.array([np.arctan(y), -np.arctan(x), 0.0]))
+        )
+        seen = R @ t_m
+        if seen[2] > 0 and np.all(np.abs(seen[:2] / seen[2]) < 0.85 * camera.half_view):
+            return R
+    return np.eye(3)
+
+
+def _turned(signal: ByteArray, camera: NetworkCamera, R: FloatArray) -> Float32Array:
+    """(h, w) float32 what a camera turned by R sees of a finer picture; beyond it its edge goes on."""
+    fine = camera.enlarged(FINER)
+    K, L = _matrix(camera), _matrix(fine)
+    # from the turned picture's pixels to those of the finer one, averaged over what each covers
+    light = (signal.astype(np.float32) / np.float32(255)) ** 2
+    soft = cv2.blur(light, (FINER, FINER), anchor=(0, 0))
+    shift = np.eye(3)
+    shift[:2, 2] = -0.5 * (FINER - 1)
+    M = shift @ L @ R.T @ np.linalg.inv(K)
+    seen = cv2.warpPerspective(
+        soft,
+        M,
+        (camera.width_px, camera.height_px),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.sqrt(seen)
+
+
+def _matrix(camera: NetworkCamera) -> FloatArray:
+    """(3, 3) to pixels."""
+    return np.array(
+        [
+            [camera.f_px, 0.0, 0.5 * (camera.width_px - 1)],
+            [0.0, camera.f_px, 0.5 * (camera.height_px - 1)],
+            [0.0, 0.0, 1.0],
+        ]
+    )

@@ -1,0 +1,35 @@
+"""The page on training a network, with fewer pictures and steps; needs the extra `train`."""
+
+import json
+from pathlib import Path
+
+import pytest
+from tutorial import run_tutorial
+
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
+
+PAGE = Path(__file__).parents[2] / "docs" / "tutorials" / "own_network.md"
+
+SMALLER = {
+    "-n 1500": "-n 40",
+    "-n 150 ": "-n 4 ",
+    "--minutes 6 --threads 2": "--steps 4 --classes 128",
+    "-n 6 ": "-n 2 ",
+}
+
+
+def test_own_network(tmp_path):
+    pytest.importorskip("torch", reason="the extra 'train'")
+    text = PAGE.read_text()
+    for words, fewer in SMALLER.items():
+        assert words in text
+        text = text.replace(words, fewer)
+    (tmp_path / "page.md").write_text(text)
+    printed = run_tutorial(tmp_path / "page.md", tmp_path)
+    assert "4 held-out frames" in printed
+    assert printed.count("mean predictor") == 2
+    assert "2 frames sent" in printed
+    metrics = json.loads((tmp_path / "report" / "metrics.json").read_text())
+    assert list(metrics["by_method"]) == ["net:tango.onnx"]
+    assert metrics["mean_predictor"]["n"] == metrics["n_feasible"]
+    assert (tmp_path / "ledger" / "report.html").exists() or (tmp_path / "ledger" / "summary.json").exists()
