@@ -71,7 +71,7 @@ def test_few_poses_have_no_spread_and_other_files_are_refused(tmp_path):
         (json.dumps({"spread": None}), "ten accepted"),
         ("{}", "ten accepted"),
         ("[1]", "damaged"),
-        ("[" * 100_000, "deep"),
+        ("[" * 100_000, "nests"),
         (
             json.dumps(
                 {
