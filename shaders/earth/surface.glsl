@@ -1,6 +1,6 @@
 // The Earth's surface under its air: land, ocean, clouds and night lights, each with its own optics.
-// Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT, ICE, OCEAN_COLOUR; SMOOTH: one level of detail for all pixels; HIGH: every
-// layer looked up at its own place; ONE_OPTICS: land, sea and cloud reflect alike (the counter-example).
+// Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT, ICE, OCEAN_COLOUR; SMOOTH: one level of detail for all pixels; FAR: pixels may
+// be wider than 1.6 km; HIGH: every layer looked up at its own place; ONE_OPTICS: land, sea and cloud reflect alike (the counter-example).
 
 uniform sampler2D t_map;    // square roots of land reflectance and cloud opacity, night lights, distance to the coast
 #if BANDS == 3
@@ -19,12 +19,14 @@ uniform sampler2D t_ocean_colour; // square root of what shallow water reflects 
 
 // llvmpipe samples a whole row of pixels at once when they share a level, and one texel quad at a time when not.
 #if SMOOTH
-uniform vec2 u_level;       // of the maps and of the detail
+uniform vec3 u_level;       // of the maps, of the detail, and of a texel of 1 km
 #define MAP_LEVEL u_level.x
 #define DETAIL_LEVEL u_level.y
+#define KM_LEVEL u_level.z
 #else
 #define MAP_LEVEL (-log2(g.sharp * TEXEL_KM))
 #define DETAIL_LEVEL (-log2(g.sharp * DETAIL_TEXEL_KM))
+#define KM_LEVEL (-log2(g.sharp))
 #endif
 
 #if BANDS == 1
@@ -174,9 +176,9 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #if ICE
     // floes and leads: the detail, whose histogram is even, is cut where just that share remains
     float floes = clamp((waters.ice - under.x) * 7.0 + 0.5, 0.0, 1.0) * min(waters.ice * 20.0, 1.0);
-#if !SMOOTH
+#if FAR
     // from far away the detail is averaged before it is cut
-    floes = mix(floes, waters.ice, clamp(-0.3 * log2(g.sharp) - 0.2, 0.0, 1.0));
+    floes = mix(floes, waters.ice, clamp(0.3 * KM_LEVEL - 0.2, 0.0, 1.0));
 #endif
     // where they drift apart they are young, thin or wet
     sea = mix(sea, color(FLOE * (0.62 + 0.34 * waters.ice + 0.16 * under.w)), floes);
@@ -189,9 +191,9 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     depth *= depth * (0.9 * present);               // optical depth times one minus its asymmetry
     depth = max(depth, 1.2 * s.cover * s.cover);    // the veil between the puffs
     float cloud = depth / (1.0 + depth);            // two-stream reflectance
-#if !SMOOTH
+#if FAR
     // from far away the puffs are averaged before they are cut: their mean then is a curve of the cover
-    float blurred = clamp(-0.2 * log2(g.sharp) - 0.2, 0.0, 1.0);
+    float blurred = clamp(0.2 * KM_LEVEL - 0.2, 0.0, 1.0);
     cloud = mix(cloud, s.cover * (0.698 + s.cover * (0.772 - 0.738 * s.cover)), blurred);
 #endif
     // shadow beside the cloud: the cover a cloud's height further towards the Sun, to first order

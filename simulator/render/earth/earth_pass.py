@@ -45,6 +45,7 @@ DETAIL_TEXEL_KM = PERIOD_KM / SIZE
 LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl
 CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distance
 MAGNIFIED_LEVEL = -0.5  # of a tile: there the maps' texels are at least six pixels wide
+FAR_LEVEL = 0.5  # of a tile: from the next on floes, and then puffs, are averaged
 _OWN = (
     "t_coverage",
     "t_radiance",
@@ -222,6 +223,7 @@ class EarthPass:
             "OCEAN_COLOUR": int(kind.bright_water and not one),
             "OCEAN_COLOUR_SCALE": OCEAN_COLOUR_SCALE,
             "SMOOTH": int(kind.smooth),
+            "FAR": int(kind.level > FAR_LEVEL or not kind.smooth),
             "AIR_ONLY": int(kind.air),
             "COVERED": int(kind.covered),
             "MOON": int(behind),
@@ -297,7 +299,7 @@ class EarthPass:
             program.set("u_season", month.share)
             program.set("u_extent_px", frame.tiles.extent_px)
             program.set("u_tile_px", draw.tile_px)
-            program.set("u_level", (level - LOG2_TEXEL_KM, level - math.log2(DETAIL_TEXEL_KM)))
+            program.set("u_level", (level - LOG2_TEXEL_KM, level - math.log2(DETAIL_TEXEL_KM), level))
             vertices = vertices_of()
             buffer, array = self._array_of(program, vertices.shape[1] - 2)
             buffer.orphan(vertices.nbytes)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.earth.earth_pass import FAR_LEVEL
 from simulator.render.earth.ocean_colour import near_bright_water
 from simulator.render.earth.screen_tiles import ICE_SINE, ScreenTiles, TileKind, tile_edges, tile_size_px
 from simulator.render.earth.sea_ice import near_ice
@@ -23,9 +24,9 @@ _SMOOTH_DISC = (
     0.08  # square of the ray's depth under the sphere, 1 at the nadir: up to 73 degrees from the vertical
 )
 _FINE_DISC = 0.02  # of tiles half as wide, between which the ground bends as much: up to 82 degrees
-_FINE_KM = 1.6  # largest footprint of a pixel in them: beyond it clouds and floes are averaged
 _LARGEST_GROUND = 0.015  # of a tile on the ground [radii]: light and air are even enough over 100 km
-_POLE_SINE = 0.995  # the maps' longitude bends too fast nearer to the poles
+_LARGEST_FINE = 0.06  # of a fine one
+_POLE_SPANS = 16  # from a pole to a smooth tile, in its sides: nearer the maps' longitude bends by a third of a pixel
 _LEVEL_STEP = 0.5  # of the levels of detail: a smooth tile has one for all its pixels
 # of a tile on the ground [radii]: one degree; larger ones may hold ocean_colour between their corners
 _LARGEST_OPEN = 0.017
@@ -58,15 +59,21 @@ class _CornerRays:
         self.footprint_km = self.distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(self.depth, 0.02))
         # seen from far away a tile spans much of the Earth
         self.span = self.distance * self.size_px * pixel_rad
+        self.ground = [earth.camera[k] + self.distance * self.directions[..., k] for k in range(3)]
 
     def smooth(self, camera: Camera) -> tuple[BoolArray, BoolArray]:
         """Tiles that are smooth as they are, and others that are when they are cut into two by two fine ones."""
-        before, largest = self.along < 0, _LARGEST_GROUND * self.depth
-        off_pole = np.abs(self.earth.camera[2] + self.distance * self.directions[..., 2]) < _POLE_SINE
-        smooth = _all_corners(before & (self.disc > _SMOOTH_DISC) & off_pole & (self.span < largest))
-        fine_corner = before & (self.disc > _FINE_DISC) & off_pole & (self.footprint_km < _FINE_KM)
+        before, span, depth = self.along < 0, self.span, self.depth
+        x, y, z = self.ground
+        # a map's columns run together at a pole, and jump on the meridian beyond it; the detail folds at the equator
+        aside = np.abs(self.earth.camera[0] * y - self.earth.camera[1] * x) > 2 * span * np.hypot(*self.earth.camera[:2])
+        even = before & (aside | (self.earth.camera[0] * x + self.earth.camera[1] * y > 0))
+        largest, off_pole = _LARGEST_GROUND * depth, np.hypot(x, y) / _POLE_SPANS
+        smooth = _all_corners(even & (self.disc > _SMOOTH_DISC) & (span < np.minimum(largest, off_pole)))
+        even &= (span < largest) | (np.abs(z) > 0.5 * span / np.fmax(depth, 0.1))
+        fine_corner = even & (self.disc > _FINE_DISC) & (0.5 * span < np.minimum(_LARGEST_FINE * depth, off_pole))
         # their quarters are of whole pixels by four
-        fine_corner &= (0.5 * self.span < largest) & (self.size_px % 8 == 0)
+        fine_corner &= self.size_px % 8 == 0
         fine = _all_corners(fine_corner)
         if not camera.distortion.is_none:
             # a lens's rays are known inside the image only, and a tile must know those of its corners
@@ -93,10 +100,10 @@ class _CornerRays:
         """Tiles that may be near sea ice, and near water that is shallow or turbid."""
         # a tile seen from far away, or over the limb, reaches beyond its corners
         span = self.span / np.fmax(self.depth, 0.1)
-        ground = [self.earth.camera[k] + self.distance * self.directions[..., k] for k in range(3)]
-        longitude, narrow = np.arctan2(ground[1], ground[0]), ~(span > _LARGEST_OPEN)
-        no_ice = (np.abs(ground[2]) + span < ICE_SINE) | (~near_ice(ground[2], longitude, day) & narrow)
-        deep = ~near_bright_water(ground[2], longitude) & narrow
+        x, y, z = self.ground
+        longitude, narrow = np.arctan2(y, x), ~(span > _LARGEST_OPEN)
+        no_ice = (np.abs(z) + span < ICE_SINE) | (~near_ice(z, longitude, day) & narrow)
+        deep = ~near_bright_water(z, longitude) & narrow
         return ~_all_corners(no_ice), ~_all_corners(deep)
 
     def middles_px(self, row: IntArray, column: IntArray) -> Float32Array:
@@ -134,7 +141,8 @@ def earth_tiles(earth: EarthView, camera: Camera, target_px: FloatArray | None, 
         whole, levels = rays.middles_px(*halved), height[:-1, :-1][halved]
         step = [height[1:, :-1][halved] - levels, height[:-1, 1:][halved] - levels]
         for down, right in itertools.product((0.25, 0.75), repeat=2):
-            level = np.floor(levels + down * step[0] + right * step[1]).astype(int)
+            level = levels + down * step[0] + right * step[1]
+            level = np.where(level > FAR_LEVEL / _LEVEL_STEP, np.round(level), np.floor(level)).astype(int)
             codes = np.append(codes, kind[halved] + 64 + level * 128)
             offset = np.array([right - 0.5, down - 0.5], np.float32) * np.float32(size)
             centers = np.concatenate([centers, whole + offset])
