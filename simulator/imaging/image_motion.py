@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import TYPE_CHECKING
 
@@ -20,8 +21,44 @@ if TYPE_CHECKING:
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
+SMEARED_PX, PARALLAX_PX = 2.5, 0.5
+"""Of a craft that is drawn once and smeared: its longest way, as light changes where it turns; and what a point's way
+may be off the flow, as depth makes it, so that a smear's ends are within a quarter of a pixel."""
 FASTEST_GROUND_M_S = 1.6e3
 """Earth's equator turns at 465 m/s; the Moon goes round the Earth at up to 1.1 km/s."""
+
+
+@dataclass(frozen=True, eq=False)
+class CraftFlow:
+    """Where a craft goes across the image, as a plane through the ways of its box's corners.
+
+    Parameters
+    ----------
+    affine : (3, 2) way at the image's origin, and its changes along x and y [px, 1]. longest_px : of the corners' ways.
+    off_px : largest difference between the corners' ways and the plane.
+    """
+
+    affine: FloatArray
+    longest_px: float
+    off_px: float
+
+    def ways_px(self, pixels: FloatArray) -> FloatArray:
+        """(K, 2) ways of what is at (K, 2) pixels [px]."""
+        return np.asarray(self.affine[0] + pixels @ self.affine[1:])
+
+    @property
+    def drawings(self) -> int:
+        """How often the craft is to be drawn and smeared."""
+        return max(math.ceil(self.longest_px / SMEARED_PX), math.ceil(self.off_px / PARALLAX_PX), 1)
+
+
+def craft_flow(mid: SceneState, early: SceneState, late: SceneState, target: Target) -> CraftFlow:
+    """The flow from ``early`` to ``late`` of a craft where ``mid`` shows it; corners behind the camera stay."""
+    places, start, end = (target_corners_px(mid, then, target) for then in (mid, early, late))
+    known = np.column_stack([np.ones(len(places)), np.nan_to_num(places)])
+    ways = np.nan_to_num(end - start)
+    affine = np.linalg.lstsq(known, ways, rcond=None)[0]
+    return CraftFlow(affine, float(np.hypot(*ways.T).max()), float(np.abs(known @ affine - ways).max()))
 
 
 def moments_of(scene: SceneState) -> Callable[[float], SceneState]:

@@ -1,4 +1,4 @@
-"""What the renderer gives: a noise-free picture, and a craft whose samples are being drawn."""
+"""What the renderer gives: a noise-free picture."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from simulator.runtime.arrays import Float32Array
 
 Layer = Literal["all", "craft", "sky"]
@@ -34,16 +32,3 @@ class Rendered:
     silhouette_inside: float
     stage_ms: dict[str, float]
     window: tuple[slice, slice] = (slice(None), slice(None))
-
-
-@dataclass(frozen=True, eq=False)
-class Craft:
-    """A craft alone, its samples being drawn. Skies of other moments may be drawn before it is shaded.
-
-    Parameters
-    ----------
-    shade : to be called first, and once; the driver is at it when that returns. read : waits for the picture.
-    """
-
-    shade: Callable[[], None]
-    read: Callable[[], Rendered]

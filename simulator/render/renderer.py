@@ -33,7 +33,7 @@ from simulator.render.frame_resources import (
 )
 from simulator.render.gl.timing import StageClock
 from simulator.render.projection import PixelRect
-from simulator.render.rendered import Craft, Layer, Rendered
+from simulator.render.rendered import Layer, Rendered
 from simulator.render.software.software_path import SoftwarePath
 
 if TYPE_CHECKING:
@@ -218,9 +218,7 @@ class Renderer:
             If ``target`` is not the one the scene was made for.
         """
         if layer == "craft":
-            craft = self.start_craft(scene, target, sky=sky)
-            craft.shade()
-            return craft.read()
+            return self._render_craft(scene, target, sky)
         frame = self._begin(scene, target, sky)
         self._draw.prefetch_maps(scene)
         maps = self._draw.maps_of(scene.bands)
@@ -247,33 +245,6 @@ class Renderer:
         if maps is not None:
             maps.deferred_writes.start()
         return Rendered(frame[PICTURE], coverage, depth, inside, stage_ms)
-
-    def start_craft(self, scene: SceneState, target: Target, *, sky: IrradianceField | None = None) -> Craft:
-        """Have the driver draw a craft's samples, alone; parameters as of `render`."""
-        frame, draw = self._begin(scene, target, sky), self._draw
-        if sky is None:
-            draw.prefetch_maps(scene)
-        stage_ms = self._run("samples", lambda: [_set_up(draw), *sampling_passes(draw)], frame)
-
-        def shade() -> None:
-            self._device.prepare(scene)
-            passes = self._run(
-                "craft", lambda: [_light_sky(draw), _clear(draw), *shading_passes(draw)], frame
-            )
-            _add(stage_ms, passes)
-
-        def read() -> Rendered:
-            self.make_current()
-            clock = StageClock(self._device.context, finish=self.timed)
-            drawn = frame.find(TARGET)
-            part = PixelRect(0, 0, 0, 0) if drawn is None else drawn.rect
-            light, share, window = frame[RADIANCE].read_part(part)
-            clock.lap("readback")
-            self._device.check("a craft")
-            _add(stage_ms, clock.stage_ms)
-            return Rendered(light, share, None, 1.0, stage_ms, window)
-
-        return Craft(shade, read)
 
     def start_surfaces(
         self, scene: SceneState, target: Target, *, layers: bool = False
@@ -305,6 +276,29 @@ class Renderer:
         """Share of the target's whole silhouette that falls on the image."""
         self._device.prepare(scene)
         return self._draw.target.silhouette_inside(scene, target)
+
+    def _render_craft(self, scene: SceneState, target: Target, sky: IrradianceField | None) -> Rendered:
+        frame, draw = self._begin(scene, target, sky), self._draw
+        if sky is None:
+            draw.prefetch_maps(scene)
+
+        def passes() -> list[Pass]:
+            return [
+                _set_up(draw),
+                *sampling_passes(draw),
+                _light_sky(draw),
+                _clear(draw),
+                *shading_passes(draw),
+            ]
+
+        stage_ms = self._run("craft", passes, frame)
+        clock = StageClock(self._device.context, finish=self.timed)
+        drawn = frame.find(TARGET)
+        part = PixelRect(0, 0, 0, 0) if drawn is None else drawn.rect
+        light, share, window = frame[RADIANCE].read_part(part)
+        clock.lap("readback")
+        self._device.check("a craft")
+        return Rendered(light, share, None, 1.0, stage_ms | clock.stage_ms, window)
 
     def _begin(self, scene: SceneState, target: Target, sky: IrradianceField | None) -> FrameResources:
         """What a frame's passes are given."""
@@ -358,8 +352,3 @@ class Renderer:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _add(total_ms: dict[str, float], stage_ms: Mapping[str, float]) -> None:
-    for name, ms in stage_ms.items():
-        total_ms[name] = total_ms.get(name, 0.0) + ms

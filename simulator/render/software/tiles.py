@@ -26,7 +26,9 @@ _SMOOTH_DISC = (
 _FINE_DISC = 0.02  # of tiles half as wide, between which the ground bends as much: up to 82 degrees
 _LARGEST_GROUND = 0.015  # of a tile on the ground [radii]: light and air are even enough over 100 km
 _LARGEST_FINE = 0.06  # of a fine one
-_POLE_SPANS = 16  # from a pole to a smooth tile, in its sides: nearer the maps' longitude bends by a third of a pixel
+_POLE_SPANS = (
+    16  # from a pole to a smooth tile, in its sides: nearer the maps' longitude bends by a third of a pixel
+)
 _LEVEL_STEP = 0.5  # of the levels of detail: a smooth tile has one for all its pixels
 # of a tile on the ground [radii]: one degree; larger ones may hold ocean_colour between their corners
 _LARGEST_OPEN = 0.017
@@ -66,12 +68,16 @@ class _CornerRays:
         before, span, depth = self.along < 0, self.span, self.depth
         x, y, z = self.ground
         # a map's columns run together at a pole, and jump on the meridian beyond it; the detail folds at the equator
-        aside = np.abs(self.earth.camera[0] * y - self.earth.camera[1] * x) > 2 * span * np.hypot(*self.earth.camera[:2])
+        aside = np.abs(self.earth.camera[0] * y - self.earth.camera[1] * x) > 2 * span * np.hypot(
+            *self.earth.camera[:2]
+        )
         even = before & (aside | (self.earth.camera[0] * x + self.earth.camera[1] * y > 0))
         largest, off_pole = _LARGEST_GROUND * depth, np.hypot(x, y) / _POLE_SPANS
         smooth = _all_corners(even & (self.disc > _SMOOTH_DISC) & (span < np.minimum(largest, off_pole)))
         even &= (span < largest) | (np.abs(z) > 0.5 * span / np.fmax(depth, 0.1))
-        fine_corner = even & (self.disc > _FINE_DISC) & (0.5 * span < np.minimum(_LARGEST_FINE * depth, off_pole))
+        fine_corner = (
+            even & (self.disc > _FINE_DISC) & (0.5 * span < np.minimum(_LARGEST_FINE * depth, off_pole))
+        )
         # their quarters are of whole pixels by four
         fine_corner &= self.size_px % 8 == 0
         fine = _all_corners(fine_corner)

@@ -48,26 +48,6 @@ def test_craft_and_ground_drawn_apart_add_up_to_the_picture(renderer, plan, band
     assert np.abs(joined - whole).max() < 1e-5 * whole.max()
 
 
-@pytest.mark.parametrize("bands", ["mono", "rgb"])
-def test_a_sky_drawn_between_a_crafts_samples_and_its_shading_changes_neither(renderer, plan, bands):
-    scene = replace(plan.scene(0), bands=bands)
-    later = propagated_scene(scene, 0.2)
-    craft = renderer.render(scene, plan.target, layer="craft")
-    ground = renderer.render(later, plan.target, layer="sky").radiance
-    started = renderer.start_craft(scene, plan.target)
-    between = renderer.render(later, plan.target, layer="sky").radiance
-    started.shade()
-    again = started.read()
-    assert again.window == craft.window
-    for ours, theirs in (
-        (again.radiance, craft.radiance),
-        (again.coverage, craft.coverage),
-        (between, ground),
-    ):
-        np.testing.assert_array_equal(ours, theirs)
-    assert again.stage_ms.keys() == craft.stage_ms.keys()
-
-
 @pytest.mark.parametrize(
     ("exposure_s", "spin_rad_s", "bands"), [(0.3, 0.5, "mono"), (0.6, 0.0, "mono"), (0.4, 0.1, "rgb")]
 )
