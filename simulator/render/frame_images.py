@@ -42,6 +42,7 @@ class FrameImages:
         self.sky_framebuffer = context.framebuffer([self.radiance])
         self._label_framebuffer = context.framebuffer([self.coverage])
         self._covered: PixelRect | None = PixelRect(0, 0, width, height)
+        self._lit: PixelRect | None = PixelRect(0, 0, width, height)  # may hold something else than black
         self._quads: tuple[list[moderngl.Texture], moderngl.Framebuffer] | None = None
 
     @property
@@ -62,25 +63,33 @@ class FrameImages:
         return self._quads[1]
 
     def clear(self, added_to: PixelRect | None) -> None:
-        """Black and empty; of the coverage only what the last target was drawn to.
+        """Black and empty, where something was drawn since the last time.
 
         Parameters
         ----------
         added_to : the only pixels of the radiance that need it; the sky will write all others. ``None``: none do.
         """
-        if added_to is not None:
-            # a driver clears a whole image many times faster than a part of it
-            part = None if added_to == PixelRect(0, 0, *self.size) else added_to.viewport
+        lit = None if self._lit is None or added_to is None else self._lit.within(added_to)
+        if lit is not None:
+            # of one band a driver clears the whole image in less time than a part of it
+            part = None if lit == PixelRect(0, 0, *self.size) else lit.viewport
             draw_to(self.sky_framebuffer)
             self.sky_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=part)
+            self._lit = None if lit == self._lit else self._lit
         if self._covered is not None:
             draw_to(self._label_framebuffer)
             self._label_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=self._covered.viewport)
         self._covered = None
 
+    def mark_lit(self, rect: PixelRect) -> None:
+        """Remember the pixels of the radiance that a pass is about to write or add to."""
+        rect = PixelRect(0, 0, *self.size).within(rect) or PixelRect(0, 0, 0, 0)
+        self._lit = rect if self._lit is None else self._lit.around(rect)
+
     def mark_covered(self, rect: PixelRect) -> None:
-        """Remember the pixels of the coverage that the target is about to write."""
+        """Remember the pixels that the target is about to write."""
         self._covered = rect
+        self.mark_lit(rect)
 
     def read_radiance(self, *, quads: bool = False) -> Float32Array:
         """(H, W) or (H, W, 3), row 0 at the top.

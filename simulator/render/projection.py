@@ -42,6 +42,20 @@ class PixelRect:
         """As OpenGL wants it: x, y, width, height."""
         return (self.x0, self.y0, self.width, self.height)
 
+    def within(self, other: PixelRect) -> PixelRect | None:
+        """What both have, if anything."""
+        x0, y0 = max(self.x0, other.x0), max(self.y0, other.y0)
+        x1, y1 = min(self.x1, other.x1), min(self.y1, other.y1)
+        return PixelRect(x0, y0, x1, y1) if x1 > x0 and y1 > y0 else None
+
+    def around(self, other: PixelRect) -> PixelRect:
+        """The smallest that holds both."""
+        low, high = (
+            (min(self.x0, other.x0), min(self.y0, other.y0)),
+            (max(self.x1, other.x1), max(self.y1, other.y1)),
+        )
+        return PixelRect(*low, *high)
+
 
 def clip_from_camera(
     camera: Camera, near_m: float, far_m: float, buffer_from_pixel: FloatArray, size: tuple[int, int]

@@ -280,6 +280,9 @@ class EarthPass:
             textures["t_terrain"] = self._terrain_of_high()
         if any(kind.icy or kind.bright_water for kind in frame.tiles.centers_px):
             textures |= self._waters(ice_day(scene))
+        touched = frame.tiles.holding(covered=False)
+        if touched is not None:
+            frame.images.mark_lit(touched)
         for draw, vertices_of in draws:
             # large textures that the last draw did not have may end its scene
             flush(self._context)

@@ -110,9 +110,11 @@ class ScreenTiles:
         column, row = ((centers_px + np.float32(0.5)) / np.float32(self.size_px)).astype(np.int64).T
         return row, column
 
-    def covered(self) -> PixelRect | None:
-        """Pixels that hold the tiles that the target may be in front of."""
-        found = [(self.size_of(kind), at) for kind, at in self.centers_px.items() if kind.covered]
+    def holding(self, *, covered: bool) -> PixelRect | None:
+        """Pixels that hold all tiles, or those that the target may be in front of."""
+        found = [
+            (self.size_of(k), at) for k, at in self.centers_px.items() if len(at) and k.covered >= covered
+        ]
         if not found:
             return None
         low = np.min([at.min(axis=0) + 0.5 - size / 2 for size, at in found], axis=0)

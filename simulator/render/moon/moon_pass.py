@@ -139,6 +139,7 @@ class MoonPass:
         )
         if air is not None:
             program.bind_textures(**dict(zip(_AIR[bands], air, strict=True)))
+        images.mark_lit(moon.rect)
         draw_to(images.sky_framebuffer)
         images.sky_framebuffer.viewport = moon.rect.viewport
         self._context.enable_only(self._context.BLEND)

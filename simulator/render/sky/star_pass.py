@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.gl.fences import draw_to
+from simulator.render.projection import PixelRect
 from simulator.render.sky.star_catalogue import stars
 from simulator.render.sky.star_colours import irradiance_of_v_mag, photons_over_sunlights, usual_v_minus_i
 from simulator.scene.illumination.atmosphere import optical_depth_to_top
@@ -26,13 +27,13 @@ if TYPE_CHECKING:
     from simulator.render.frame_images import FrameImages
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.moon.moon_view import MoonView
-    from simulator.render.projection import PixelRect
     from simulator.render.view import View
     from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.scene.illumination.atmosphere import Atmosphere
     from simulator.scene.state import SceneState
 
 _MAX_STARS = 80_000
+_REACH_PX = 2  # of a point
 _SLACK = 1e-3  # of a cosine: aberration changes lengths by a ten-thousandth
 
 
@@ -90,6 +91,7 @@ class StarPass:
         if hidden is not None:
             low, high = (hidden.x0 - 1, hidden.y0 - 1), (hidden.x1, hidden.y1)
             near = np.asarray(((pixels > low) & (pixels < high)).all(axis=1))
+            images.mark_lit(PixelRect(*(v - _REACH_PX for v in low), *(v + _REACH_PX for v in high)))
         self._draw(pixels[near], radiance[near], images)
         return spread(pixels[~near], radiance[~near], images.size)
 

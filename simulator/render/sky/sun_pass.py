@@ -59,6 +59,7 @@ class SunPass:
             **TABLE_DEFINES,
         }
         program = self._programs.get(FULL_SCREEN, "sky/sun.frag", defines, _SAMPLERS[images.bands])
+        images.mark_lit(rect)
         draw_to(images.sky_framebuffer)
         images.sky_framebuffer.viewport = rect.viewport
         self._context.enable_only(self._context.BLEND)

@@ -188,7 +188,7 @@ class SoftwarePath:
         fills = earth is not None and earth.fills_image
         if self._filled:
             everything = PixelRect(0, 0, *images.size)
-            images.clear(tiles.covered() if fills and tiles is not None else everything)
+            images.clear(tiles.holding(covered=True) if fills and tiles is not None else everything)
         self._filled = fills
 
     # the target

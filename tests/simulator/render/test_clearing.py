@@ -1,0 +1,44 @@
+"""Images are emptied where something was drawn: what a frame shows does not depend on the frames before it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from simulator.contact_sheets.scenario_sheet import smaller
+from simulator.render.projection import PixelRect
+from simulator.render.renderer import Renderer
+from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
+
+pytestmark = pytest.mark.gl
+
+
+def test_rectangles_meet_and_are_held():
+    one, other = PixelRect(0, 0, 10, 10), PixelRect(5, 8, 20, 9)
+    assert one.within(other) == PixelRect(5, 8, 10, 9)
+    assert one.around(other) == PixelRect(0, 0, 20, 10)
+    assert one.within(PixelRect(10, 0, 12, 10)) is None
+
+
+@pytest.mark.parametrize("bands", ["mono", "rgb"])
+def test_a_frame_holds_nothing_of_the_frames_before_it(bands):
+    plans = {
+        name: plan_flight(load_scenario(name), times=(30.0,))
+        for name in ("tango-limb", "tango-space-10m", "lunar-orbit")
+    }
+
+    def scene(name, aside_m=0.0):
+        plan = plans[name]
+        still = replace(plan.scene(0), camera=smaller(plan.camera, 256), bands=bands)
+        x, y, z = still.t_camera_from_target_m
+        return replace(still, t_camera_from_target_m=(x + aside_m, y, z)), plan.target
+
+    space = [scene("tango-space-10m", aside) for aside in (1.0, -1.0)]
+    with Renderer() as fresh:
+        expected = [fresh.render(*one).radiance for one in space]
+    with Renderer() as renderer:
+        for before in (scene("tango-limb"), scene("lunar-orbit", 2.0)):
+            renderer.render(*before)
+            for one, wanted in zip(space, expected, strict=True):
+                assert np.array_equal(renderer.render(*one).radiance, wanted)
