@@ -34,6 +34,7 @@ from simulator.render.frame_resources import (
     VIEW,
 )
 from simulator.render.moon.moon_pass import MoonPass
+from simulator.render.moon.moon_tiles import moon_tiles
 from simulator.render.moon.moon_view import moon_values, moon_view
 from simulator.render.projection import PixelRect
 from simulator.render.sky.star_pass import StarPass
@@ -249,7 +250,9 @@ class Drawing:
             self._moon = MoonPass(self._device.context, self._device.programs)
             self._device.check("uploading the Moon's map")
         fine = r[SCENE].quality == "high"
-        self._moon.run(r[RADIANCE], moon, earth=earth is not None, air=r.find(AIR_TABLES), fine=fine)
+        tiles = moon_tiles(moon, r[SCENE].camera) if self._path.smooth_moon and not fine else None
+        air = r.find(AIR_TABLES)
+        self._moon.run(r[RADIANCE], moon, earth=earth is not None, air=air, fine=fine, tiles=tiles)
 
     def draw_sun(self, r: PassResources) -> None:
         """Add the Sun's disc."""

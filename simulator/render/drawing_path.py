@@ -25,6 +25,10 @@ class DrawingPath(Protocol):
     def culling(self) -> Culling:
         """Which of the target's triangles and tiles are drawn."""
 
+    @property
+    def smooth_moon(self) -> bool:
+        """Whether the Moon's ground is interpolated between the corners of tiles."""
+
     def earth_pass(
         self,
         context: moderngl.Context,
@@ -45,6 +49,7 @@ class PlainPath:
 
     culling = NoCulling()
     earth_pass = EarthPass
+    smooth_moon = False
 
     def adapt(self, passes: Sequence[Pass]) -> list[Pass]:
         """The passes as they are."""

@@ -11,8 +11,8 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.render.earth.air_pass import TABLE_DEFINES
 from simulator.render.gl.fences import draw_to, flush
-from simulator.render.gl.programs import FULL_SCREEN
 from simulator.render.moon.craters import BROAD_LARGEST_PX, FINE_LARGEST_PX, SLOPE_MAX, crater_texture
+from simulator.render.moon.moon_tiles import triangles_of
 from simulator.runtime.cache import entry_name
 from simulator.runtime.cached_arrays import cached_array
 from simulator.scene.illumination.moonlight import surface_phase
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from simulator.render.frame_images import FrameImages
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.moon.moon_view import MoonView
-    from simulator.runtime.arrays import ByteArray
+    from simulator.render.projection import PixelRect
+    from simulator.runtime.arrays import ByteArray, Float32Array
 
 MAP = "albedo_4096x2048.jpg"
 MAP_SCALE = 2.5  # of the map's 8 bits, in means of the near side
@@ -78,12 +79,13 @@ class MoonPass:
         for texture in (self._phase, self._umbra):
             texture.filter = (context.LINEAR, context.LINEAR)
             texture.repeat_x = texture.repeat_y = False
-        self._arrays: dict[Program, moderngl.VertexArray] = {}
+        self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
 
     def release(self) -> None:
         """Free maps, tables and vertex arrays; the programs are the library's."""
-        for array in self._arrays.values():
+        for buffer, array in self._arrays.values():
             array.release()
+            buffer.release()
         for texture in (self._map, *self._craters, self._phase, self._umbra):
             texture.release()
 
@@ -95,6 +97,7 @@ class MoonPass:
         earth: bool,
         air: list[moderngl.Texture] | None,
         fine: bool = False,
+        tiles: tuple[Float32Array, Float32Array] | None = None,
     ) -> None:
         """Add the Moon.
 
@@ -102,15 +105,33 @@ class MoonPass:
         ----------
         earth : whether the Earth may hide it. air : this frame's air table, which dims it; ``None`` without air.
         fine : several rays a pixel, so that shadows seen at a grazing angle end smoothly.
+        tiles : of `moon_tiles`; without them every pixel is worked out by itself.
         """
         if moon.rect is None:
             return
         behind = earth and not moon.in_front
         air = air if behind else None
-        bands = images.bands
-        samplers = (*_OWN, *(_AIR[bands] if air is not None else ()))
-        program = self._programs.get(
-            FULL_SCREEN,
+        share = np.ones((256, 4), np.float32)
+        if moon.shadow_share is not None:
+            share[:, : moon.shadow_share.shape[1]] = moon.shadow_share
+        flush(self._context)  # what still reads the last frame's, and this frame's sky, are waited for here
+        self._umbra.write(share.tobytes())
+        images.mark_lit(moon.rect)
+        draw_to(images.sky_framebuffer)
+        images.sky_framebuffer.viewport = moon.rect.viewport
+        self._context.enable_only(self._context.BLEND)
+        self._context.blend_func = self._context.ONE, self._context.ONE
+        smooth, others = tiles or (np.zeros((0, 2), np.float32), triangles_of(moon.rect))
+        for vertices, interpolated in ((smooth, True), (others, False)):
+            if len(vertices):
+                program = self._program(images.bands, behind=behind, air=air, fine=fine, smooth=interpolated)
+                self._draw(program, images, air, moon.rect, vertices)
+
+    def _program(
+        self, bands: int, *, behind: bool, air: list[moderngl.Texture] | None, fine: bool, smooth: bool
+    ) -> Program:
+        return self._programs.get(
+            "moon/tiles.vert",
             "moon/moon.frag",
             {
                 "BANDS": bands,
@@ -119,16 +140,21 @@ class MoonPass:
                 "SLOPE_MAX": SLOPE_MAX,
                 "SAMPLES": SAMPLES if fine else 1,
                 "STRIDE": STRIDE,
+                "SMOOTH": int(smooth),
                 **TABLE_DEFINES,
             },
-            samplers,
-            many_fragments=True,
+            (*_OWN, *(_AIR[bands] if air is not None else ())),
+            many_fragments=not smooth,
         )
-        share = np.ones((256, 4), np.float32)
-        if moon.shadow_share is not None:
-            share[:, : moon.shadow_share.shape[1]] = moon.shadow_share
-        flush(self._context)  # what still reads the last frame's, and this frame's sky, are waited for here
-        self._umbra.write(share.tobytes())
+
+    def _draw(
+        self,
+        program: Program,
+        images: FrameImages,
+        air: list[moderngl.Texture] | None,
+        rect: PixelRect,
+        vertices: Float32Array,
+    ) -> None:
         program.bind_textures(
             t_coverage=images.coverage,
             t_moon=self._map,
@@ -138,12 +164,13 @@ class MoonPass:
             t_umbra=self._umbra,
         )
         if air is not None:
-            program.bind_textures(**dict(zip(_AIR[bands], air, strict=True)))
-        images.mark_lit(moon.rect)
-        draw_to(images.sky_framebuffer)
-        images.sky_framebuffer.viewport = moon.rect.viewport
-        self._context.enable_only(self._context.BLEND)
-        self._context.blend_func = self._context.ONE, self._context.ONE
+            program.bind_textures(**dict(zip(_AIR[images.bands], air, strict=True)))
+        program.set("u_window", rect.viewport)
         if program not in self._arrays:
-            self._arrays[program] = self._context.vertex_array(program.gl, [])
-        self._arrays[program].render(vertices=3)
+            buffer = self._context.buffer(reserve=8, dynamic=True)
+            array = self._context.vertex_array(program.gl, [(buffer, "2f", "in_pixel")])
+            self._arrays[program] = buffer, array
+        buffer, array = self._arrays[program]
+        buffer.orphan(vertices.nbytes)
+        buffer.write(vertices)
+        array.render(vertices=len(vertices))

@@ -83,6 +83,7 @@ class SoftwarePath:
 
     culling = TileCulling()
     earth_pass = SmoothEarthPass
+    smooth_moon = True
 
     def __init__(self, device: Device) -> None:
         device.programs.rewrite = rewriter(device.context)

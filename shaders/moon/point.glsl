@@ -1,0 +1,50 @@
+// Where a ray meets the Moon's ground, and the light there: all that changes smoothly from pixel to pixel.
+#include "moon/disc.glsl"
+uniform sampler2D t_phase;   // phase function over that of zero phase, by the phase angle over pi
+uniform sampler2D t_umbra;   // share of the Sun's light per band, by the angle from the axis of the Earth's shadow
+
+const float MOON_KM = 1737.4;
+
+struct MoonPoint {
+    vec4 place;     // of the map; on the craters' plane [km]
+    vec4 tilt;      // of slopes on that plane: to the Sun, to the camera
+    vec4 light;     // cosines of the angles of Sun and camera from the zenith, phase function of the Sun's light, log2 of the footprint [km]
+    vec4 incident;  // of the Sun per band; of the Earth, reflected; over the Sun's irradiance
+};
+
+// Stereographic plane of each hemisphere, and the image there of a tangent vector, its length kept.
+vec2 crater_plane(vec3 p) { return p.xy / (1.0 + abs(p.z)) * 2.0 + vec2(0.12, -0.08) * p.z; }
+vec2 crater_vector(vec3 p, vec3 w) { return w.xy - p.xy * (sign(p.z) * w.z / (1.0 + abs(p.z))); }
+
+float moon_phase(float cosine) { return textureLod(t_phase, vec2(acos(clamp(cosine, -1.0, 1.0)) * (1.0 / PI), 0.5), 0.0).x; }
+
+// Reflected over incident light, times pi: Lommel-Seeliger with the phase function of the whole disc.
+float reflected(float mu_sun, float mu_view, float phase) {
+    // where the Sun grazes it, some of it is in the shade of what is smaller than the pixel
+    float lit = mu_sun * clamp(mu_sun * 20.0, 0.0, 1.0);
+    return 2.0 * lit / (lit + max(mu_view, 0.02)) * phase; // 0.02: a facet seen edge-on
+}
+
+// depth: of the ground under the limb; footprint: of what the ray stands for, over the pixel's.
+MoonPoint moon_point(MoonRay ray, float depth, float footprint) {
+    MoonPoint g;
+    float t = -ray.along - depth;
+    vec3 p = normalize(u_moon_camera.xyz + t * ray.direction);
+    vec3 view = -ray.direction, sun = u_moon_sun.xyz, earth = u_moon_earth.xyz;
+    // longitude from the camera's meridian, so that the angle's jump is never in view
+    vec2 meridian = u_moon_meridian.xy;
+    float east = atan(meridian.x * p.y - meridian.y * p.x, dot(meridian, p.xy));
+    g.place = vec4((east + u_moon_meridian.z) * (0.5 / PI) + 0.5, 0.5 - asin(clamp(p.z, -1.0, 1.0)) / PI, crater_plane(p) * MOON_KM);
+    float mu_view = max(dot(p, view), 0.0), mu_sun = dot(p, sun);
+    g.tilt = vec4(crater_vector(p, sun - mu_sun * p), crater_vector(p, view - mu_view * p));
+    g.light = vec4(
+        mu_sun, mu_view, moon_phase(dot(view, sun)),
+        log2(footprint * t * ray.pixel_rad * MOON_KM * inversesqrt(max(mu_view, 0.02)))
+    );
+    float angle = length(cross(p + u_moon_shadow.xyz, u_moon_shadow_axis.xyz)) / u_moon_shadow.w;
+    g.incident = vec4(
+        textureLod(t_umbra, vec2(angle, 0.5), 0.0).xyz,
+        reflected(dot(p, earth), mu_view, moon_phase(dot(view, earth))) * u_moon_earth.w
+    );
+    return g;
+}

@@ -1,0 +1,67 @@
+"""Tiles of the Moon: where what a pixel sees of its ground may be interpolated between the corners of a tile."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.projection import directions
+
+if TYPE_CHECKING:
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.render.moon.moon_view import MoonView
+    from simulator.render.projection import PixelRect
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
+
+TILE_PX = 32
+_SMOOTH_DISC = 0.08  # square of the ray's depth under the sphere, 1 at the nadir
+_LARGEST_GROUND = 0.015  # of a tile on the ground [radii]
+_POLE_SPANS = (
+    16  # from a pole to a smooth tile, in its sides: nearer the map's longitude bends by a third of a pixel
+)
+
+
+def moon_tiles(moon: MoonView, camera: Camera) -> tuple[Float32Array, Float32Array]:
+    """The Moon's rectangle in tiles, two triangles (6, 2) each [px], edges of pixels at .5.
+
+    Returns
+    -------
+    (6 K, 2) of smooth tiles, and of the others: limb, poles, and the equator, where the craters' plane folds.
+    """
+    rect = moon.rect
+    if rect is None:
+        raise ValueError("a Moon that is not in the image has no tiles")
+    x_px = np.append(np.arange(rect.x0, rect.x1, TILE_PX), rect.x1) - 0.5
+    y_px = np.append(np.arange(rect.y0, rect.y1, TILE_PX), rect.y1) - 0.5
+    d = directions(camera, x_px, y_px, moon.moon_from_camera)
+    along = d @ moon.camera
+    disc = 1 - (float(moon.camera @ moon.camera) - along**2)
+    depth = np.sqrt(np.maximum(disc, 0))
+    distance = -along - depth
+    x, y, z = (moon.camera[k] + distance * d[..., k] for k in range(3))
+    span = distance * TILE_PX * camera.pixel_angle_rad()
+    aside = np.abs(moon.camera[0] * y - moon.camera[1] * x) > 2 * span * np.hypot(*moon.camera[:2])
+    even = aside | (moon.camera[0] * x + moon.camera[1] * y > 0)
+    largest = np.minimum(_LARGEST_GROUND * depth, np.hypot(x, y) / _POLE_SPANS)
+    even &= (along < 0) & (disc > _SMOOTH_DISC) & (span < largest)
+    smooth = _all_corners(even) & (_all_corners(z > 0) | _all_corners(z < 0))
+    triangles = _triangles(x_px, y_px)
+    return triangles[smooth].reshape(-1, 2), triangles[~smooth].reshape(-1, 2)
+
+
+def triangles_of(rect: PixelRect) -> Float32Array:
+    """(6, 2) of a rectangle as one tile."""
+    x_px, y_px = np.array([rect.x0, rect.x1]) - 0.5, np.array([rect.y0, rect.y1]) - 0.5
+    return _triangles(x_px, y_px).reshape(-1, 2)
+
+
+def _triangles(x_px: FloatArray, y_px: FloatArray) -> Float32Array:
+    """(rows, columns, 6, 2) corners of the two triangles of each cell of a grid."""
+    corners = np.stack(np.meshgrid(x_px, y_px), axis=-1).astype(np.float32)
+    first, right, below, across = corners[:-1, :-1], corners[:-1, 1:], corners[1:, :-1], corners[1:, 1:]
+    return np.stack([first, below, right, right, below, across], axis=2)
+
+
+def _all_corners(values: BoolArray) -> BoolArray:
+    return values[:-1, :-1] & values[:-1, 1:] & values[1:, :-1] & values[1:, 1:]
