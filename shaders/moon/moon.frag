@@ -1,25 +1,29 @@
 // The Moon behind the target, or below it [W m-2 sr-1]. EARTH: the Earth may hide it, AIR: and its air dim it.
-// SMOOTH: all of it is ground whose point is interpolated between the corners of a tile.
+// SMOOTH: all of it is ground whose point is interpolated between the corners of a tile; MAP_AT_CORNERS: the map as well.
+// COVERED: the target may be in front.
 #include "atmosphere/air.glsl"
 #include "earth/geometry.glsl"
 #include "earth/aerial.glsl"
 #include "moon/point.glsl"
 uniform sampler2D t_coverage;
-uniform sampler2D t_moon;    // normal albedo over its mean on the near side, / 2.5
 uniform sampler2D t_broad;   // slopes along u and v, brightness of craters; simulator/render/moon/craters.py
 uniform sampler2D t_fine;    // the same of smaller ones
 #if SMOOTH
 in vec4 v_place, v_tilt, v_light, v_incident;
+#if MAP_AT_CORNERS
+in float v_albedo;
+#endif
 #endif
 layout(location = 0) out vec4 out_radiance;
-
-const float TEXEL_KM = 2.665;                  // of the map, at the equator
-const float BROAD_KM = 403.0, FINE_KM = 63.0;  // periods of the two tiles of craters
 
 // Radiance of the ground [W m-2 sr-1].
 color ground_radiance(MoonPoint g) {
     float level = g.light.w;
-    float albedo = textureLod(t_moon, g.place.xy, level - log2(TEXEL_KM)).x * 2.5;
+#if MAP_AT_CORNERS
+    float albedo = v_albedo;
+#else
+    float albedo = moon_albedo(g);
+#endif
     vec4 broad = textureLod(t_broad, g.place.zw / BROAD_KM, level - log2(BROAD_KM / 1024.0));
     vec4 fine = textureLod(t_fine, mat2(0.8, 0.6, -0.6, 0.8) * g.place.zw / FINE_KM, level - log2(FINE_KM / 1024.0));
     // the maria are younger: fewer and smaller craters
@@ -36,7 +40,10 @@ color ground_radiance(MoonPoint g) {
 
 void main() {
     vec2 pixel = gl_FragCoord.xy - 0.5;
-    float open = 1.0 - texelFetch(t_coverage, ivec2(gl_FragCoord.xy), 0).x;
+    float open = 1.0;
+#if COVERED
+    open -= textureLod(t_coverage, gl_FragCoord.xy / vec2(textureSize(t_coverage, 0)), 0.0).x;
+#endif
 #if !SMOOTH
     MoonRay ray = moon_ray(pixel);
     float share = moon_share(ray);

@@ -1,5 +1,6 @@
 // Where a ray meets the Moon's ground, and the light there: all that changes smoothly from pixel to pixel.
 #include "moon/disc.glsl"
+uniform sampler2D t_moon;    // normal albedo over its mean on the near side, / 2.5
 uniform sampler2D t_phase;   // phase function over that of zero phase, by the phase angle over pi
 uniform sampler2D t_umbra;   // share of the Sun's light per band, by the angle from the axis of the Earth's shadow
 
@@ -48,3 +49,6 @@ MoonPoint moon_point(MoonRay ray, float depth, float footprint) {
     );
     return g;
 }
+
+// Albedo by the map, over its mean on the near side.
+float moon_albedo(MoonPoint g) { return textureLod(t_moon, g.place.xy, g.light.w - log2(TEXEL_KM)).x * 2.5; }

@@ -250,8 +250,10 @@ class Drawing:
             self._moon = MoonPass(self._device.context, self._device.programs)
             self._device.check("uploading the Moon's map")
         fine = r[SCENE].quality == "high"
-        tiles = moon_tiles(moon, r[SCENE].camera) if self._path.smooth_moon and not fine else None
-        air = r.find(AIR_TABLES)
+        air, target = r.find(AIR_TABLES), r.find(TARGET)
+        tiles = None
+        if self._path.smooth_moon and not fine:
+            tiles = moon_tiles(moon, r[SCENE].camera, None if target is None else target.rect)
         self._moon.run(r[RADIANCE], moon, earth=earth is not None, air=air, fine=fine, tiles=tiles)
 
     def draw_sun(self, r: PassResources) -> None:

@@ -106,7 +106,9 @@ def sky_passes(draw: Drawing) -> list[Pass]:
             (RADIANCE, STARLIGHT),
             optional=(*behind, AIR, TARGET),
         ),
-        Pass("moon", draw.draw_moon, (SCENE, MOON, *_IMAGES), (RADIANCE,), optional=(EARTH, AIR_TABLES)),
+        Pass(
+            "moon", draw.draw_moon, (SCENE, MOON, *_IMAGES), (RADIANCE,), optional=(EARTH, AIR_TABLES, TARGET)
+        ),
         Pass("sun", draw.draw_sun, (SCENE, VIEW, *_IMAGES), (RADIANCE,), optional=(*behind, AIR_TABLES)),
     ]
 

@@ -12,7 +12,8 @@ from simulator.errors import UserError
 from simulator.render.earth.air_pass import TABLE_DEFINES
 from simulator.render.gl.fences import draw_to, flush
 from simulator.render.moon.craters import BROAD_LARGEST_PX, FINE_LARGEST_PX, SLOPE_MAX, crater_texture
-from simulator.render.moon.moon_tiles import triangles_of
+from simulator.render.moon.craters import SIZE as CRATERS_SIZE
+from simulator.render.moon.moon_tiles import TILE_PX, one_tile
 from simulator.runtime.cache import entry_name
 from simulator.runtime.cached_arrays import cached_array
 from simulator.scene.illumination.moonlight import surface_phase
@@ -22,13 +23,16 @@ if TYPE_CHECKING:
 
     from simulator.render.frame_images import FrameImages
     from simulator.render.gl.programs import Program, ProgramLibrary
+    from simulator.render.moon.moon_tiles import MoonTiles
     from simulator.render.moon.moon_view import MoonView
     from simulator.render.projection import PixelRect
-    from simulator.runtime.arrays import ByteArray, Float32Array
+    from simulator.runtime.arrays import ByteArray
 
 MAP = "albedo_4096x2048.jpg"
 MAP_SCALE = 2.5  # of the map's 8 bits, in means of the near side
 MAP_VERSION = 4  # of `moon_map`: raise it when the same file gives another map
+TEXEL_KM = 2.665  # of the map, at the equator
+BROAD_KM, FINE_KM = 403.0, 63.0  # periods of the two tiles of craters
 _PHASES = 512
 SAMPLES, STRIDE = 13, 5  # of a fine pixel; sample k lies in column k and row 5 k mod 13 of a grid of 13 by 13
 _AIR = {1: ("t_air",), 3: ("t_air_rayleigh", "t_air_mie", "t_air_transmittance")}
@@ -97,7 +101,7 @@ class MoonPass:
         earth: bool,
         air: list[moderngl.Texture] | None,
         fine: bool = False,
-        tiles: tuple[Float32Array, Float32Array] | None = None,
+        tiles: list[MoonTiles] | None = None,
     ) -> None:
         """Add the Moon.
 
@@ -121,14 +125,12 @@ class MoonPass:
         images.sky_framebuffer.viewport = moon.rect.viewport
         self._context.enable_only(self._context.BLEND)
         self._context.blend_func = self._context.ONE, self._context.ONE
-        smooth, others = tiles or (np.zeros((0, 2), np.float32), triangles_of(moon.rect))
-        for vertices, interpolated in ((smooth, True), (others, False)):
-            if len(vertices):
-                program = self._program(images.bands, behind=behind, air=air, fine=fine, smooth=interpolated)
-                self._draw(program, images, air, moon.rect, vertices)
+        for kind in tiles or [one_tile(moon.rect)]:
+            program = self._program(images.bands, kind, behind=behind, air=air, fine=fine)
+            self._draw(program, images, air, moon.rect, kind)
 
     def _program(
-        self, bands: int, *, behind: bool, air: list[moderngl.Texture] | None, fine: bool, smooth: bool
+        self, bands: int, kind: MoonTiles, *, behind: bool, air: list[moderngl.Texture] | None, fine: bool
     ) -> Program:
         return self._programs.get(
             "moon/tiles.vert",
@@ -140,11 +142,17 @@ class MoonPass:
                 "SLOPE_MAX": SLOPE_MAX,
                 "SAMPLES": SAMPLES if fine else 1,
                 "STRIDE": STRIDE,
-                "SMOOTH": int(smooth),
+                "SMOOTH": int(kind.smooth),
+                "COVERED": int(kind.covered),
+                "BROAD_KM": BROAD_KM,
+                "FINE_KM": FINE_KM,
+                "TEXEL_KM": TEXEL_KM,
+                # the map's texels are wider than tiles: between their corners it is as good as straight
+                "MAP_AT_CORNERS": int(kind.footprint_km * TILE_PX < TEXEL_KM),
                 **TABLE_DEFINES,
             },
             (*_OWN, *(_AIR[bands] if air is not None else ())),
-            many_fragments=not smooth,
+            many_fragments=not kind.smooth,
         )
 
     def _draw(
@@ -153,8 +161,14 @@ class MoonPass:
         images: FrameImages,
         air: list[moderngl.Texture] | None,
         rect: PixelRect,
-        vertices: Float32Array,
+        kind: MoonTiles,
     ) -> None:
+        c = self._context
+        texels_km = (TEXEL_KM, BROAD_KM / CRATERS_SIZE, FINE_KM / CRATERS_SIZE)
+        for texture, texel_km in zip((self._map, *self._craters), texels_km, strict=True):
+            # larger than life it has one level, and a driver that need not ask is quicker
+            smaller = c.LINEAR_MIPMAP_NEAREST if kind.smooth else c.LINEAR_MIPMAP_LINEAR
+            texture.filter = (c.LINEAR if kind.footprint_km <= texel_km else smaller, c.LINEAR)
         program.bind_textures(
             t_coverage=images.coverage,
             t_moon=self._map,
@@ -171,6 +185,6 @@ class MoonPass:
             array = self._context.vertex_array(program.gl, [(buffer, "2f", "in_pixel")])
             self._arrays[program] = buffer, array
         buffer, array = self._arrays[program]
-        buffer.orphan(vertices.nbytes)
-        buffer.write(vertices)
-        array.render(vertices=len(vertices))
+        buffer.orphan(kind.triangles_px.nbytes)
+        buffer.write(kind.triangles_px)
+        array.render(vertices=len(kind.triangles_px))

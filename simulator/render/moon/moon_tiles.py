@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from simulator.render.projection import directions
+from simulator.scene.illumination.moonlight import MOON_RADIUS_M
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
@@ -22,12 +24,29 @@ _POLE_SPANS = (
 )
 
 
-def moon_tiles(moon: MoonView, camera: Camera) -> tuple[Float32Array, Float32Array]:
-    """The Moon's rectangle in tiles, two triangles (6, 2) each [px], edges of pixels at .5.
+@dataclass(frozen=True, eq=False)
+class MoonTiles:
+    """Tiles of the Moon's rectangle that are drawn alike.
 
-    Returns
-    -------
-    (6 K, 2) of smooth tiles, and of the others: limb, poles, and the equator, where the craters' plane folds.
+    Parameters
+    ----------
+    triangles_px : (6 K, 2) corners of two of each [px], edges of pixels at .5.
+    smooth : their ground may be interpolated between their corners. covered : the target may be in front.
+    footprint_km : of the pixel that sees most ground; infinite where that is not known.
+    """
+
+    triangles_px: Float32Array
+    smooth: bool = False
+    covered: bool = True
+    footprint_km: float = float("inf")
+
+
+def moon_tiles(moon: MoonView, camera: Camera, target: PixelRect | None) -> list[MoonTiles]:
+    """The Moon's rectangle in tiles: smooth ones, and limb, poles, and the equator, where the craters' plane folds.
+
+    Parameters
+    ----------
+    target : pixels that the target may touch.
     """
     rect = moon.rect
     if rect is None:
@@ -46,14 +65,29 @@ def moon_tiles(moon: MoonView, camera: Camera) -> tuple[Float32Array, Float32Arr
     largest = np.minimum(_LARGEST_GROUND * depth, np.hypot(x, y) / _POLE_SPANS)
     even &= (along < 0) & (disc > _SMOOTH_DISC) & (span < largest)
     smooth = _all_corners(even) & (_all_corners(z > 0) | _all_corners(z < 0))
+    covered = np.zeros_like(smooth)
+    if target is not None:
+        rows, columns = (
+            (e[1:] > low) & (e[:-1] < high - 1)
+            for e, low, high in ((y_px, target.y0, target.y1), (x_px, target.x0, target.x1))
+        )
+        covered = rows[:, None] & columns
     triangles = _triangles(x_px, y_px)
-    return triangles[smooth].reshape(-1, 2), triangles[~smooth].reshape(-1, 2)
+    # larger towards the limb: the ground is seen aslant
+    footprint = distance * camera.pixel_angle_rad() * (MOON_RADIUS_M * 1e-3) / np.sqrt(np.fmax(depth, 0.02))
+    largest = float(np.max(footprint, initial=0.0, where=even))
+    kinds = (
+        MoonTiles(triangles[~smooth].reshape(-1, 2)),
+        MoonTiles(triangles[smooth & ~covered].reshape(-1, 2), True, False, largest),
+        MoonTiles(triangles[smooth & covered].reshape(-1, 2), True, True, largest),
+    )
+    return [kind for kind in kinds if len(kind.triangles_px)]
 
 
-def triangles_of(rect: PixelRect) -> Float32Array:
-    """(6, 2) of a rectangle as one tile."""
+def one_tile(rect: PixelRect) -> MoonTiles:
+    """A rectangle as one tile, of which nothing is known."""
     x_px, y_px = np.array([rect.x0, rect.x1]) - 0.5, np.array([rect.y0, rect.y1]) - 0.5
-    return _triangles(x_px, y_px).reshape(-1, 2)
+    return MoonTiles(_triangles(x_px, y_px).reshape(-1, 2))
 
 
 def _triangles(x_px: FloatArray, y_px: FloatArray) -> Float32Array:
