@@ -1,0 +1,49 @@
+"""Ground that is interpolated over tiles, beside each pixel's own: from low and high orbits, over poles, of the Moon."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from simulator.contact_sheets.scenario_sheet import smaller
+from simulator.imaging.image_formation import expose_scene
+from simulator.render.moon.moon_tiles import moon_tiles
+from simulator.render.moon.moon_view import moon_view
+from simulator.render.renderer import Renderer
+from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
+
+
+def _scene(name, width_px, **changes):
+    scenario = load_scenario(name)
+    plan = plan_flight(scenario, times=(scenario.duration_s / 2,))
+    return replace(plan.scene(0), camera=smaller(plan.camera, width_px), **changes), plan.target
+
+
+# largest rms of the difference [digital numbers]: level of detail by tile, and clouds' edges off by parts of a pixel
+@pytest.mark.gl
+@pytest.mark.parametrize(
+    ("name", "most_dn"), [("geo-inspection", 1.0), ("tango-flyaround", 1.5), ("lunar-orbit", 1.0)]
+)
+def test_tiles_show_what_their_pixels_do(name, most_dn):
+    scene, target = _scene(name, 960)
+    signals = []
+    for path in (True, False):
+        with Renderer(software_path=path) as renderer:
+            signals.append(expose_scene(scene, renderer.render(scene, target).radiance).clip(0, 1) * 255)
+    off = signals[0] - signals[1]
+    assert signals[1].mean() > 2
+    assert 0 < np.sqrt(np.mean(off**2)) < most_dn
+    assert abs(off.mean()) < 0.1
+
+
+def test_the_moons_tiles_cover_its_rectangle_once():
+    scene, _ = _scene("lunar-orbit", 960)
+    moon = moon_view(scene)
+    tiles = moon_tiles(moon, scene.camera, replace(moon.rect, x1=100, y1=50))
+    assert [(t.smooth, t.covered) for t in tiles if t.smooth] == [(True, False), (True, True)]
+    corners = np.concatenate([t.triangles_px for t in tiles]).reshape(-1, 3, 2)
+    sides = corners[:, 1:] - corners[:, :1]
+    area = 0.5 * np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+    assert area.sum() == moon.rect.width * moon.rect.height
+    assert len(np.unique(corners.sum(axis=1), axis=0)) == len(corners)
