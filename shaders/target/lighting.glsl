@@ -122,7 +122,10 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
 #else
     Surface s = Surface(n, v, n_v, diffuse, f0, again, surface.y);
 #endif
-    color direct = reflected(s, l, n_l, sun_alpha(surface.x), sun_alpha(surface.z)) * BAND(u_sun_irradiance) * (n_l * lit);
+    color direct = color(0.0);
+#if SHADOW_WINDOW
+    direct = reflected(s, l, n_l, sun_alpha(surface.x), sun_alpha(surface.z)) * BAND(u_sun_irradiance) * (n_l * lit);
+#endif
 #ifdef LAMP
     {
         vec3 towards;

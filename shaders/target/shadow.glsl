@@ -1,4 +1,7 @@
 // Share of the Sun's disc that a point of the target sees past the target itself.
+#if SHADOW_WINDOW == 0
+float sun_visibility(vec3 p_m, vec3 n, float share, float bent) { return 0.0; } // no sunlight at all
+#else
 uniform sampler2D t_shadow; // depth along the sunlight, in this frame's range (simulator/render/gl/depth_buffer.py)
 
 // Of a texel along the normal: relief so low on a flat face throws no shadow. The map's own rounding needs a hundredth.
@@ -104,3 +107,4 @@ float sun_visibility(vec3 p_m, vec3 n, float share, float bent) {
 #endif
     return n_l > 0.0 ? visible : 0.0;
 }
+#endif

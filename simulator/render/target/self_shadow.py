@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -101,4 +102,5 @@ class SelfShadow:
                 "u_shadow_range": [far - near, 0, 0, 0],
             }
         )
-        return shadow.map, choice
+        # without sunlight nothing is to be looked up
+        return shadow.map, choice if view.sun_share.any() else replace(choice, window=0)

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ShadowChoice:
-    """Resolution of the map, the window of texels that a point looks at (wide penumbrae need many), and the radius of
-    the sharpest edge [texels]: below one, the map's own steps show.
+    """Resolution of the map, the window of texels that a point looks at (wide penumbrae need many; 0 without sunlight),
+    and the radius of the sharpest edge [texels]: below one, the map's own steps show.
     """
 
     size_px: int
