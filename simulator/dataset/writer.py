@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
@@ -59,9 +60,13 @@ class CheckAndEncode:
         if frame.truth is None or frame.mask is None:
             raise RuntimeError("a captured frame needs labels")
         target = frame.scene.target.drawn(self.target)
-        wrong = check_frame(
-            frame.number, frame.truth, frame.image, frame.mask, self.card, target, frame.layers
-        )
+        # a picture's noise takes long to pack, and leaves Python's lock alone
+        with ThreadPoolExecutor(1, thread_name_prefix="flyaround-encoder") as beside:
+            encoding = beside.submit(encode_frame, frame)
+            wrong = check_frame(
+                frame.number, frame.truth, frame.image, frame.mask, self.card, target, frame.layers
+            )
+            files = encoding.result()
         sample = frame.scene.sample
         files = encode_frame(frame)
         return CheckedFrame(

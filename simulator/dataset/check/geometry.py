@@ -221,10 +221,15 @@ def doubtful_pixels(
         corners_m = cut_for_the_lens(truth.camera, mesh.positions_m[triangles], R, t)
         corners_px = on_image(corners_m.reshape(-1, 3)).reshape(-1, 3, 2)
     inner, outer = filled_silhouette(corners_px, mask.shape)
+    # most of the image is dark in all of them
+    x, y, width, height = cv2.boundingRect(cv2.bitwise_or(mask, outer))
+    around = np.s_[max(y - 1, 0) : y + height + 1, max(x - 1, 0) : x + width + 1]
+    mask, inner, outer = mask[around], inner[around], outer[around]
     reach = np.ones((2 * OUTLINE_TOLERANCE_PX + 1,) * 2, np.uint8)
     extra = (mask > 0) & (np.asarray(cv2.dilate(outer, reach)) == 0)
     missing = (np.asarray(cv2.erode(inner, reach, borderValue=0)) > 0) & (mask == 0)
-    return lit_pixels((extra | missing).view(np.uint8))
+    first = np.array([around[1].start, around[0].start])
+    return np.asarray(lit_pixels((extra | missing).view(np.uint8)) + first)
 
 
 def _twice_area(corners_px: FloatArray) -> FloatArray:
