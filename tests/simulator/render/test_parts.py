@@ -119,8 +119,10 @@ def test_tiles_cover_what_the_earth_touches_once(draw_kit):
         earth = earth_view(view, camera, earth_atmosphere("mono"))
         cut = tiles.earth_tiles(earth, camera, all_tiles(PixelRect(50, 50, 60, 60)), "2026-03-20")
         seen = np.zeros((150, 200), int)
-        for x, y in np.concatenate([*cut.centers_px.values(), np.zeros((0, 2))]) + 0.5 - cut.size_px / 2:
-            seen[round(y) : round(y) + cut.size_px, round(x) : round(x) + cut.size_px] += 1
+        for kind, centers in cut.centers_px.items():
+            size = round(cut.size_of(kind))
+            for x, y in centers + 0.5 - size / 2:
+                seen[round(y) : round(y) + size, round(x) : round(x) + size] += 1
         if full:
             assert np.all(seen == 1)
             assert {kind.covered for kind in cut.centers_px if kind.smooth} == {True, False}
