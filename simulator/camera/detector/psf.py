@@ -253,7 +253,7 @@ def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Arr
 
     Parameters
     ----------
-    image : (H, W) or (H, W, n). gain : a number, or (n,) one a band.
+    image : (H, W) or (H, W, n). gain : a number, or (n,) one a band, by which the picture is multiplied first.
     """
     taps = gaussian_taps(sigma_px)
     if isinstance(gain, np.ndarray):
@@ -288,19 +288,17 @@ def _blurred_in_pieces(
     def blur_rows(first: int, end: int) -> None:
         above, below = max(first - reach, 0), min(end + reach, height)
         try:
-            whole = scratch.pop()
+            both = scratch.pop()
         except IndexError:
-            whole = np.empty(shape, np.float32)
-        made = whole[: below - above]
-        cv2.sepFilter2D(
-            image[above:below], cv2.CV_32F, across, down, dst=made, borderType=cv2.BORDER_REPLICATE
-        )
-        kept = made[first - above : end - above]
-        if by_value is None:
-            out[first:end] = kept
-        else:
-            np.multiply(kept.reshape(len(kept), -1), by_value, out=out[first:end].reshape(len(kept), -1))
-        scratch.append(whole)
+            both = np.empty((2, *shape), np.float32)
+        made, piece = both[0, : below - above], image[above:below]
+        if by_value is not None:
+            lit = both[1, : below - above]
+            np.multiply(piece.reshape(len(piece), -1), by_value, out=lit.reshape(len(lit), -1))
+            piece = lit
+        cv2.sepFilter2D(piece, cv2.CV_32F, across, down, dst=made, borderType=cv2.BORDER_REPLICATE)
+        out[first:end] = made[first - above : end - above]
+        scratch.append(both)
 
     share_out(pieces, blur_rows)
     return out
