@@ -1,4 +1,4 @@
-"""Ground that is interpolated over tiles, beside each pixel's own: from low and high orbits, over poles, of the Moon."""
+"""Ground that is interpolated over tiles, beside each pixel's own: of low and high orbits, at poles, of the Moon."""
 
 from dataclasses import replace
 
