@@ -182,8 +182,8 @@ def _over_passing_ground(
         raise ValueError("a ground that is never drawn has no mean")
     if n_drawings > 1:
         mean /= np.float32(n_drawings)
-    ends = [at(sign * scene.exposure_s / 2) for sign in (-1, 1)]
-    spans = _spans(scene, craft_flow(scene, *ends, target).drawings, at)
+    early, late = (at(sign * scene.exposure_s / 2) for sign in (-1, 1))
+    spans = _spans(scene, craft_flow(scene, early, late, target).drawings, at)
     crafts: list[Rendered] = []
     for mid, early, late in spans:
         craft = renderer.render(mid, target, layer="craft")

@@ -57,7 +57,7 @@ def craft_flow(mid: SceneState, early: SceneState, late: SceneState, target: Tar
     places, start, end = (target_corners_px(mid, then, target) for then in (mid, early, late))
     known = np.column_stack([np.ones(len(places)), np.nan_to_num(places)])
     ways = np.nan_to_num(end - start)
-    affine = np.linalg.lstsq(known, ways, rcond=None)[0]
+    affine = np.asarray(np.linalg.lstsq(known, ways, rcond=None)[0], float)
     return CraftFlow(affine, float(np.hypot(*ways.T).max()), float(np.abs(known @ affine - ways).max()))
 
 
