@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from simulator.camera.lens.files import list_cameras, load_camera
     from simulator.dataset.capture import capture
     from simulator.dataset.check.verify import check_dataset
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from simulator.dataset.labelled_dataset import LabelledDataset, open_dataset
     from simulator.dataset.single_frames import render_scene, save_picture
     from simulator.errors import UserError
     from simulator.frame import Frame, take_frame
@@ -46,6 +48,8 @@ __all__ = [
     "Camera",
     "Environment",
     "Frame",
+    "LabelledDataset",
+    "LabelledFrame",
     "Plan",
     "Pose",
     "PoseResult",
@@ -71,6 +75,7 @@ __all__ = [
     "load_recipe",
     "load_scenario",
     "load_target",
+    "open_dataset",
     "plan_flight",
     "plan_recipe",
     "read_truth",
@@ -87,6 +92,8 @@ _HOMES = {
     "Camera": "simulator.camera.lens.camera_model",
     "Environment": "simulator.scene.environments",
     "Frame": "simulator.frame",
+    "LabelledDataset": "simulator.dataset.labelled_dataset",
+    "LabelledFrame": "simulator.dataset.formats.labelled_frame",
     "Plan": "simulator.scenario.plan",
     "Pose": "simulator.world.frames.pose",
     "PoseResult": "hil.board.svd",
@@ -111,6 +118,7 @@ _HOMES = {
     "load_recipe": "simulator.recipes.load",
     "load_scenario": "simulator.scenario.load",
     "load_target": "simulator.targets.library",
+    "open_dataset": "simulator.dataset.labelled_dataset",
     "plan_flight": "simulator.scenario.plan",
     "plan_recipe": "simulator.recipes.plan",
     "read_truth": "simulator.labels.truth",

@@ -1,4 +1,4 @@
-"""convert: data sets of others into ours."""
+"""convert: data sets of others into ours, ours into other formats."""
 
 from __future__ import annotations
 
@@ -8,39 +8,51 @@ from typing import Annotated
 import typer
 
 from flyaround.commands.terminal import progress_bar, say
-from simulator.dataset.formats.registry import formats, read_foreign
-from simulator.dataset.importing import camera_of, write_imported
-from simulator.errors import UserError
-from simulator.runtime.files import empty_folder
-from simulator.targets.library import load_target
-
-READ = ", ".join(form.name for form in formats().values() if form.read is not None)
+from simulator.dataset.conversion import convert as convert_dataset
+from simulator.dataset.conversion import open_source
+from simulator.dataset.formats.registry import NATIVE, readable, writable
+from simulator.dataset.split import parse_split
 
 
 def convert(
     source: Annotated[
-        Path, typer.Argument(help="A data set of others: its folder, or the list of its labels within.")
+        Path, typer.Argument(help="A data set: its folder, or of others the list of labels within.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the data set: new or empty.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write: new or empty.")],
+    form: Annotated[str, typer.Option("--format", help=f"One of {', '.join(writable())}.")] = NATIVE,
     source_format: Annotated[
-        str | None, typer.Option("--from", help=f"Its format, found out unless given: {READ}.")
+        str | None,
+        typer.Option(
+            "--from", help=f"Format of the source, found out unless given: native, {', '.join(readable())}."
+        ),
     ] = None,
     target: Annotated[
-        str | None, typer.Option("--target", help="The craft in its pictures (of SPEED's kin: tango).")
+        str | None, typer.Option("--target", help="The craft in pictures of others (of SPEED's kin: tango).")
     ] = None,
     camera: Annotated[
         str | None,
-        typer.Option("--camera", help="Built-in camera or file, instead of the one that comes with it."),
+        typer.Option(
+            "--camera", help="Camera of pictures of others, built-in or a file, instead of their own."
+        ),
+    ] = None,
+    split: Annotated[
+        str | None,
+        typer.Option("--split", help="Shares of training, validation and test frames, such as 8:1:1."),
     ] = None,
 ) -> None:
-    """Make a data set of another's pictures and poses, with masks, keypoints and boxes by the model, for evaluate."""
-    found, form = read_foreign(source, source_format)
-    name = target or found.usual_target
-    if not name:
-        raise UserError(f"{source} does not say what craft it shows; name it with --target")
-    craft = load_target(name)
-    lens = camera_of(found, camera)
-    empty_folder(output)
+    """Write a data set in another format; pictures and poses of others get masks, keypoints and boxes by the model."""
+    shares = None if split is None else parse_split(split)
+    opened = open_source(source, source_format, target=target, camera=camera)
     with progress_bar("convert") as progress:
-        write_imported(found, output, lens, craft, form, progress)
-    say(f"{len(found.pictures)} pictures of {found.labels} ({form}, {name}) written to {output}")
+        count = convert_dataset(
+            opened,
+            output,
+            form,
+            split=shares,
+            progress=progress,
+            tell=lambda sentence: say(sentence, stderr=True),
+        )
+    card = opened.card
+    say(
+        f"{count} frames of {card.scenario_name} ({opened.form}, {card.target.name}) written to {output} as {form}"
+    )

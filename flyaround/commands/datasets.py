@@ -14,11 +14,13 @@ from rich.text import Text
 from flyaround.commands.options import Device, Labels, Seed, World, quality_preset
 from flyaround.commands.terminal import progress_bar, say
 from simulator.camera.lens.files import read_camera_file
-from simulator.dataset.capture import FORMATS, CaptureSummary, parse_formats
+from simulator.dataset.capture import CaptureSummary
 from simulator.dataset.capture import capture as capture_plan
 from simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
 from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.clipping import ClippingSummary
+from simulator.dataset.formats.registry import parse_formats, writable
+from simulator.dataset.split import parse_split
 from simulator.errors import UserError
 from simulator.labels.request import parse_labels
 from simulator.recipes.load import is_recipe, load_recipe
@@ -45,8 +47,17 @@ def capture(
         float | None, typer.Option("--every", help="Seconds between frames, instead of -n.")
     ] = None,
     formats: Annotated[
-        str, typer.Option("--format", help=f"Exports beside the native layout: {', '.join(FORMATS)}.")
+        str,
+        typer.Option("--format", help=f"Beside the native layout: {', '.join(writable()[1:])}; with commas."),
     ] = "native",
+    split: Annotated[
+        str | None,
+        typer.Option(
+            "--split",
+            help="Shares of training, validation and test frames, such as 8:1:1, alike at all ranges "
+            "(default: a recipe's own).",
+        ),
+    ] = None,
     rgb: Annotated[
         bool, typer.Option("--rgb", help="Colour images instead of the scenario's bands.")
     ] = False,
@@ -93,6 +104,7 @@ def capture(
         target=target,
         environment=environment,
     )
+    shares = None if split is None else parse_split(split)
     ranges = None if vary is None else load_vary(vary)
     summaries = {}
     for member, plan in plans.items():
@@ -103,10 +115,12 @@ def capture(
                 output / member,
                 formats=names,
                 labels=parse_labels(wanted),
+                split=shares,
                 resume=resume,
                 workers=workers,
                 device_index=gpu,
                 progress=progress,
+                tell=lambda sentence: say(sentence, stderr=True),
             )
         if not as_json:
             _tell_capture(summaries[member])

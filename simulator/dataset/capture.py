@@ -11,9 +11,10 @@ import msgspec
 
 from simulator.dataset.card import CARD_NAME, CardTarget, DatasetCard, describe_machine
 from simulator.dataset.clipping import ClippingSummary, summarise_clipping
-from simulator.dataset.formats.native import is_whole
-from simulator.dataset.formats.speed import export_speed
+from simulator.dataset.exports import ExportSink
+from simulator.dataset.formats.registry import check_formats
 from simulator.dataset.resume import WhatIsThere, card_to_resume, look_at_frames
+from simulator.dataset.split import Ratio, lowest_terms
 from simulator.dataset.storage.space import frame_bytes, refuse_without_room
 from simulator.dataset.storage.store import FolderStore
 from simulator.dataset.writer import CheckAndEncode, DatasetWriter
@@ -31,9 +32,6 @@ if TYPE_CHECKING:
 
     from simulator.camera.lens.camera_model import Camera
     from simulator.scene.state import SceneState
-
-
-FORMATS = ("native", "speed")
 
 
 class CapturePlan(FramePlan, Protocol):
@@ -81,33 +79,18 @@ class CaptureSummary:
     damaged: tuple[int, ...] = ()
 
 
-def parse_formats(text: str) -> tuple[str, ...]:
-    """Formats from a comma-separated list.
-
-    Raises
-    ------
-    UserError
-        If one is unknown.
-    """
-    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-    if not names:
-        raise UserError(f"--format '{text}' names no data-set format; choose from {', '.join(FORMATS)}")
-    for name in names:
-        if name not in FORMATS:
-            raise UserError(f"unknown data-set format '{name}' in --format; choose from {', '.join(FORMATS)}")
-    return names
-
-
 def capture(
     plan: CapturePlan,
     folder: str | Path,
     *,
     formats: tuple[str, ...] = ("native",),
     labels: tuple[str, ...] = (),
+    split: Ratio | None = None,
     resume: bool = False,
     workers: int = 1,
     device_index: int | None = None,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
+    tell: Callable[[str], None] = lambda _sentence: None,
 ) -> CaptureSummary:
     """Take all frames of a plan into a data set.
 
@@ -117,30 +100,35 @@ def capture(
 
     Parameters
     ----------
+    formats : written beside the native layout, frame by frame, out of ``simulator.dataset.formats.registry``.
     labels : layers beyond truth and mask, out of ``simulator.labels.request.LAYERS``.
+    split : shares of training, validation and test frames; a recipe's own unless given.
+    tell : is given a sentence for each format of what it leaves out, before anything is drawn.
     workers : processes that draw, check and encode, each with a renderer of its own; the bytes do not depend on it.
 
     Raises
     ------
     UserError
-        If the folder is not empty (without ``resume``), belongs to another plan, cannot be written, has too little room
-        or another capture is writing into it.
+        If the folder is not empty (without ``resume``), belongs to another plan, cannot be written, has too little
+        room, another capture is writing into it, or a format cannot hold such frames.
     """
     folder = Path(folder)
     labels = _possible(plan, labels)
+    for sentence in check_formats(formats, _card(plan, formats, labels, split)):
+        tell(sentence)
     empty_folder(folder, resume=True)
     with only_writer(folder, "capture"):
         store = FolderStore(folder, frozenset({lock_name("capture")}))
         if not resume and not store.is_empty():
             empty_folder(folder, resume=False)
-        return _capture(plan, store, formats, labels, workers, device_index, progress, resume=resume)
+        planned = _card(plan, formats, labels, split)
+        return _capture(plan, store, planned, workers, device_index, progress, resume=resume)
 
 
 def _capture(
     plan: CapturePlan,
     store: FolderStore,
-    formats: tuple[str, ...],
-    labels: tuple[str, ...],
+    planned: DatasetCard,
     workers: int,
     device_index: int | None,
     progress: Callable[[int, int], None],
@@ -148,7 +136,7 @@ def _capture(
     resume: bool,
 ) -> CaptureSummary:
     """`capture` into a store that is this one's alone."""
-    planned = _card(plan, formats, labels)
+    labels, formats = planned.labels, planned.formats
     if not (
         resume and store.exists(CARD_NAME)
     ):  # what is there is counted once it is known to be the same plan
@@ -173,14 +161,14 @@ def _capture(
                 _refuse_without_room(store, plan, labels, formats, plan.n_frames - len(there.kept))
         missing = [k for k in range(plan.n_frames) if k not in there.kept]
         with DatasetWriter(store, card) as writer:
+            exports = ExportSink(store, card, card.split, there.kept)
             frames = run_frames(
-                plan, producer, [writer], labels=lambda k: _request(plan, k, labels), numbers=missing
+                plan, producer, [writer, exports], labels=lambda k: _request(plan, k, labels), numbers=missing
             )
             for done, _ in enumerate(frames, start=len(there.kept) + 1):
                 progress(done, plan.n_frames)
             writer.flush()
-            if "speed" in writer.card.formats:
-                export_speed(store.folder, [k for k in range(plan.n_frames) if is_whole(store.folder, k)])
+            exports.finish()
             writer.finish()
     n_written = len(missing) - len(writer.quarantined)
     clipping = summarise_clipping(writer.clipping, plan.scenario_document)
@@ -230,7 +218,9 @@ def _request(plan: CapturePlan, k: int, labels: tuple[str, ...]) -> LabelRequest
     return LabelRequest(layers=labels, flow=flow)
 
 
-def _card(plan: CapturePlan, formats: tuple[str, ...], labels: tuple[str, ...]) -> DatasetCard:
+def _card(
+    plan: CapturePlan, formats: tuple[str, ...], labels: tuple[str, ...], split: Ratio | None
+) -> DatasetCard:
     """The card as planned, before it is known what draws."""
     return DatasetCard(
         scenario_name=plan.scenario_name,
@@ -241,6 +231,7 @@ def _card(plan: CapturePlan, formats: tuple[str, ...], labels: tuple[str, ...]) 
         complete=False,
         formats=tuple(dict.fromkeys(("native", *formats))),
         labels=labels,
+        split=split or _own_split(plan),
         camera=plan.camera,
         target=CardTarget(
             name=plan.target.name,
@@ -251,3 +242,9 @@ def _card(plan: CapturePlan, formats: tuple[str, ...], labels: tuple[str, ...]) 
         ),
         machine=describe_machine("", "", ""),
     )
+
+
+def _own_split(plan: CapturePlan) -> Ratio | None:
+    """The split that a recipe says."""
+    counts = plan.scenario_document.get("split") or ()
+    return lowest_terms([int(n) for n in counts]) if counts else None

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from simulator.camera.lens.camera_model import Camera
+from simulator.dataset.record_fields import RECORD_FIELDS
 from simulator.errors import UserError
 from simulator.labels.part_classes import PartClass
 from simulator.runtime.untrusted_files import read_regular, refuse_deep
@@ -86,13 +87,15 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
     quarantined: tuple[CardQuarantine, ...] = ()
     formats: tuple[str, ...]
     labels: tuple[str, ...] = ()
+    split: tuple[int, int, int] | None = None
     camera: Camera
     target: CardTarget
     machine: CardMachine
     conventions: dict[str, str] = msgspec.field(default_factory=lambda: dict(CONVENTIONS))
+    record_fields: dict[str, str] = msgspec.field(default_factory=lambda: dict(RECORD_FIELDS))
     layout: str = (
         "images/NNNNNN.png image, images/NNNNNN.mask.png mask, images/NNNNNN.LAYER.png or .exr layers, "
-        "images/NNNNNN.json truth"
+        "images/NNNNNN.json truth, FORMAT/ each of formats; split.json frames of each split, where there is one"
     )
     licence: str = (
         "images and labels made with Flyaround belong to whoever made them; Earth imagery: NASA Visible Earth"

@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 
 from simulator.camera.lens.files import load_camera
-from simulator.dataset.card import CARD_NAME, CardTarget, DatasetCard, card_to_json, describe_machine
-from simulator.dataset.formats.native import EncodedFrame, encode_png, write_encoded
+from simulator.dataset.card import CardTarget, DatasetCard, describe_machine
+from simulator.dataset.formats.native import EncodedFrame, encode_png
 from simulator.dataset.silhouette import silhouette
 from simulator.errors import UserError
 from simulator.labels.boxes import mask_box
@@ -23,13 +23,12 @@ from simulator.labels.part_classes import part_class
 from simulator.labels.truth import KeypointLabel, KeypointState
 from simulator.labels.visibility import occluded_from_camera
 from simulator.runtime.arrays import vec3
-from simulator.runtime.files import write_atomic
 from simulator.runtime.untrusted_files import read_regular
 from simulator.targets.joined_mesh import box_3d_m, mesh_of
 from simulator.targets.textures import picture_size
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
@@ -98,8 +97,8 @@ def import_card(found: PosedPictures, camera: Camera, target: Target, form: str)
 
 def imported_frames(
     found: PosedPictures, camera: Camera, target: Target
-) -> Iterator[tuple[EncodedFrame, ImportedTruth]]:
-    """The frames of imported pictures, in order, each with its record.
+) -> Iterator[tuple[int, EncodedFrame]]:
+    """The frames of imported pictures, in order, with their numbers.
 
     Raises
     ------
@@ -110,27 +109,7 @@ def imported_frames(
         image = read_picture(picture.path)
         truth, mask = label_imported(k, picture, image, camera, target)
         record = msgspec.json.format(msgspec.json.encode(truth), indent=1) + b"\n"
-        yield EncodedFrame(encode_png(image), encode_png(mask), record, {}), truth
-
-
-def write_imported(
-    found: PosedPictures,
-    folder: Path,
-    camera: Camera,
-    target: Target,
-    form: str,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
-) -> DatasetCard:
-    """Write imported pictures as a native data set into an empty folder."""
-    card = import_card(found, camera, target, form)
-    (folder / "images").mkdir(exist_ok=True)
-    write_atomic(folder / CARD_NAME, card_to_json(card))
-    for k, (files, _) in enumerate(imported_frames(found, camera, target)):
-        write_encoded(folder, k, files)
-        progress(k + 1, card.n_frames)
-    card = msgspec.structs.replace(card, complete=True)
-    write_atomic(folder / CARD_NAME, card_to_json(card))
-    return card
+        yield k, EncodedFrame(encode_png(image), encode_png(mask), record, {})
 
 
 def read_picture(path: Path) -> NDArray[np.unsignedinteger]:

@@ -82,7 +82,13 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
                 f"{store.title} was captured with {field} {getattr(old.machine, field)}, here it is "
                 f"{getattr(card.machine, field)}; go on where it began, or name a new folder"
             )
-    return msgspec.structs.replace(card, formats=tuple(dict.fromkeys((*old.formats, *card.formats)))), old
+    if card.split and old.split and card.split != old.split:
+        was, now = (":".join(map(str, ratio)) for ratio in (old.split, card.split))
+        raise UserError(
+            f"{store.title} was captured with --split {was}, here it is {now}; resume with the same"
+        )
+    formats = tuple(dict.fromkeys((*old.formats, *card.formats)))
+    return msgspec.structs.replace(card, formats=formats, split=card.split or old.split), old
 
 
 def look_at_frames(store: Store, plan: FramePlan, old: DatasetCard) -> WhatIsThere:

@@ -9,7 +9,7 @@ import msgspec
 
 from simulator.camera.lens.camera_model import Camera, camera_problem
 from simulator.errors import UserError
-from simulator.labels.truth import Box, InfeasibleReason, KeypointLabel, Truth, read_record_bytes, read_truth
+from simulator.labels.truth import Box, InfeasibleReason, KeypointLabel, Truth, parse_truth, read_record_bytes
 from simulator.runtime.arrays import Quat, Vec3
 
 
@@ -62,10 +62,20 @@ def read_label_record(path: str | Path) -> LabelRecord:
         If the file is missing, is not JSON, or a field is wrong.
     """
     path = Path(path)
-    data = read_record_bytes(path)
+    return parse_label_record(read_record_bytes(path), path)
+
+
+def parse_label_record(data: bytes, path: Path) -> LabelRecord:
+    """The record out of its text; ``path`` is what errors call it.
+
+    Raises
+    ------
+    UserError
+        As of `read_label_record`.
+    """
     try:
         if msgspec.json.decode(data, type=_Kind).schema != "flyaround.imported":
-            return read_truth(path)
+            return parse_truth(data, path)
         record = msgspec.json.decode(data, type=ImportedTruth)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(

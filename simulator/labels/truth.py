@@ -129,7 +129,17 @@ def read_truth(path: str | Path) -> Truth:
         If the file is missing, is not JSON, or a field is wrong.
     """
     path = Path(path)
-    data = read_record_bytes(path)
+    return parse_truth(read_record_bytes(path), path)
+
+
+def parse_truth(data: bytes, path: Path) -> Truth:
+    """A truth record out of its text; ``path`` is what errors call it.
+
+    Raises
+    ------
+    UserError
+        If it is not JSON, or a field is wrong.
+    """
     try:
         truth = msgspec.json.decode(data, type=Truth)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:

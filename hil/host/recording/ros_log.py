@@ -11,11 +11,15 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from hil.host.recording.ros_messages import (
-    DEFINITIONS,
     ESTIMATE_FRAME,
+    FRAME_TIMING,
+    FRAME_TIMING_DEFINITION,
+    frame_timing,
+)
+from simulator.dataset.formats.ros_messages import (
+    DEFINITIONS,
     TARGET_FRAME,
     camera_info,
-    frame_timing,
     image,
     pose_stamped,
     transform,
@@ -37,7 +41,7 @@ TOPICS = {
     "/truth/pose": "geometry_msgs/msg/PoseStamped",
     "/estimate/pose": "geometry_msgs/msg/PoseStamped",
     "/tf": "tf2_msgs/msg/TFMessage",
-    "/timing": "flyaround_msgs/msg/FrameTiming",
+    "/timing": FRAME_TIMING,
 }
 """What is written, and as what."""
 
@@ -118,8 +122,9 @@ class RosLog:
         self._encoders: dict[str, Any] = {}
         self._channels: dict[str, Any] = {}
         for topic, kind in TOPICS.items():
-            self._encoders[topic] = serialize_dynamic(kind, DEFINITIONS[kind])[kind]
-            schema = foxglove.Schema(name=kind, encoding="ros2msg", data=DEFINITIONS[kind].encode())
+            text = FRAME_TIMING_DEFINITION if kind == FRAME_TIMING else DEFINITIONS[kind]
+            self._encoders[topic] = serialize_dynamic(kind, text)[kind]
+            schema = foxglove.Schema(name=kind, encoding="ros2msg", data=text.encode())
             self._channels[topic] = foxglove.Channel(
                 topic, schema=schema, message_encoding="cdr", context=context
             )
@@ -149,7 +154,7 @@ class RosLog:
     def frame(self, frame: Frame) -> None:
         """The picture, its camera and the true pose."""
         epoch = frame.scene.epoch_utc
-        self._log("/camera/image_raw", image(frame), epoch)
+        self._log("/camera/image_raw", image(frame.image, epoch), epoch)
         self._log("/camera/camera_info", camera_info(frame.scene.camera, epoch), epoch)
         if frame.truth is not None:
             q, t = frame.truth.q_camera_from_target_wxyz, frame.truth.t_camera_from_target_m

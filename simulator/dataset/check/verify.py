@@ -27,14 +27,14 @@ from simulator.dataset.check.redraw import Redrawn, check_pictures, fresh_seed, 
 from simulator.dataset.check.row_poses import check_rows
 from simulator.dataset.check.signal import check_states_by_signal, check_steps_by_signal
 from simulator.dataset.check.wireframe import check_wireframe
+from simulator.dataset.formats.labelled_frame import SPLITS
 from simulator.dataset.formats.native import frame_paths, is_whole, read_layer, read_png
-from simulator.dataset.formats.speed import FOLDER as SPEED_FOLDER
 from simulator.errors import UserError
 from simulator.labels.boxes import mask_box
 from simulator.labels.feasible import infeasible_reason
 from simulator.labels.imported import ImportedTruth, read_label_record
 from simulator.labels.layers import pixel_hash
-from simulator.labels.truth import Truth, read_truth
+from simulator.labels.truth import Truth
 from simulator.runtime.untrusted_files import read_regular, refuse_deep
 from simulator.targets.library import load_target
 from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from simulator.dataset.check.sampled_rays import Layers
     from simulator.runtime.arrays import ByteArray
     from simulator.targets.model import Target
+
+SPEED_FOLDER = "speed"
 
 
 @dataclass(frozen=True)
@@ -288,23 +290,28 @@ def _speed_rows(path: Path, card: DatasetCard) -> list[dict[str, Any]]:
 
 
 def _check_speed(folder: Path, frames: list[int], card: DatasetCard) -> list[Fault]:
-    path = folder / SPEED_FOLDER / "train.json"
-    try:
-        labels = {
-            row["filename"]: (tuple(row["q_vbs2tango"]), tuple(row["r_Vo2To_vbs_true"]))
-            for row in _speed_rows(path, card)
-        }
-    except (UserError, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        return [Fault(None, f"{path} cannot be read: {error}")]
+    """The poses of the SPEED export, and its pictures."""
+    root = folder / SPEED_FOLDER
+    labels: dict[int, tuple[Any, ...]] = {}
+    for split in SPLITS:
+        path = root / f"{split}.json"
+        if split != "train" and not path.exists():
+            continue
+        try:
+            for row in _speed_rows(path, card):
+                picture = root / "images" / split / str(row["filename"])
+                number = int(picture.stem.removeprefix("img"))
+                labels[number] = (tuple(row["q_vbs2tango"]), tuple(row["r_Vo2To_vbs_true"]), picture)
+        except (UserError, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+            return [Fault(None, f"{path} cannot be read: {error}")]
     faults = []
     for k in frames:
-        name = f"img{k:06d}.jpg"
-        if name not in labels:
+        if k not in labels:
             faults.append(Fault(k, "is missing from the SPEED export"))
             continue
-        truth = read_truth(frame_paths(folder, k).truth)
-        if labels[name] != (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m):
+        truth = read_label_record(frame_paths(folder, k).truth)
+        if labels[k][:2] != (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m):
             faults.append(Fault(k, "has another pose in the SPEED export"))
-        if not (folder / SPEED_FOLDER / "images" / "train" / name).is_file():
+        if not labels[k][2].is_file():
             faults.append(Fault(k, "has no image in the SPEED export"))
     return faults

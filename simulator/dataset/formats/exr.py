@@ -32,6 +32,20 @@ def encode_exr(names: tuple[str, ...], values: NDArray[Any]) -> bytes:
         return place.read_bytes()
 
 
+def decode_exr(data: bytes, names: tuple[str, ...], where: str) -> NDArray[Any]:
+    """Values of an OpenEXR file's channels out of its bytes, as `read_exr` gives them; ``where`` names it.
+
+    Raises
+    ------
+    UserError
+        As of `read_exr`.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / Path(where).name
+        place.write_bytes(data)
+        return read_exr(place, names)
+
+
 def read_exr(path: Path, names: tuple[str, ...]) -> NDArray[Any]:
     """(H, W) or (H, W, C) values of an OpenEXR file's channels.
 

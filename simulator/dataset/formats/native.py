@@ -68,6 +68,33 @@ def read_png(path: Path) -> NDArray[np.unsignedinteger]:
         data = read_regular(path, MOST_BYTES)
     except OSError:
         data = b""
+    return decode_png(data, str(path))
+
+
+def read_bytes(path: Path) -> bytes:
+    """The bytes of one of a frame's files.
+
+    Raises
+    ------
+    UserError
+        If it is missing or cannot be read.
+    """
+    try:
+        return read_regular(path, MOST_BYTES)
+    except OSError as error:
+        raise UserError(
+            f"cannot read {path}: {error.strerror or error}; run flyaround check on the data set"
+        ) from error
+
+
+def decode_png(data: bytes, where: str) -> NDArray[np.unsignedinteger]:
+    """An image out of a PNG's bytes, as `read_png` gives it; ``where`` is what errors call it.
+
+    Raises
+    ------
+    UserError
+        As of `read_png`.
+    """
     # a PNG says its size in its first chunk; Pillow knows the others, of up to 13,000 x 13,000 pixels
     size = (
         struct.unpack_from(">II", data, 16)
@@ -76,15 +103,15 @@ def read_png(path: Path) -> NDArray[np.unsignedinteger]:
     )
     if size is not None and (max(size) > MOST_SIDE_PX or size[0] * size[1] > MOST_PIXELS):
         raise UserError(
-            f"image {path} has {size[0]:,} x {size[1]:,} pixels, and at most {MOST_SIDE_PX:,} x "
+            f"image {where} has {size[0]:,} x {size[1]:,} pixels, and at most {MOST_SIDE_PX:,} x "
             f"{MOST_SIDE_PX:,} are read; make it smaller"
         )
     image = None if size is None else cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
-        raise UserError(f"cannot read image {path}; it is missing or not a PNG")
+        raise UserError(f"cannot read image {where}; it is missing or not a PNG")
     dtype = image.dtype.type
     if dtype not in (np.uint8, np.uint16):
-        raise UserError(f"image {path} holds {image.dtype} pixels; save it with 8 or 16 bits")
+        raise UserError(f"image {where} holds {image.dtype} pixels; save it with 8 or 16 bits")
     return np.ascontiguousarray(image if image.ndim == 2 else image[..., 2::-1])
 
 

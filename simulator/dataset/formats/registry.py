@@ -1,45 +1,48 @@
-"""The formats of data sets: which there are, and what each reads."""
+"""The formats of data sets: which there are, by name; a package may add its own."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from simulator.dataset.formats.speed_reader import read_shirt, read_speed, read_speedplus
+from simulator.dataset.formats.arrays_writer import EXR, NPZ
+from simulator.dataset.formats.base import DatasetFormat
+from simulator.dataset.formats.bop import BOP
+from simulator.dataset.formats.coco import COCO
+from simulator.dataset.formats.mcap_writer import MCAP
+from simulator.dataset.formats.parquet import PARQUET
+from simulator.dataset.formats.spark import SPARK
+from simulator.dataset.formats.speed_reader import read_shirt
+from simulator.dataset.formats.speed_writer import SPEED, SPEEDPLUS
+from simulator.dataset.formats.urso import URSO
+from simulator.dataset.formats.web_shards import WEBDATASET
+from simulator.dataset.formats.yolo import YOLO
 from simulator.errors import UserError, near_names
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Iterable
     from pathlib import Path
 
+    from simulator.dataset.card import DatasetCard
     from simulator.dataset.formats.posed_pictures import PosedPictures
 
-
-@dataclass(frozen=True, kw_only=True)
-class DatasetFormat:
-    """One format.
-
-    Parameters
-    ----------
-    name : on the command line. title : what it is.
-    read : the pictures with poses of a folder or a list; None of a folder of another kind.
-    """
-
-    name: str
-    title: str
-    read: Callable[[Path], PosedPictures | None] | None = None
-
-
-_BUILT_IN = (
-    DatasetFormat(name="speed", title="SPEED (Stanford, ESA)", read=read_speed),
-    DatasetFormat(name="speedplus", title="SPEED+ (Stanford, ESA)", read=read_speedplus),
-    DatasetFormat(name="shirt", title="SHIRT (Stanford)", read=read_shirt),
-)
+NATIVE = "native"
+SHIRT = DatasetFormat(name="shirt", title="SHIRT (Stanford)", read=read_shirt)
+_BUILT_IN = (SPEED, SPEEDPLUS, SHIRT, URSO, SPARK, BOP, COCO, YOLO, WEBDATASET, PARQUET, MCAP, NPZ, EXR)
 
 
 def formats() -> dict[str, DatasetFormat]:
-    """All formats by name."""
+    """All formats besides the native layout, by name."""
     return {form.name: form for form in _BUILT_IN}
+
+
+def readable() -> tuple[str, ...]:
+    """Names of the formats that are read."""
+    return tuple(form.name for form in formats().values() if form.read is not None)
+
+
+def writable() -> tuple[str, ...]:
+    """Names of the formats that are written, the native layout first."""
+    return (NATIVE, *(form.name for form in formats().values() if form.writer is not None))
 
 
 def find_format(name: str) -> DatasetFormat:
@@ -54,8 +57,43 @@ def find_format(name: str) -> DatasetFormat:
     if name not in known:
         near = near_names(name, list(known), 3)
         meant = f"did you mean {' or '.join(near)}?" if near else f"choose from {', '.join(known)}"
-        raise UserError(f"there is no data-set format '{name}': {meant}")
+        raise UserError(f"unknown data-set format '{name}': {meant}")
     return known[name]
+
+
+def parse_formats(text: str) -> tuple[str, ...]:
+    """Formats to write, from a comma-separated list.
+
+    Raises
+    ------
+    UserError
+        If there is none, or one is unknown or only read.
+    """
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    if not names:
+        raise UserError(f"--format '{text}' names no data-set format; choose from {', '.join(writable())}")
+    for name in names:
+        if name not in writable():
+            if name in readable():
+                raise UserError(f"format {name} is read, not written; choose from {', '.join(writable())}")
+            raise UserError(
+                f"unknown data-set format '{name}' in --format; choose from {', '.join(writable())}"
+            )
+    return names
+
+
+def check_formats(names: Iterable[str], card: DatasetCard) -> list[str]:
+    """A sentence for each format of what it will hold of a data set, and what it leaves out.
+
+    Raises
+    ------
+    UserError
+        If one cannot hold it.
+    """
+    chosen = [find_format(name) for name in names if name != NATIVE]
+    for form in chosen:
+        form.check(card)
+    return [form.sentence() for form in chosen]
 
 
 def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, str]:

@@ -65,7 +65,7 @@ def lightbox(tmp_path):
 def test_a_folder_like_speedplus_becomes_a_data_set(lightbox, tmp_path, capsys):
     out = tmp_path / "out"
     assert run(["convert", str(lightbox), "-o", str(out), "--target", "tango@low"]) == 0
-    assert "2 pictures of" in capsys.readouterr().out
+    assert "2 frames of lightbox/test.json (speedplus, tango@low)" in capsys.readouterr().out
     card = read_card(out)
     assert card.complete
     assert card.scenario == {
@@ -136,7 +136,7 @@ def test_what_is_wrong_in_a_foreign_set_is_told_and_nothing_is_written(lightbox,
     labels.write_text("[")
     assert "is not JSON" in told()
     assert "480 x 300 pixels, camera speedplus 1920 x 1200" in told(rows, "--camera", "speedplus")
-    assert "there is no data-set format 'sped': did you mean speed" in told(None, "--from", "sped")
+    assert "unknown data-set format 'sped': did you mean speed" in told(None, "--from", "sped")
     (lightbox / "train.json").write_text(json.dumps(rows))
     assert "several sets" in told()
     empty = tmp_path / "empty"

@@ -1,0 +1,137 @@
+"""From one format of data sets to another: frames of a native or a foreign folder, into a native one or a format's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from simulator.dataset.card import CARD_NAME, DatasetCard, card_to_json
+from simulator.dataset.formats.base import FolderOutput
+from simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files, native_names
+from simulator.dataset.formats.registry import NATIVE, find_format, parse_formats, read_foreign
+from simulator.dataset.importing import camera_of, import_card, imported_frames
+from simulator.dataset.labelled_dataset import open_dataset
+from simulator.dataset.split import SPLIT_NAME, Ratio, SplitAssigner, split_file
+from simulator.errors import UserError
+from simulator.runtime.files import empty_folder
+from simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from simulator.dataset.formats.base import FormatWriter
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Where frames come from.
+
+    Parameters
+    ----------
+    form : name of its format. frames : in order; they are made as they are taken.
+    """
+
+    card: DatasetCard
+    form: str
+    frames: Iterable[LabelledFrame]
+
+
+@dataclass(frozen=True)
+class NativeWriter:
+    """The native layout as a format like others."""
+
+    output: FolderOutput
+    card: DatasetCard
+
+    def write(self, frame: LabelledFrame) -> None:
+        """The frame's files, its record last: a record means a whole frame."""
+        for ending, data in native_names(frame):
+            self.output.write(f"images/{frame.number:06d}.{ending}", data)
+
+    def finish(self) -> None:
+        """The card, which says that all is there."""
+        card = msgspec.structs.replace(self.card, complete=True, formats=(NATIVE,))
+        self.output.write(CARD_NAME, card_to_json(card))
+
+
+def open_source(
+    place: Path, form: str | None = None, *, target: str | None = None, camera: str | None = None
+) -> Source:
+    """The frames of a data set of ours or of others.
+
+    Parameters
+    ----------
+    form : its format, found out unless given. target, camera : of pictures of others, instead of the usual ones.
+
+    Raises
+    ------
+    UserError
+        If it is no data set that is read, has a mistake, or does not say what its pictures show.
+    """
+    if form == NATIVE or (form is None and (place / CARD_NAME).is_file()):
+        if target is not None or camera is not None:
+            raise UserError(f"{place} says its target and camera itself; leave out --target and --camera")
+        dataset = open_dataset(place)
+        return Source(dataset.card, NATIVE, dataset)
+    found, kind = read_foreign(place, form)
+    name = target or found.usual_target
+    if not name:
+        raise UserError(f"{place} does not say what craft it shows; name it with --target")
+    craft, lens = load_target(name), camera_of(found, camera)
+    frames = (frame_from_files(k, files) for k, files in imported_frames(found, lens, craft))
+    return Source(import_card(found, lens, craft, kind), kind, frames)
+
+
+def convert(
+    source: Source,
+    folder: Path,
+    form: str,
+    *,
+    split: Ratio | None = None,
+    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    tell: Callable[[str], None] = lambda _sentence: None,
+) -> int:
+    """Write a data set's frames in a format.
+
+    Parameters
+    ----------
+    folder : new or empty. split : shares of training, validation and test frames, instead of the source's own.
+    tell : is given a sentence of what the format leaves out, before anything is written.
+
+    Returns
+    -------
+    Number of frames.
+
+    Raises
+    ------
+    UserError
+        If the format cannot hold them, or the folder is not empty.
+    """
+    (name,) = parse_formats(form)
+    card = source.card if split is None else msgspec.structs.replace(source.card, split=split)
+    output = FolderOutput(folder)
+    if name == NATIVE and source.form == NATIVE:
+        raise UserError("that is a native data set already; name another --format")
+    if name != NATIVE:
+        find_format(name).check(card)
+        tell(find_format(name).sentence())
+    empty_folder(folder)
+    writer: FormatWriter = (
+        NativeWriter(output, card) if name == NATIVE else find_format(name).open_writer(output, card)
+    )
+    assigner = None if split is None else SplitAssigner(split)
+    count = 0
+    for frame in source.frames:
+        chosen = frame
+        if assigner is not None:
+            chosen = LabelledFrame(frame.number, frame.read, frame.where, assigner.assign(frame))
+        writer.write(chosen)
+        count += 1
+        progress(count, card.n_frames)
+    if assigner is not None and name == NATIVE:
+        output.write(SPLIT_NAME, split_file(assigner))
+    writer.finish()
+    return count

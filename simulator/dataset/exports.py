@@ -1,0 +1,126 @@
+"""The sink beside the native layout: each checked frame gets its split and goes into every format asked for."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from simulator.dataset.formats.base import FolderOutput, Output
+from simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files
+from simulator.dataset.formats.native import MOST_BYTES
+from simulator.dataset.formats.registry import NATIVE, find_format
+from simulator.dataset.split import SPLIT_NAME, Ratio, SplitAssigner, split_file
+from simulator.dataset.storage.store import FolderStore
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from simulator.dataset.card import DatasetCard
+    from simulator.dataset.storage.store import Store
+    from simulator.dataset.writer import CheckedFrame
+
+
+@dataclass(frozen=True)
+class StoreOutput:
+    """Files under a folder of a store."""
+
+    store: Store
+    folder: str
+
+    def write(self, name: str, data: bytes) -> None:
+        """Put one file, whole or not at all."""
+        self.store.write([(f"{self.folder}/{name}" if self.folder else name, data)])
+
+
+def output_of(store: Store, folder: str = "") -> Output:
+    """Where a format's files go.
+
+    In a folder nobody waits for the disk: what a loss of power takes of them is made again from the frames.
+    """
+    if isinstance(store, FolderStore):
+        return FolderOutput(store.folder / folder)
+    return StoreOutput(store, folder)
+
+
+class FrameExports:
+    """Feeds writers with labelled frames, in the order of their numbers.
+
+    Parameters
+    ----------
+    store : of the data set; a format goes into the folder of its name. card : names the formats.
+    ratio : of the split; None where there is none.
+    """
+
+    def __init__(self, store: Store, card: DatasetCard, ratio: Ratio | None) -> None:
+        self._root = output_of(store)
+        self._assigner = None if ratio is None else SplitAssigner(ratio)
+        names = [name for name in card.formats if name != NATIVE]
+        self._writers = [find_format(name).open_writer(output_of(store, name), card) for name in names]
+
+    def add(self, frame: LabelledFrame, *, is_kept: bool = True) -> None:
+        """Take one frame; one that is quarantined gets a split alone, so that the others' do not depend on it."""
+        if self._assigner is not None:
+            split = self._assigner.assign(frame)
+            frame = LabelledFrame(frame.number, frame.read, frame.where, split)
+        if is_kept:
+            for writer in self._writers:
+                writer.write(frame)
+
+    def finish(self) -> None:
+        """Finish every format; write which frame is of which split."""
+        for writer in self._writers:
+            writer.finish()
+        if self._assigner is not None:
+            self._root.write(SPLIT_NAME, split_file(self._assigner))
+
+
+class ExportSink:
+    """`FrameExports` as a sink of a capture: frames that were there before are read again, in their turn.
+
+    Parameters
+    ----------
+    there : numbers of the frames that a resumed capture keeps.
+    """
+
+    def __init__(
+        self, store: Store, card: DatasetCard, ratio: Ratio | None, there: Iterable[int] = ()
+    ) -> None:
+        self._store = store
+        self._there = deque(sorted(there))
+        self._exports = (
+            FrameExports(store, card, ratio) if ratio is not None or set(card.formats) != {NATIVE} else None
+        )
+
+    def write(self, frame: CheckedFrame) -> None:
+        """Take one frame."""
+        if self._exports is None:
+            return
+        self._catch_up(frame.number)
+        self._exports.add(frame_from_files(frame.number, frame.files), is_kept=not frame.reason)
+
+    def finish(self) -> None:
+        """Take the last frames that were there, and finish."""
+        if self._exports is not None:
+            self._catch_up(None)
+            self._exports.finish()
+
+    def _catch_up(self, number: int | None) -> None:
+        while self._exports is not None and self._there and (number is None or self._there[0] < number):
+            self._exports.add(frame_from_store(self._store, self._there.popleft()))
+
+
+def frame_from_store(store: Store, number: int) -> LabelledFrame:
+    """A frame that is written already; each file is read when it is asked for."""
+    stem = f"images/{number:06d}"
+
+    def read(ending: str) -> bytes:
+        try:
+            return store.read(f"{stem}.{ending}", MOST_BYTES)
+        except OSError as error:
+            raise UserError(
+                f"{store.title}: cannot read {stem}.{ending} ({error}); run flyaround check"
+            ) from error
+
+    return LabelledFrame(number, read, f"{store.title}/{stem}")

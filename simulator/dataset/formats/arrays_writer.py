@@ -1,0 +1,123 @@
+"""NPZ and EXR: each frame as arrays in one file.
+
+``SPLIT/NNNNNN.npz``: image, mask, pose, camera, keypoints and the layers, as numpy reads them. ``SPLIT/NNNNNN.exr``:
+the image, the mask and the layers as float channels; pose and camera in ``SPLIT/NNNNNN.json``, the native record.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output
+from simulator.dataset.formats.exr import encode_exr
+from simulator.dataset.formats.native import EXR_CHANNELS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.dataset.card import DatasetCard
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+
+NO_CHANNELS = ("amodal",)  # reaches beyond the image
+
+
+class NpzWriter:
+    """Writes NPZ."""
+
+    def __init__(self, output: Output, _card: DatasetCard) -> None:
+        self._output = output
+
+    def write(self, frame: LabelledFrame) -> None:
+        """One file."""
+        place = io.BytesIO()
+        known: dict[str, Any] = dict(arrays_of(frame))
+        np.savez_compressed(place, **known)
+        self._output.write(f"{frame.split or 'train'}/{frame.number:06d}.npz", place.getvalue())
+
+    def finish(self) -> None:
+        """Nothing is known of all frames alone."""
+
+
+def arrays_of(frame: LabelledFrame) -> dict[str, NDArray[Any]]:
+    """Everything of a frame that is numbers or names, by name."""
+    truth, camera = frame.truth, frame.camera
+    nan = (np.nan, np.nan)
+    known: dict[str, Any] = {
+        "number": frame.number,
+        "image": frame.image,
+        "mask": frame.mask,
+        "q_camera_from_target_wxyz": truth.q_camera_from_target_wxyz,
+        "t_camera_from_target_m": truth.t_camera_from_target_m,
+        "camera_matrix": camera.K,
+        "distortion": np.array(camera.distortion.coefficients, float),
+        "distortion_model": camera.distortion.model,
+        "box_px": np.array(truth.box_px or (np.nan,) * 4),
+        "feasible": truth.feasible,
+        "keypoints_name": np.array([k.name for k in truth.keypoints], "U"),
+        "keypoints_target_m": np.array([k.target_m for k in truth.keypoints], float).reshape(-1, 3),
+        "keypoints_pixel_px": np.array([k.pixel_px or nan for k in truth.keypoints], float).reshape(-1, 2),
+        "keypoints_state": np.array([k.state for k in truth.keypoints], "U"),
+    }
+    known |= {name: frame.layer(name) for name in frame.layers}
+    return {name: np.asarray(value) for name, value in known.items()}
+
+
+class ExrWriter:
+    """Writes EXR."""
+
+    def __init__(self, output: Output, _card: DatasetCard) -> None:
+        self._output = output
+
+    def write(self, frame: LabelledFrame) -> None:
+        """One picture of many channels, and the record."""
+        stem = f"{frame.split or 'train'}/{frame.number:06d}"
+        channels = channels_of(frame)
+        planes = np.stack([np.asarray(plane, np.float32) for plane in channels.values()], axis=-1)
+        self._output.write(f"{stem}.exr", encode_exr(tuple(channels), planes))
+        self._output.write(f"{stem}.json", frame.read("json"))
+
+    def finish(self) -> None:
+        """Nothing is known of all frames alone."""
+
+
+def channels_of(frame: LabelledFrame) -> dict[str, NDArray[Any]]:
+    """Image, mask and layers by channel: Y or R G B in digital numbers, ``mask`` 0 or 1, ``depth.Z``."""
+    image = frame.image
+    planes: dict[str, NDArray[Any]] = {"mask": frame.mask > 0}
+    planes |= {"Y": image} if image.ndim == 2 else {c: image[..., k] for k, c in enumerate("RGB")}
+    for name in frame.layers:
+        if name in NO_CHANNELS:
+            continue
+        layer = frame.layer(name)
+        if layer.ndim == 2:
+            planes[f"{name}.{EXR_CHANNELS[name][0]}" if name in EXR_CHANNELS else f"{name}.Y"] = layer
+        else:
+            planes |= {f"{name}.{c}": layer[..., k] for k, c in enumerate(EXR_CHANNELS.get(name, "RGB"))}
+    return planes
+
+
+def _npz(output: Output, card: DatasetCard) -> FormatWriter:
+    return NpzWriter(output, card)
+
+
+def _exr(output: Output, card: DatasetCard) -> FormatWriter:
+    return ExrWriter(output, card)
+
+
+NPZ = DatasetFormat(
+    name="npz",
+    title="numpy arrays",
+    carries="image, pose, camera, mask, box, keypoints with their states, and layers",
+    lacks="the scene and its light",
+    writer=_npz,
+)
+EXR = DatasetFormat(
+    name="exr",
+    title="OpenEXR, a channel for each label",
+    carries="image, mask and layers as float channels, and the native record",
+    lacks="the amodal mask, which reaches beyond the image",
+    writer=_exr,
+)

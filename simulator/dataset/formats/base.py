@@ -1,0 +1,149 @@
+"""What a format of data sets is: what it carries, and what reads and writes it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Protocol
+
+from simulator.errors import UserError
+from simulator.runtime.files import write_atomic
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from simulator.dataset.card import DatasetCard
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from simulator.dataset.formats.posed_pictures import PosedPictures
+
+
+class Output(Protocol):
+    """Where a writer puts its files: whole ones, by their names with ``/`` between folders."""
+
+    def write(self, name: str, data: bytes) -> None:
+        """Put one file; a file of that name is replaced."""
+
+
+class FormatWriter(Protocol):
+    """Takes labelled frames in the order of their numbers, in the end writes what is known of all of them."""
+
+    def write(self, frame: LabelledFrame) -> None:
+        """Take one frame."""
+
+    def finish(self) -> None:
+        """Write lists, last shards and the format's own card."""
+
+
+@dataclass(frozen=True)
+class FolderOutput:
+    """Files within a folder."""
+
+    folder: Path
+
+    def write(self, name: str, data: bytes) -> None:
+        """Put one file, whole or not at all.
+
+        Raises
+        ------
+        UserError
+            If the disk is full or the folder cannot be written.
+        """
+        path = self.folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(path, data)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatasetFormat:
+    """One format.
+
+    Parameters
+    ----------
+    name : on the command line, and of the folder beside the native layout. title : what it is.
+    carries, lacks : what it does and does not hold, as they stand in a sentence.
+    writer : makes what writes a data set of a card into an output; None of a format that is read alone.
+    read : the pictures with poses of a folder or a list, None of a folder of another kind; None of a format that is
+        written alone.
+    problem : why a data set of a card cannot be written so, or None.
+    needs : the module that writing needs, and the extra that installs it.
+    """
+
+    name: str
+    title: str
+    carries: str = ""
+    lacks: str = ""
+    writer: Callable[[Output, DatasetCard], FormatWriter] | None = None
+    read: Callable[[Path], PosedPictures | None] | None = None
+    problem: Callable[[DatasetCard], str | None] | None = None
+    needs: tuple[str, str] | None = None
+
+    def sentence(self) -> str:
+        """What the format holds of a data set, and what it leaves out."""
+        without = f", without {self.lacks}" if self.lacks else ""
+        return f"{self.name} holds {self.carries}{without}"
+
+    def open_writer(self, output: Output, card: DatasetCard) -> FormatWriter:
+        """What writes a data set.
+
+        Raises
+        ------
+        UserError
+            As of `check`.
+        """
+        self.check(card)
+        if self.writer is None:
+            raise RuntimeError(f"format {self.name} has no writer")
+        return self.writer(output, card)
+
+    def check(self, card: DatasetCard) -> None:
+        """Refuse a data set that this format cannot hold.
+
+        Raises
+        ------
+        UserError
+            If it is read alone, cannot hold this data set, or a library that it needs is not installed.
+        """
+        if self.writer is None:
+            raise UserError(f"format {self.name} is read, not written; choose another with --format")
+        reason = None if self.problem is None else self.problem(card)
+        if reason is not None:
+            raise UserError(f"format {self.name} cannot hold this data set: {reason}")
+        if self.needs is not None:
+            import_needed(*self.needs, self.name)
+
+
+def import_needed(module: str, extra: str, name: str) -> Any:  # noqa: ANN401 - a module has what it has
+    """A library that a format needs.
+
+    Raises
+    ------
+    UserError
+        If it is not installed.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise UserError(
+            f"format {name} needs {error.name}, which is not installed; run: pip install 'flyaround[{extra}]'"
+        ) from error
+
+
+def lens_problem(card: DatasetCard) -> str | None:
+    """Why a format of pinhole cameras cannot hold a data set."""
+    model = card.camera.distortion.model
+    if card.camera.distortion.is_none:
+        return None
+    return f"its cameras are pinholes, and this one's lens distorts ({model}); capture with --camera speed, for example"
+
+
+def fisheye_problem(card: DatasetCard) -> str | None:
+    """Why a format of Brown-Conrady lenses cannot hold a data set."""
+    if card.camera.distortion.model != "kannala_brandt":
+        return None
+    return "its lenses are Brown-Conrady's, and this one is a fish-eye (kannala_brandt)"
+
+
+def keypoint_problem(card: DatasetCard) -> str | None:
+    """Why a format of keypoints cannot hold a data set."""
+    return None if card.target.keypoints else f"target {card.target.name} has no keypoints"

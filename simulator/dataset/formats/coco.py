@@ -1,0 +1,188 @@
+"""COCO: keypoints, boxes and segmentation of the craft, as run lengths and as polygons; parts by class where there are.
+
+``images/SPLIT/NNNNNN.png``; ``annotations/SPLIT.json`` with run lengths, which are the mask exactly;
+``annotations/SPLIT_polygons.json`` with outlines, for loaders that take no others (holes are filled);
+``annotations/SPLIT_parts.json`` with a category for each class of parts, from the layer ``parts``. COCO's pixel (0,
+0) is the corner of the first pixel: all that is ours is moved by half of one.
+
+References
+----------
+Lin et al. (2014), Microsoft COCO: Common Objects in Context; https://cocodataset.org/#format-data.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output
+from simulator.dataset.formats.speed_writer import json_bytes
+from simulator.labels.part_classes import PART_CLASSES
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.dataset.card import DatasetCard
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from simulator.labels.truth import KeypointState
+    from simulator.runtime.arrays import ByteArray
+
+CORNER_PX = 0.5
+"""From a position where (0, 0) is the first pixel's centre to one where it is its corner."""
+CRAFT_ID, FIRST_CLASS_ID = 1, 2
+NOT_LABELLED, HIDDEN, SEEN = 0, 1, 2
+
+
+def visibility(state: KeypointState) -> int:
+    """COCO's v: 0 outside the image, 1 in it and not to be seen (hidden, without light or contrast), 2 visible."""
+    return {"out_of_frame": NOT_LABELLED, "visible": SEEN}.get(state, HIDDEN)
+
+
+def keypoint_triples(frame: LabelledFrame) -> list[tuple[float, float, int]]:
+    """x, y at pixel corners and v of each keypoint; zeros where v is 0."""
+    triples = []
+    for k in frame.truth.keypoints:
+        v = visibility(k.state)
+        x, y = (0.0, 0.0) if k.pixel_px is None or v == NOT_LABELLED else k.pixel_px
+        shift = CORNER_PX if v else 0.0
+        triples.append((x + shift, y + shift, v))
+    return triples
+
+
+def run_lengths(mask: NDArray[Any]) -> dict[str, Any]:
+    """COCO's uncompressed run lengths of a mask (H, W), column by column, zeros first."""
+    flat = (mask > 0).T.ravel()
+    starts = np.flatnonzero(np.diff(flat)) + 1
+    edges = np.concatenate([[0], starts, [flat.size]])
+    counts = np.diff(edges).tolist()
+    return {"size": list(mask.shape), "counts": [0, *counts] if flat.size and flat[0] else counts}
+
+
+def polygons(mask: ByteArray) -> list[list[float]]:
+    """Outlines of a mask's pieces, x y at pixel corners, a quarter pixel within their border; holes are filled."""
+    twice = np.repeat(np.repeat((mask > 0).astype(np.uint8), 2, axis=0), 2, axis=1)
+    outlines, _ = cv2.findContours(twice, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    return [((o.reshape(-1) + 0.5) / 2).tolist() for o in outlines if len(o) >= 3]
+
+
+def box_xywh(box: tuple[float, float, float, float]) -> list[float]:
+    """A box of ours at pixel edges as COCO has it."""
+    x0, y0, x1, y1 = (v + CORNER_PX for v in box)
+    return [x0, y0, x1 - x0, y1 - y0]
+
+
+class CocoWriter:
+    """Writes COCO."""
+
+    def __init__(self, output: Output, card: DatasetCard) -> None:
+        self._output, self._card = output, card
+        self._images: dict[str, list[dict[str, Any]]] = {}
+        self._objects: dict[str, list[tuple[dict[str, Any], list[list[float]]]]] = {}
+        self._parts: dict[str, list[dict[str, Any]]] = {}
+
+    def write(self, frame: LabelledFrame) -> None:
+        """The picture; its annotations are kept for the lists."""
+        split = frame.split or "train"
+        name = f"{frame.number:06d}.png"
+        self._output.write(f"images/{split}/{name}", frame.read("png"))
+        camera = frame.camera
+        self._images.setdefault(split, []).append(
+            {
+                "id": frame.number,
+                "file_name": name,
+                "width": camera.width_px,
+                "height": camera.height_px,
+                "camera_matrix": camera.K.tolist(),
+                "distortion": list(camera.distortion.coefficients),
+                "q_camera_from_target_wxyz": list(frame.truth.q_camera_from_target_wxyz),
+                "t_camera_from_target_m": list(frame.truth.t_camera_from_target_m),
+            }
+        )
+        box = frame.truth.box_px
+        if box is None:  # nothing of the craft is to be seen: an image without annotations
+            return
+        triples = keypoint_triples(frame)
+        found = {
+            "id": frame.number + 1,  # COCO's evaluation takes 0 for none
+            "image_id": frame.number,
+            "category_id": CRAFT_ID,
+            "bbox": box_xywh(box),
+            "area": int(np.count_nonzero(frame.mask)),
+            "iscrowd": 0,
+            "keypoints": [value for triple in triples for value in triple],
+            "num_keypoints": sum(v > 0 for _, _, v in triples),
+            "segmentation": run_lengths(frame.mask),
+        }
+        self._objects.setdefault(split, []).append((found, polygons(frame.mask)))
+        if "parts" in frame.layers:
+            self._parts.setdefault(split, []).extend(self._parts_of(frame))
+
+    def _parts_of(self, frame: LabelledFrame) -> list[dict[str, Any]]:
+        parts, classes = frame.layer("parts"), PART_CLASSES
+        of_part = np.array(
+            [0, *(FIRST_CLASS_ID + classes.index(name) for name in self._card.target.part_classes)], np.uint8
+        )
+        ids = of_part[np.minimum(parts, len(of_part) - 1)]
+        found = []
+        for category in np.unique(ids[ids > 0]).tolist():
+            mask = (ids == category).astype(np.uint8)
+            x, y, width, height = cv2.boundingRect(mask)
+            found.append(
+                {
+                    "id": frame.number * 16 + category,
+                    "image_id": frame.number,
+                    "category_id": category,
+                    "bbox": [x, y, width, height],
+                    "area": int(np.count_nonzero(mask)),
+                    "iscrowd": 0,
+                    "segmentation": run_lengths(mask),
+                }
+            )
+        return found
+
+    def finish(self) -> None:
+        """The lists of each split."""
+        target = self._card.target
+        craft = {
+            "id": CRAFT_ID,
+            "name": target.name,
+            "supercategory": "spacecraft",
+            "keypoints": list(target.keypoints),
+            "skeleton": [],
+        }
+        classes = [
+            {"id": FIRST_CLASS_ID + k, "name": name, "supercategory": target.name}
+            for k, name in enumerate(PART_CLASSES)
+        ]
+        for split, images in self._images.items():
+            objects = self._objects.get(split, [])
+            lists: dict[str, tuple[list[dict[str, Any]], Any]] = {
+                split: ([one for one, _ in objects], [craft]),
+                f"{split}_polygons": ([one | {"segmentation": p} for one, p in objects if p], [craft]),
+            }
+            if split in self._parts:
+                lists[f"{split}_parts"] = (self._parts[split], classes)
+            for name, (found, categories) in lists.items():
+                document = {
+                    "info": {"description": f"{self._card.scenario_name}, seed {self._card.seed}"},
+                    "licenses": [{"id": 1, "name": self._card.licence}],
+                    "images": images,
+                    "annotations": found,
+                    "categories": categories,
+                }
+                self._output.write(f"annotations/{name}.json", json_bytes(document))
+
+
+def _coco(output: Output, card: DatasetCard) -> FormatWriter:
+    return CocoWriter(output, card)
+
+
+COCO = DatasetFormat(
+    name="coco",
+    title="COCO keypoints and segmentation",
+    carries="image, keypoints (v by state), box, mask as run lengths and polygons, parts by class, pose and camera",
+    lacks="the reason why a keypoint is not to be seen, depth and other layers",
+    writer=_coco,
+)

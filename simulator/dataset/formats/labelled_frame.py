@@ -1,0 +1,132 @@
+"""One frame of a data set as a reader or a writer of another format sees it: files as bytes, decoded when asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.dataset.formats.exr import decode_exr
+from simulator.dataset.formats.native import (
+    EXR_CHANNELS,
+    PNG_LAYERS,
+    EncodedFrame,
+    decode_png,
+    frame_paths,
+    read_bytes,
+)
+from simulator.labels.imported import LabelRecord, parse_label_record
+from simulator.world.frames.pose import Pose
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.runtime.arrays import ByteArray
+
+SPLITS = ("train", "validation", "test")
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledFrame:
+    """A frame with its labels.
+
+    Parameters
+    ----------
+    number : in its data set. read : the bytes of one of its files by the ending of its native name: ``png``,
+        ``mask.png``, ``json``, ``depth.exr``. where : what errors call it.
+    split : train, validation, test, or empty where the data set is not split.
+    """
+
+    number: int
+    read: Callable[[str], bytes]
+    where: str = "frame"
+    split: str = ""
+
+    @cached_property
+    def image(self) -> NDArray[np.unsignedinteger]:
+        """Digital numbers, (H, W) or (H, W, 3) in RGB order, 8 or 16 bits."""
+        return decode_png(self.read("png"), f"{self.where}.png")
+
+    @cached_property
+    def mask(self) -> ByteArray:
+        """(H, W) uint8, 255 where the target covers the pixel's centre."""
+        return np.asarray(decode_png(self.read("mask.png"), f"{self.where}.mask.png"), np.uint8)
+
+    @cached_property
+    def truth(self) -> LabelRecord:
+        """The whole record."""
+        return parse_label_record(self.read("json"), Path(f"{self.where}.json"))
+
+    @property
+    def camera(self) -> Camera:
+        """Intrinsics and lens."""
+        return self.truth.camera
+
+    @property
+    def pose(self) -> Pose:
+        """``camera_from_target``: ``x_camera = pose.R @ x_target + pose.t_m``."""
+        return Pose(
+            "camera", "target", self.truth.q_camera_from_target_wxyz, self.truth.t_camera_from_target_m
+        )
+
+    @property
+    def range_m(self) -> float:
+        """Distance of the target's origin from the camera [m]."""
+        return float(np.linalg.norm(self.truth.t_camera_from_target_m))
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Names of the label layers that the frame has a file of."""
+        return tuple(getattr(self.truth, "layer_sha256", {}))
+
+    def layer(self, name: str) -> NDArray[Any]:
+        """A label layer: depth (H, W) float32 [m], normals (H, W, 3), flow (H, W, 2), parts, amodal, clean.
+
+        Raises
+        ------
+        KeyError
+            If the frame has no such layer.
+        """
+        if name not in self.layers:
+            raise KeyError(f"{self.where} has no layer {name!r}; it has {', '.join(self.layers) or 'none'}")
+        data = self.layer_bytes(name)
+        if name in EXR_CHANNELS:
+            return decode_exr(data, EXR_CHANNELS[name], f"{self.where}.{name}.exr")
+        image = decode_png(data, f"{self.where}.{name}.png")
+        return image.astype(np.uint16) if name == "parts" else image
+
+    def layer_bytes(self, name: str) -> bytes:
+        """The file of a layer."""
+        return self.read(f"{name}.{layer_ending(name)}")
+
+
+def layer_ending(name: str) -> str:
+    """How the file of a layer ends."""
+    return "png" if name in PNG_LAYERS else "exr"
+
+
+def frame_from_files(number: int, files: EncodedFrame, split: str = "") -> LabelledFrame:
+    """A frame that was just encoded."""
+    known = {"png": files.image, "mask.png": files.mask, "json": files.truth}
+    known |= {f"{name}.{layer_ending(name)}": data for name, data in files.layers.items()}
+    return LabelledFrame(number, known.__getitem__, f"frame {number:06d}", split)
+
+
+def frame_from_folder(folder: Path, number: int, split: str = "") -> LabelledFrame:
+    """Frame ``number`` of a native data set; each file is read when it is asked for."""
+    stem = frame_paths(folder, number).truth.with_suffix("")
+    return LabelledFrame(
+        number, lambda ending: read_bytes(stem.with_name(f"{stem.name}.{ending}")), str(stem), split
+    )
+
+
+def native_names(frame: LabelledFrame) -> list[tuple[str, bytes]]:
+    """Endings and bytes of all files of a frame, as the native layout has them."""
+    endings = ["png", "mask.png", *(f"{name}.{layer_ending(name)}" for name in frame.layers), "json"]
+    return [(ending, frame.read(ending)) for ending in endings]

@@ -1,0 +1,191 @@
+"""Parquet as the library `datasets` of Hugging Face reads it: ``data/SPLIT-NNNNN.parquet`` and ``README.md``, the card.
+
+Images are PNG bytes that the library decodes; ``truth_json`` is the whole record, layers are the native files' bytes.
+
+References
+----------
+https://huggingface.co/docs/hub/datasets-cards, https://huggingface.co/docs/datasets/image_dataset
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from typing import TYPE_CHECKING, Any
+
+from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output, import_needed
+from simulator.dataset.formats.shards import Shards
+
+if TYPE_CHECKING:
+    from simulator.dataset.card import DatasetCard
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+
+Row = dict[str, Any]
+
+
+class ParquetWriter:
+    """Writes Parquet."""
+
+    def __init__(self, output: Output, card: DatasetCard) -> None:
+        self._output, self._card = output, card
+        self._arrow = import_needed("pyarrow", "formats", "parquet")
+        self._parquet = import_needed("pyarrow.parquet", "formats", "parquet")
+        self._layers = tuple(name for name in card.labels if name != "wireframe")
+        self._shards: Shards[Row] = Shards(self._shard)
+
+    def write(self, frame: LabelledFrame) -> None:
+        """The frame's row, into a shard of its split."""
+        row = row_of(frame, self._layers)
+        size = sum(len(v) for v in row.values() if isinstance(v, bytes))
+        size += len(row["image"]["bytes"]) + len(row["mask"]["bytes"]) + len(row["truth_json"])
+        self._shards.add(frame.split or "train", row, size)
+
+    def _shard(self, split: str, number: int, rows: list[Row]) -> None:
+        table = self._arrow.Table.from_pylist(rows, schema=self._schema())
+        place = io.BytesIO()
+        # pictures are compressed already
+        self._parquet.write_table(table, place, compression="zstd", row_group_size=100)
+        self._output.write(f"data/{split}-{number:05d}.parquet", place.getvalue())
+
+    def _schema(self) -> Any:  # noqa: ANN401 - the library has no types
+        a = self._arrow
+        numbers = a.list_(a.float64())
+        picture = a.struct([("bytes", a.binary()), ("path", a.string())])
+        types = {
+            "Image": picture,
+            "int64": a.int64(),
+            "bool": a.bool_(),
+            "float64": a.float64(),
+            "string": a.string(),
+            "binary": a.binary(),
+            "numbers": numbers,
+            "strings": a.list_(a.string()),
+            "points": a.list_(numbers),
+        }
+        fields = columns(self._layers)
+        known = json.dumps({"info": {"features": {name: _feature(kind) for name, kind in fields.items()}}})
+        return a.schema([(n, types[k]) for n, k in fields.items()], metadata={"huggingface": known})
+
+    def finish(self) -> None:
+        """The last shards, and the card."""
+        self._shards.finish()
+        text = readme(self._card, self._shards.counts, columns(self._layers))
+        self._output.write("README.md", text.encode())
+
+
+def columns(layers: tuple[str, ...]) -> dict[str, str]:
+    """Names and kinds of the columns."""
+    return {
+        "number": "int64",
+        "image": "Image",
+        "mask": "Image",
+        "q_camera_from_target_wxyz": "numbers",
+        "t_camera_from_target_m": "numbers",
+        "camera_matrix": "numbers",
+        "distortion": "numbers",
+        "box_px": "numbers",
+        "keypoints_name": "strings",
+        "keypoints_pixel_px": "points",
+        "keypoints_state": "strings",
+        "feasible": "bool",
+        "epoch_utc": "string",
+        "truth_json": "string",
+        **{f"{name}_file": "binary" for name in layers},
+    }
+
+
+def row_of(frame: LabelledFrame, layers: tuple[str, ...]) -> Row:
+    """One frame as a row; a keypoint behind the camera has no pixel but an empty list."""
+    truth, stem = frame.truth, f"{frame.number:06d}"
+    return {
+        "number": frame.number,
+        "image": {"bytes": frame.read("png"), "path": f"{stem}.png"},
+        "mask": {"bytes": frame.read("mask.png"), "path": f"{stem}.mask.png"},
+        "q_camera_from_target_wxyz": list(truth.q_camera_from_target_wxyz),
+        "t_camera_from_target_m": list(truth.t_camera_from_target_m),
+        "camera_matrix": frame.camera.K.ravel().tolist(),
+        "distortion": list(frame.camera.distortion.coefficients),
+        "box_px": None if truth.box_px is None else list(truth.box_px),
+        "keypoints_name": [k.name for k in truth.keypoints],
+        "keypoints_pixel_px": [list(k.pixel_px or ()) for k in truth.keypoints],
+        "keypoints_state": [k.state for k in truth.keypoints],
+        "feasible": truth.feasible,
+        "epoch_utc": getattr(truth, "epoch_utc", None),
+        "truth_json": frame.read("json").decode(),
+        **{f"{name}_file": frame.layer_bytes(name) if name in frame.layers else None for name in layers},
+    }
+
+
+def _feature(kind: str) -> dict[str, Any]:
+    """A column as `datasets` describes it."""
+    if kind == "Image":
+        return {"_type": "Image"}
+    if kind in ("numbers", "strings"):
+        return {"feature": _feature("float64" if kind == "numbers" else "string"), "_type": "Sequence"}
+    if kind == "points":
+        return {"feature": _feature("numbers"), "_type": "Sequence"}
+    return {"dtype": kind, "_type": "Value"}
+
+
+def readme(card: DatasetCard, counts: dict[str, int], fields: dict[str, str]) -> str:
+    """The card of the hub: YAML for programs, then words."""
+    title = f"{card.scenario_name}: {card.target.name}"
+    lines = [
+        "---",
+        f"pretty_name: {json.dumps(title)}",
+        "license: other",
+        "task_categories:",
+        "- object-detection",
+        "- image-segmentation",
+        "- keypoint-detection",
+        "tags:",
+        "- spacecraft",
+        "- pose-estimation",
+        "- synthetic",
+        "configs:",
+        "- config_name: default",
+        "  data_files:",
+    ]
+    for split in counts:
+        lines += [f"  - split: {split}", f"    path: data/{split}-*.parquet"]
+    size = f"{card.camera.width_px} x {card.camera.height_px} pixels"
+    of = ", ".join(f"{n} {name}" for name, n in counts.items())
+    summary = (
+        f"{sum(counts.values())} images ({of}), {size}, seed {card.seed}, flyaround {card.machine.flyaround}."
+    )
+    lines += [
+        "---",
+        "",
+        f"# {title}",
+        "",
+        summary,
+        "",
+        "| column | kind |",
+        "|---|---|",
+        *(f"| `{name}` | {kind} |" for name, kind in fields.items()),
+        "",
+        "## Conventions",
+        "",
+        *(f"- **{name}**: {text}" for name, text in card.conventions.items()),
+        "",
+        f"Keypoints [m, model axes]: `{json.dumps(card.target.keypoints)}`",
+        "",
+        "## Licence",
+        "",
+        card.licence + ".",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _parquet(output: Output, card: DatasetCard) -> FormatWriter:
+    return ParquetWriter(output, card)
+
+
+PARQUET = DatasetFormat(
+    name="parquet",
+    title="Parquet (Hugging Face datasets)",
+    carries="image, mask, pose, camera, box, keypoints with their states, the whole record and the layers' files",
+    writer=_parquet,
+    needs=("pyarrow", "formats"),
+)

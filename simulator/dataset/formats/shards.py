@@ -1,0 +1,52 @@
+"""Frames gathered into shards of a bounded size, each written whole."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Item = TypeVar("Item")
+MOST_BYTES, MOST_FRAMES = 128_000_000, 1000
+"""Of a shard: what is gathered in memory before it is written."""
+
+
+class Shards(Generic[Item]):
+    """Gathers items by split and hands each full shard on.
+
+    Parameters
+    ----------
+    write : takes a split's name, the shard's number in it, and its items.
+    """
+
+    def __init__(self, write: Callable[[str, int, list[Item]], None]) -> None:
+        self._write = write
+        self._items: dict[str, list[Item]] = {}
+        self._bytes: dict[str, int] = {}
+        self.counts: dict[str, int] = {}
+        """Items of each split so far."""
+        self.written: dict[str, int] = {}
+        """Shards of each split so far."""
+
+    def add(self, split: str, item: Item, size_bytes: int) -> None:
+        """One more item of a split."""
+        if self._items.get(split) and self._bytes[split] + size_bytes > MOST_BYTES:
+            self._flush(split)
+        self._items.setdefault(split, []).append(item)
+        self._bytes[split] = self._bytes.get(split, 0) + size_bytes
+        self.counts[split] = self.counts.get(split, 0) + 1
+        if len(self._items[split]) >= MOST_FRAMES:
+            self._flush(split)
+
+    def finish(self) -> None:
+        """Hand the last ones on."""
+        for split in list(self._items):
+            if self._items[split]:
+                self._flush(split)
+
+    def _flush(self, split: str) -> None:
+        number = self.written.get(split, 0)
+        self._write(split, number, self._items[split])
+        self.written[split] = number + 1
+        self._items[split], self._bytes[split] = [], 0

@@ -1,0 +1,121 @@
+"""SPARK: ``SPLIT.csv`` of file names, positions and quaternions with the scalar last, pictures in ``images/SPLIT/``.
+
+Columns ``sequence filename Tx Ty Tz Qx Qy Qz Qw`` as in SPARK 2022's second stream: the pose of the craft in the
+camera, x right, y down, z forward. ``camera.json`` is in SPEED+'s form.
+
+References
+----------
+Rathinam et al. (2022), SPARK 2022: Dataset for Spacecraft Detection and Trajectory Estimation.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING
+
+from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output, fisheye_problem
+from simulator.dataset.formats.posed_pictures import (
+    PosedPicture,
+    PosedPictures,
+    checked_pose,
+    find_camera,
+    find_picture,
+    read_csv,
+)
+from simulator.dataset.formats.speed_writer import json_bytes, speed_camera
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.dataset.card import DatasetCard
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+
+COLUMNS = ("filename", "Tx", "Ty", "Tz", "Qx", "Qy", "Qz", "Qw")
+FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
+
+
+class SparkWriter:
+    """Writes SPARK."""
+
+    def __init__(self, output: Output, card: DatasetCard) -> None:
+        self._output, self._card = output, card
+        self._rows: dict[str, list[list[str]]] = {}
+
+    def write(self, frame: LabelledFrame) -> None:
+        """The picture; its row is kept for the list."""
+        split = FOLDERS[frame.split]
+        name = f"img{frame.number:06d}.png"
+        self._output.write(f"images/{split}/{name}", frame.read("png"))
+        w, x, y, z = frame.truth.q_camera_from_target_wxyz
+        numbers = (*frame.truth.t_camera_from_target_m, x, y, z, w)
+        scene = getattr(frame.truth, "scene", None)
+        step = getattr(getattr(scene, "sample", None), "sequence", None)
+        sequence = "" if step is None else f"{step.sequence:03d}"
+        self._rows.setdefault(split, []).append([sequence, name, *(repr(v) for v in numbers)])
+
+    def finish(self) -> None:
+        """The lists and the camera."""
+        for split, rows in self._rows.items():
+            text = io.StringIO()
+            table = csv.writer(text, lineterminator="\n")
+            table.writerow(("sequence", *COLUMNS))
+            table.writerows(rows)
+            self._output.write(f"{split}.csv", text.getvalue().encode())
+        self._output.write("camera.json", json_bytes(speed_camera(self._card.camera)))
+
+
+def read_spark(place: Path) -> PosedPictures | None:
+    """The pictures of a folder like SPARK or of one of its lists; None of a folder of another kind.
+
+    Raises
+    ------
+    UserError
+        If it holds several lists, a row has a mistake, or a picture is missing.
+    """
+    lists = [place] if place.is_file() else sorted(place.glob("*.csv"))
+    lists = [path for path in lists if path.suffix == ".csv" and _is_spark(path)]
+    if not lists:
+        return None
+    if len(lists) > 1:
+        raise UserError(f"{place} holds several sets ({', '.join(map(str, lists))}); give one of these lists")
+    labels = lists[0]
+    beside = labels.parent
+    pictures = []
+    for k, row in enumerate(read_csv(labels, COLUMNS)):
+        where = f"{labels} line {k + 2}"
+        pose = checked_pose(
+            [row["Qw"], row["Qx"], row["Qy"], row["Qz"]], [row["Tx"], row["Ty"], row["Tz"]], where
+        )
+        places = [beside / "images" / labels.stem, beside / "images", beside]
+        if row.get("sequence"):
+            places = [*(place / row["sequence"] for place in places if _plain(row["sequence"])), *places]
+        name = row["filename"]
+        pictures.append(PosedPicture(name, find_picture(labels, places, name), pose))
+    return PosedPictures(labels, tuple(pictures), find_camera(beside, levels=1))
+
+
+def _plain(name: str) -> bool:
+    return name.replace("_", "").replace("-", "").isalnum()
+
+
+def _is_spark(path: Path) -> bool:
+    with path.open("rb") as file:
+        head = file.readline(1000)
+    return {b"filename", b"Tx", b"Qw"} <= {cell.strip() for cell in head.lstrip(b"\xef\xbb\xbf").split(b",")}
+
+
+def _spark(output: Output, card: DatasetCard) -> FormatWriter:
+    return SparkWriter(output, card)
+
+
+SPARK = DatasetFormat(
+    name="spark",
+    title="SPARK (Luxembourg)",
+    carries="image, pose and sequence",
+    lacks="masks, boxes, keypoints and layers",
+    writer=_spark,
+    read=read_spark,
+    problem=fisheye_problem,
+)

@@ -1,0 +1,123 @@
+"""Writing SPEED and SPEED+: a JSON list of file names, quaternions and positions beside the images.
+
+SPEED: ``images/SPLIT/imgNNNNNN.jpg``, ``SPLIT.json`` with ``filename q_vbs2tango r_Vo2To_vbs_true``, and the other
+lists that its public loader opens, empty. SPEED+: ``synthetic/images/imgNNNNNN.jpg``, ``synthetic/SPLIT.json`` with
+``q_vbs2tango_true``. Both have ``camera.json``. The quaternion is q_camera_from_target, copied.
+
+References
+----------
+Kisantal et al. (2020), Satellite Pose Estimation Challenge: Dataset, Competition Design and Results. Park et al.
+(2022), SPEED+: Next-Generation Dataset for Spacecraft Pose Estimation across Domain Gap.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import msgspec
+import numpy as np
+
+from simulator.camera.lens.files_foreign import written
+from simulator.camera.lens.files_native import CameraFile
+from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output, fisheye_problem
+from simulator.dataset.formats.speed_reader import POSITION, QUATERNION, read_speed, read_speedplus
+
+if TYPE_CHECKING:
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.dataset.card import DatasetCard
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+
+# The public images are JPEG; at 95 the coding error (below 1 DN rms) stays far under the noise (12 DN).
+JPEG_QUALITY = 95
+_LISTS = {"speed": ("train", "test", "real", "real_test"), "speedplus": ("train", "validation")}
+
+
+def json_bytes(value: Any) -> bytes:  # noqa: ANN401 - any JSON value
+    """JSON text, indented, floats at full precision."""
+    return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
+
+
+def picture_file(frame: LabelledFrame) -> tuple[str, bytes]:
+    """Ending and bytes of a frame's image as SPEED has it: JPEG in grey or colour; of more than 8 bits the PNG."""
+    image = frame.image
+    if image.dtype != np.uint8:
+        return "png", frame.read("png")
+    bgr = image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
+    ok, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    if not ok:
+        raise RuntimeError(f"OpenCV could not encode {frame.where}")
+    return "jpg", data.tobytes()
+
+
+class SpeedWriter:
+    """Writes SPEED or SPEED+.
+
+    Parameters
+    ----------
+    kind : speed or speedplus.
+    """
+
+    def __init__(self, output: Output, card: DatasetCard, kind: str) -> None:
+        self._output, self._camera, self._kind = output, card.camera, kind
+        self._rows: dict[str, list[dict[str, Any]]] = {name: [] for name in _LISTS[kind]}
+
+    def write(self, frame: LabelledFrame) -> None:
+        """The picture; its row is kept for the list."""
+        ending, data = picture_file(frame)
+        split = frame.split or "train"
+        name = f"img{frame.number:06d}.{ending}"
+        folder = "synthetic/images" if self._kind == "speedplus" else f"images/{split}"
+        self._output.write(f"{folder}/{name}", data)
+        self._rows.setdefault(split, []).append(
+            {
+                "filename": name,
+                QUATERNION[self._kind]: list(frame.truth.q_camera_from_target_wxyz),
+                POSITION: list(frame.truth.t_camera_from_target_m),
+            }
+        )
+
+    def finish(self) -> None:
+        """The lists and the camera."""
+        folder = "synthetic/" if self._kind == "speedplus" else ""
+        for name, rows in self._rows.items():
+            self._output.write(f"{folder}{name}.json", json_bytes(rows))
+        self._output.write("camera.json", json_bytes(speed_camera(self._camera)))
+
+
+def speed_camera(camera: Camera) -> dict[str, Any]:
+    """``camera.json`` of SPEED+, and of SPEED with its focal lengths in pixels beside."""
+    known = msgspec.convert(msgspec.to_builtins(camera), CameraFile)
+    table: dict[str, Any] = json.loads(written(known, "speed", "camera"))
+    return table | {"fx_px": camera.fx_px, "fy_px": camera.fy_px}
+
+
+def _speed(output: Output, card: DatasetCard) -> FormatWriter:
+    return SpeedWriter(output, card, "speed")
+
+
+def _speedplus(output: Output, card: DatasetCard) -> FormatWriter:
+    return SpeedWriter(output, card, "speedplus")
+
+
+_POSES = {
+    "carries": "image (JPEG; PNG where it has more than 8 bits), pose and camera",
+    "lacks": "masks, boxes, keypoints and layers",
+}
+SPEED = DatasetFormat(
+    name="speed",
+    title="SPEED (Stanford, ESA)",
+    writer=_speed,
+    read=read_speed,
+    problem=fisheye_problem,
+    **_POSES,  # type: ignore[arg-type] # two sentences
+)
+SPEEDPLUS = DatasetFormat(
+    name="speedplus",
+    title="SPEED+ (Stanford, ESA)",
+    writer=_speedplus,
+    read=read_speedplus,
+    problem=fisheye_problem,
+    **_POSES,  # type: ignore[arg-type] # as above
+)

@@ -1,0 +1,136 @@
+"""URSO: ``N_rgb.png``, ``SPLIT_images.csv`` and ``SPLIT_poses_gt.csv`` (x, y, z, q1 to q4, the scalar last).
+
+Its axes are left-handed, x forward, y right, z up. A position (x, y, z) here is (z, x, -y) there. The model is
+mirrored with
+the camera: its y is turned round, so that R there is P R diag(1, -1, 1) with P the change of the camera's axes.
+
+References
+----------
+Proenca and Gao (2020), Deep Learning for Spacecraft Pose Estimation from Photorealistic Rendering; the loader of its
+authors, github.com/pedropro/UrsoNet.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output, lens_problem
+from simulator.dataset.formats.posed_pictures import (
+    PosedPicture,
+    PosedPictures,
+    checked_pose,
+    find_camera,
+    find_picture,
+    read_csv,
+)
+from simulator.dataset.formats.speed_writer import json_bytes, speed_camera
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import read_regular
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.dataset.card import DatasetCard
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from simulator.runtime.arrays import FloatArray
+
+URSO_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+MIRROR = np.diag([1.0, -1.0, 1.0])
+FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
+COLUMNS = ("x", "y", "z", "q1", "q2", "q3", "q4")
+MOST_BYTES = 100_000_000
+
+
+def urso_pose(q_wxyz: tuple[float, ...], t_m: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    """Position (3,) and quaternion (4,), scalar last, as URSO has a pose of ours."""
+    w, x, y, z = quat_from_matrix(URSO_FROM_CAMERA @ matrix_from_quat(q_wxyz) @ MIRROR)
+    return URSO_FROM_CAMERA @ np.asarray(t_m), np.array([x, y, z, w])
+
+
+class UrsoWriter:
+    """Writes URSO."""
+
+    def __init__(self, output: Output, card: DatasetCard) -> None:
+        self._output, self._card = output, card
+        self._rows: dict[str, list[tuple[str, list[str]]]] = {}
+
+    def write(self, frame: LabelledFrame) -> None:
+        """The picture; its rows are kept for the lists."""
+        name = f"{frame.number}_rgb.png"
+        self._output.write(name, frame.read("png"))
+        t, q = urso_pose(frame.truth.q_camera_from_target_wxyz, frame.truth.t_camera_from_target_m)
+        row = [repr(float(v)) for v in (*t, *q)]
+        self._rows.setdefault(FOLDERS[frame.split], []).append((name, row))
+
+    def finish(self) -> None:
+        """The lists, and the camera, which URSO's own loader has in its code."""
+        for split, rows in self._rows.items():
+            self._output.write(f"{split}_images.csv", "".join(f"{name}\n" for name, _ in rows).encode())
+            text = io.StringIO()
+            table = csv.writer(text, lineterminator="\n")
+            table.writerow(COLUMNS)
+            table.writerows(row for _, row in rows)
+            self._output.write(f"{split}_poses_gt.csv", text.getvalue().encode())
+        self._output.write("camera.json", json_bytes(speed_camera(self._card.camera)))
+
+
+def read_urso(place: Path) -> PosedPictures | None:
+    """The pictures of a folder like URSO, or of one of its ``SPLIT_poses_gt.csv``; None of a folder of another kind.
+
+    Raises
+    ------
+    UserError
+        If it holds several lists, they differ in length, or a row has a mistake.
+    """
+    if place.is_file():
+        lists = [place] if place.name.endswith("_poses_gt.csv") else []
+    else:
+        lists = sorted(place.glob("*_poses_gt.csv"))
+    if not lists:
+        return None
+    if len(lists) > 1:
+        raise UserError(f"{place} holds several sets ({', '.join(map(str, lists))}); give one of these lists")
+    labels = lists[0]
+    rows = read_csv(labels, COLUMNS)
+    images = labels.with_name(labels.name.replace("_poses_gt", "_images"))
+    try:
+        names = read_regular(images, MOST_BYTES).decode("utf-8-sig").split()
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(
+            f"cannot read {images}, the names of the pictures: {error}; check the data set"
+        ) from error
+    if len(names) != len(rows):
+        raise UserError(
+            f"{labels} has {len(rows)} poses and {images.name} {len(names)} pictures; check the data set"
+        )
+    pictures = []
+    for k, (name, row) in enumerate(zip(names, rows, strict=True)):
+        where = f"{labels} line {k + 2}"
+        there = checked_pose(
+            [row["q4"], row["q1"], row["q2"], row["q3"]], [row["y"], row["z"], row["x"]], where
+        )
+        R = URSO_FROM_CAMERA.T @ there.R @ MIRROR
+        t = (there.t_m[0], -there.t_m[1], there.t_m[2])
+        pose = checked_pose(quat_from_matrix(R), t, where)
+        pictures.append(PosedPicture(name, find_picture(labels, [labels.parent], name), pose))
+    return PosedPictures(labels, tuple(pictures), find_camera(labels.parent, levels=0))
+
+
+def _urso(output: Output, card: DatasetCard) -> FormatWriter:
+    return UrsoWriter(output, card)
+
+
+URSO = DatasetFormat(
+    name="urso",
+    title="URSO (Surrey)",
+    carries="image and pose, in left-handed axes with the model mirrored",
+    lacks="masks, boxes, keypoints and layers",
+    writer=_urso,
+    read=read_urso,
+    problem=lens_problem,
+)

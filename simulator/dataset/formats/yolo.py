@@ -1,0 +1,79 @@
+"""YOLO-pose as Ultralytics reads it: ``data.yaml``, ``images/SPLIT/NNNNNN.png`` and ``labels/SPLIT/NNNNNN.txt``.
+
+A line of a label: class, box centre and size, then x, y, v of each keypoint, shares of the image from its corner.
+
+References
+----------
+https://docs.ultralytics.com/datasets/pose/
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output, keypoint_problem
+from simulator.dataset.formats.coco import box_xywh, keypoint_triples
+
+if TYPE_CHECKING:
+    from simulator.dataset.card import DatasetCard
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+
+FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
+
+
+class YoloWriter:
+    """Writes YOLO-pose."""
+
+    def __init__(self, output: Output, card: DatasetCard) -> None:
+        self._output, self._target = output, card.target
+        self._splits: set[str] = set()
+
+    def write(self, frame: LabelledFrame) -> None:
+        """The picture and its line; an empty file where nothing of the craft is to be seen."""
+        split = FOLDERS[frame.split]
+        self._splits.add(split)
+        self._output.write(f"images/{split}/{frame.number:06d}.png", frame.read("png"))
+        self._output.write(f"labels/{split}/{frame.number:06d}.txt", self._line(frame).encode())
+
+    def _line(self, frame: LabelledFrame) -> str:
+        box = frame.truth.box_px
+        if box is None:
+            return ""
+        width, height = frame.camera.width_px, frame.camera.height_px
+        x, y, w, h = box_xywh(box)
+        shares = [(x + w / 2) / width, (y + h / 2) / height, w / width, h / height]
+        words = ["0", *(f"{share:.8f}" for share in shares)]
+        for px, py, v in keypoint_triples(frame):
+            words += [f"{px / width:.8f}", f"{py / height:.8f}", str(v)]
+        return " ".join(words) + "\n"
+
+    def finish(self) -> None:
+        """``data.yaml``; a trainer wants a validation list, which without a split is the training one."""
+        names = list(self._target.keypoints)
+        lines = [
+            "# keypoints have no mirror images: train with fliplr=0",
+            "path: .",
+            "train: images/train",
+            f"val: images/{'val' if 'val' in self._splits else 'train'}",
+            *(["test: images/test"] if "test" in self._splits else []),
+            f"kpt_shape: [{len(names)}, 3]",
+            "names:",
+            f"  0: {self._target.name}",
+            "kpt_names:",
+            f"  0: [{', '.join(names)}]",
+        ]
+        self._output.write("data.yaml", ("\n".join(lines) + "\n").encode())
+
+
+def _yolo(output: Output, card: DatasetCard) -> FormatWriter:
+    return YoloWriter(output, card)
+
+
+YOLO = DatasetFormat(
+    name="yolo",
+    title="YOLO-pose (Ultralytics)",
+    carries="image, box and keypoints (v by state)",
+    lacks="pose, camera, masks and layers",
+    writer=_yolo,
+    problem=keypoint_problem,
+)

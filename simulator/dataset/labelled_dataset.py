@@ -1,0 +1,97 @@
+"""A data set as a program reads it: its frames in order, each decoded when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+from simulator.dataset.card import DatasetCard, read_card
+from simulator.dataset.formats.labelled_frame import SPLITS, LabelledFrame, frame_from_folder
+from simulator.dataset.formats.native import is_whole
+from simulator.dataset.split import read_split
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+class LabelledDataset(Sequence[LabelledFrame]):
+    """The whole frames of a data set.
+
+    Parameters
+    ----------
+    card : of the data set. numbers : of its frames, in order. splits : of each frame, where it is split.
+    """
+
+    def __init__(
+        self, folder: Path, card: DatasetCard, numbers: Sequence[int], splits: dict[int, str]
+    ) -> None:
+        self.folder, self.card, self.numbers = folder, card, tuple(numbers)
+        self._splits = splits
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    @overload
+    def __getitem__(self, index: int) -> LabelledFrame: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> LabelledDataset: ...
+
+    def __getitem__(self, index: int | slice) -> LabelledFrame | LabelledDataset:
+        if isinstance(index, slice):
+            return LabelledDataset(self.folder, self.card, self.numbers[index], self._splits)
+        number = self.numbers[index]
+        return frame_from_folder(self.folder, number, self._splits.get(number, ""))
+
+    def torch(self, transform: Callable[[dict[str, Any]], Any] | None = None) -> Any:  # noqa: ANN401 - torch is optional
+        """The same as a `torch.utils.data.Dataset`, for its `DataLoader`.
+
+        Parameters
+        ----------
+        transform : of each item: a dict of tensors ``image`` (C, H, W) float32 0..1, ``mask`` (H, W) bool,
+            ``q_camera_from_target_wxyz`` (4,), ``t_camera_from_target_m`` (3,), ``camera_matrix`` (3, 3),
+            ``keypoints_px`` (K, 2), NaN behind the camera, ``keypoints_visible`` (K,) bool, and ``number``.
+
+        Raises
+        ------
+        UserError
+            If torch is not installed.
+        """
+        try:
+            from simulator.dataset.torch_dataset import TorchFrames  # noqa: PLC0415 - torch is an optional part
+        except ImportError as error:
+            raise UserError(
+                f"a torch data set needs {error.name}, which is not installed; run: pip install 'flyaround[train]'"
+            ) from error
+        return TorchFrames(self, transform)
+
+
+def open_dataset(folder: str | Path, split: str | None = None) -> LabelledDataset:
+    """Open a data set of `capture` or `convert`.
+
+    Parameters
+    ----------
+    split : train, validation or test; all frames unless given.
+
+    Raises
+    ------
+    UserError
+        If the folder is no data set, has no whole frame, or is not split.
+    """
+    folder = Path(folder)
+    card = read_card(folder)
+    splits = read_split(folder)
+    if split is not None and split not in SPLITS:
+        raise UserError(f"there is no split '{split}'; choose from {', '.join(SPLITS)}")
+    if split is not None and not splits:
+        raise UserError(f"data set {folder} is not split; capture it with --split 8:1:1")
+    numbers = [
+        k for k in range(card.n_frames) if (split is None or splits.get(k) == split) and is_whole(folder, k)
+    ]
+    if not numbers:
+        raise UserError(
+            f"data set {folder} has no whole frame{'' if split is None else f' of split {split}'}; capture more"
+        )
+    return LabelledDataset(folder, card, numbers, splits)

@@ -1,0 +1,32 @@
+"""What every field of a frame's record is, in words: the card repeats it for whoever reads the records."""
+
+RECORD_FIELDS = {
+    "epoch_utc": "mid-exposure, ISO 8601, UTC",
+    "t_s": "seconds from the scenario's start; of an imported picture from the first of its sequence",
+    "frame_index, seed": "key of the frame's random numbers",
+    "q_camera_from_target_wxyz, t_camera_from_target_m": "the pose: x_camera = R(q) x_target + t",
+    "camera": "width_px, height_px, fx_px, fy_px, cx_px, cy_px, distortion (model, coefficients in OpenCV order)",
+    "keypoints[].name, target_m": "point of the model, model axes [m]",
+    "keypoints[].pixel_px": "x, y in the image, (0, 0) the first pixel's centre; null behind the camera",
+    "keypoints[].state": "why it can be used or not, see keypoint_states",
+    "box_px, box_amodal_px": "x0 y0 x1 y1 at pixel edges, of the visible mask and of the whole craft; null without",
+    "box_3d_target_m, box_3d_px": "8 corners of the box about the mesh, and where they project; null behind the camera",
+    "sun_direction_camera, earth_direction_camera": "unit vectors from the target, camera frame",
+    "sun_visible_fraction": "share 0..1 of the Sun's disc that the target sees",
+    "feasible, infeasible_reason": "whether the pose can be found at all; else cropped, dark or too_far",
+    "silhouette_inside": "share 0..1 of the whole silhouette on the image",
+    "wireframe_step_share": "share 0..1 of the visible wireframe with a step of one sigma of the noise",
+    "image_sha256, mask_sha256, layer_sha256": "of the pixels, row by row, as written",
+    "exposure_s": "integration time [s]",
+    "parts": "names of the parts, the layer's number n is the n-th",
+    "layers": "names of the label layers of the frame",
+    "amodal_origin_px": "x, y in the image of the amodal mask's first pixel",
+    "flow": "time and pose of the frame that the optical flow leads to; null without",
+    "wireframe[].name, ends_px, visible": "an edge, its projected ends, the shares of it that are in sight",
+    "row_poses[]": "of a rolling shutter: row_px, dt_s from mid-exposure, and the pose then",
+    "scene": "all that the frame was drawn from",
+    "software": "what drew it: flyaround, gl_renderer",
+    "source": "of an imported picture: its name in the set that it comes from",
+    "schema, version": "what kind of record it is: flyaround.truth, or flyaround.imported",
+}
+"""Names of fields, those of one kind together, and what they are."""

@@ -1,0 +1,145 @@
+"""Training, validation and test frames of a data set: stratified by range, and the same however many frames follow."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from simulator.dataset.formats.labelled_frame import SPLITS
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import read_regular, refuse_deep
+
+if TYPE_CHECKING:
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+
+SPLIT_NAME = "split.json"
+MOST_BYTES = 200_000_000
+MOST_SHARE = 1_000_000
+# Blocks of so many times the shortest one that has the ratio hold it exactly.
+EXACT_BLOCKS = 10
+# Two strata of range in each doubling: the edges depend on no frame.
+STRATA_PER_OCTAVE = 2
+
+Ratio = tuple[int, int, int]
+
+
+def parse_split(text: str) -> Ratio:
+    """Shares of training, validation and test frames out of ``8:1:1``, in lowest terms.
+
+    Raises
+    ------
+    UserError
+        If it is not three whole numbers, of which one is above 0.
+    """
+    words = text.split(":")
+    numbers = [int(word) for word in words if word.strip().isdecimal()]
+    if len(words) != 3 or len(numbers) != 3 or not any(numbers) or max(numbers) > MOST_SHARE:
+        raise UserError(
+            f"--split '{text}' is not three whole numbers train:validation:test; give for example 8:1:1"
+        )
+    return lowest_terms(numbers)
+
+
+def lowest_terms(numbers: list[int] | tuple[int, ...]) -> Ratio:
+    """A ratio without common factors; what is missing of three numbers is 0."""
+    a, b, c = (*numbers, 0, 0, 0)[:3]
+    factor = math.gcd(a, b, c) or 1
+    return a // factor, b // factor, c // factor
+
+
+class SplitAssigner:
+    """Gives each frame its split, in the order of their numbers.
+
+    A frame's split depends on the frames before it alone, so that a larger data set keeps it. Frames that show one
+    moment or one flight (pairs, sequences) go together. Within each stratum of range and over all of them the shares
+    come as near to the ratio as they can; every ten times the ratio's sum they are exact.
+    """
+
+    def __init__(self, ratio: Ratio) -> None:
+        self.ratio = ratio
+        total = sum(ratio)
+        self._shares = [part / total for part in ratio]
+        self._left = [0, 0, 0]
+        self._all: Counter[int] = Counter()
+        self._strata: dict[int, Counter[int]] = {}
+        self._groups: dict[tuple[str, int], int] = {}
+        self.numbers: dict[str, list[int]] = {name: [] for name in SPLITS}
+        """Frames of each split so far."""
+
+    def assign(self, frame: LabelledFrame) -> str:
+        """The split of the next frame."""
+        group = group_of(frame)
+        if group not in self._groups:
+            self._groups[group] = self._choose(math.floor(math.log2(frame.range_m) * STRATA_PER_OCTAVE))
+        name = SPLITS[self._groups[group]]
+        self.numbers[name].append(frame.number)
+        return name
+
+    def _choose(self, stratum: int) -> int:
+        if not any(self._left):
+            self._left = [part * EXACT_BLOCKS for part in self.ratio]
+        within = self._strata.setdefault(stratum, Counter())
+
+        def wanting(k: int) -> float:
+            return sum(self._shares[k] * (counts.total() + 1) - counts[k] for counts in (within, self._all))
+
+        best = max((k for k in range(3) if self._left[k]), key=wanting)
+        self._left[best] -= 1
+        within[best] += 1
+        self._all[best] += 1
+        return best
+
+
+def group_of(frame: LabelledFrame) -> tuple[str, int]:
+    """What a frame must not be parted from: its pair, its sequence, or itself alone."""
+    sample = getattr(getattr(frame.truth, "scene", None), "sample", None)
+    pair, sequence = getattr(sample, "pair", None), getattr(sample, "sequence", None)
+    if pair is not None:
+        return "pair", pair.pair
+    if sequence is not None:
+        return "sequence", sequence.sequence
+    return "frame", frame.number
+
+
+class SplitFile(msgspec.Struct, frozen=True, kw_only=True):
+    """``split.json``: numbers of the frames of each split."""
+
+    ratio: tuple[int, int, int]
+    train: tuple[int, ...]
+    validation: tuple[int, ...]
+    test: tuple[int, ...]
+
+    def by_frame(self) -> dict[int, str]:
+        """The split of each frame."""
+        return {k: name for name in SPLITS for k in getattr(self, name)}
+
+
+def split_file(assigner: SplitAssigner) -> bytes:
+    """The text of ``split.json``."""
+    found = SplitFile(ratio=assigner.ratio, **{name: tuple(v) for name, v in assigner.numbers.items()})
+    return msgspec.json.encode(found) + b"\n"
+
+
+def read_split(folder: Path) -> dict[int, str]:
+    """The split of each frame of a data set; nothing where it is not split.
+
+    Raises
+    ------
+    UserError
+        If ``split.json`` is there and damaged.
+    """
+    path = folder / SPLIT_NAME
+    if not path.exists():
+        return {}
+    try:
+        data = read_regular(path, MOST_BYTES)
+        refuse_deep(data, str(path))
+        return msgspec.json.decode(data, type=SplitFile).by_frame()
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise UserError(
+            f"{path} is damaged: {error}; run capture again with --resume to rewrite it"
+        ) from error
