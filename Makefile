@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow test-train soak test-portable test-mutants test-starts lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
+.PHONY: demo test test-slow test-train soak test-portable test-mutants test-starts test-formats lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -29,6 +29,11 @@ test-portable: $(STAMP) system
 test-train: $(STAMP) system
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[train]'
 	$(BIN)/pytest -q tests/hil/train tests/docs/test_own_network.py tests/hil/board/svd/test_learned_proposal.py
+
+# Data sets in other formats, read by the libraries that people use.
+test-formats: $(STAMP) system
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[formats-test]'
+	$(BIN)/pytest -q tests/simulator/dataset/formats
 
 test-starts: $(STAMP) system
 	$(BIN)/pytest -q tests/gui/test_starts.py

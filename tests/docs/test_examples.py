@@ -45,6 +45,15 @@ def test_own_pose(tmp_path):
     assert truth.q_camera_from_target_wxyz == pytest.approx(q, abs=1e-12)
 
 
+def test_read_dataset(tmp_path):
+    plan = fa.plan_flight(fa.load_scenario("tango-flyaround"), n=2, quality="draft")
+    fa.capture(plan, tmp_path / "set", split=(1, 1, 0))
+    text = _run("read_dataset.py", str(tmp_path / "set"))
+    assert "2 frames of tango, 1920 pixels wide" in text
+    assert float(text.split("to [px]:")[1]) < 1e-9
+    assert "1 frames of tango" in _run("read_dataset.py", str(tmp_path / "set"), "validation")
+
+
 def test_every_example_is_tested():
     tests = "".join(path.read_text() for path in Path(__file__).parents[1].rglob("test_*.py"))
     assert all(path.name in tests for path in EXAMPLES.glob("*.py"))

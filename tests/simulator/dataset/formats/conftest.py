@@ -1,0 +1,39 @@
+"""One small data set in every format, for all tests of formats."""
+
+import dataclasses
+from importlib.util import find_spec
+
+import msgspec
+import pytest
+
+from simulator.contact_sheets.scenario_sheet import smaller
+from simulator.dataset.capture import capture
+from simulator.dataset.formats.registry import writable
+from simulator.labels.request import LAYERS
+from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
+
+N = 6
+
+
+@pytest.fixture(scope="session")
+def small_plan():
+    """Makes plans of Tango on 384 pixels."""
+
+    def make(n=N, *, bands=None, **sensor):
+        scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
+        plan = plan_flight(scenario, n=n, quality="draft", bands=bands)
+        return dataclasses.replace(plan, camera=smaller(plan.camera, 384))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def everything(small_plan, tmp_path_factory):
+    """Six frames with all layers, split 4:1:1, in all formats whose libraries are here."""
+    folder = tmp_path_factory.mktemp("formats") / "set"
+    names = [name for name in writable() if name != "parquet" or find_spec("pyarrow")]
+    told = []
+    capture(small_plan(), folder, formats=tuple(names), labels=LAYERS, split=(4, 1, 1), tell=told.append)
+    assert len(told) == len(names) - 1
+    return folder
