@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from simulator.dataset.formats.base import FolderOutput, Output
+from simulator.dataset.formats.exr import MOST_BYTES
 from simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files
-from simulator.dataset.formats.native import MOST_BYTES
 from simulator.dataset.formats.registry import NATIVE, find_format
 from simulator.dataset.split import SPLIT_NAME, Ratio, SplitAssigner, split_file
 from simulator.dataset.storage.store import FolderStore
