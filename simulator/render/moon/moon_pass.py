@@ -13,7 +13,7 @@ from simulator.render.earth.air_pass import TABLE_DEFINES
 from simulator.render.gl.fences import draw_to, flush
 from simulator.render.moon.craters import BROAD_LARGEST_PX, FINE_LARGEST_PX, SLOPE_MAX, crater_texture
 from simulator.render.moon.craters import SIZE as CRATERS_SIZE
-from simulator.render.moon.moon_tiles import TILE_PX, one_tile
+from simulator.render.moon.moon_tiles import one_tile
 from simulator.runtime.cache import entry_name
 from simulator.runtime.cached_arrays import cached_array
 from simulator.scene.illumination.moonlight import surface_phase
@@ -148,7 +148,7 @@ class MoonPass:
                 "FINE_KM": FINE_KM,
                 "TEXEL_KM": TEXEL_KM,
                 # the map's texels are wider than tiles: between their corners it is as good as straight
-                "MAP_AT_CORNERS": int(kind.footprint_km * TILE_PX < TEXEL_KM),
+                "MAP_AT_CORNERS": int(kind.smooth and kind.footprint_km * kind.size_px < TEXEL_KM),
                 **TABLE_DEFINES,
             },
             (*_OWN, *(_AIR[bands] if air is not None else ())),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.earth.screen_tiles import tile_size_px
 from simulator.render.projection import directions
 from simulator.scene.illumination.moonlight import MOON_RADIUS_M
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from simulator.render.projection import PixelRect
     from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
 
-TILE_PX = 32
 _SMOOTH_DISC = 0.08  # square of the ray's depth under the sphere, 1 at the nadir
 _LARGEST_GROUND = 0.015  # of a tile on the ground [radii]
 _POLE_SPANS = (
@@ -32,13 +32,14 @@ class MoonTiles:
     ----------
     triangles_px : (6 K, 2) corners of two of each [px], edges of pixels at .5.
     smooth : their ground may be interpolated between their corners. covered : the target may be in front.
-    footprint_km : of the pixel that sees most ground; infinite where that is not known.
+    footprint_km : of the pixel that sees most ground; infinite where that is not known. size_px : side of a tile.
     """
 
     triangles_px: Float32Array
     smooth: bool = False
     covered: bool = True
     footprint_km: float = float("inf")
+    size_px: int = 0
 
 
 def moon_tiles(moon: MoonView, camera: Camera, target: PixelRect | None) -> list[MoonTiles]:
@@ -51,15 +52,16 @@ def moon_tiles(moon: MoonView, camera: Camera, target: PixelRect | None) -> list
     rect = moon.rect
     if rect is None:
         raise ValueError("a Moon that is not in the image has no tiles")
-    x_px = np.append(np.arange(rect.x0, rect.x1, TILE_PX), rect.x1) - 0.5
-    y_px = np.append(np.arange(rect.y0, rect.y1, TILE_PX), rect.y1) - 0.5
+    size = tile_size_px(camera)
+    x_px = np.append(np.arange(rect.x0, rect.x1, size), rect.x1) - 0.5
+    y_px = np.append(np.arange(rect.y0, rect.y1, size), rect.y1) - 0.5
     d = directions(camera, x_px, y_px, moon.moon_from_camera)
     along = d @ moon.camera
     disc = 1 - (float(moon.camera @ moon.camera) - along**2)
     depth = np.sqrt(np.maximum(disc, 0))
     distance = -along - depth
     x, y, z = (moon.camera[k] + distance * d[..., k] for k in range(3))
-    span = distance * TILE_PX * camera.pixel_angle_rad()
+    span = distance * size * camera.pixel_angle_rad()
     aside = np.abs(moon.camera[0] * y - moon.camera[1] * x) > 2 * span * np.hypot(*moon.camera[:2])
     even = aside | (moon.camera[0] * x + moon.camera[1] * y > 0)
     largest = np.minimum(_LARGEST_GROUND * depth, np.hypot(x, y) / _POLE_SPANS)
@@ -78,8 +80,8 @@ def moon_tiles(moon: MoonView, camera: Camera, target: PixelRect | None) -> list
     largest = float(np.max(footprint, initial=0.0, where=even))
     kinds = (
         MoonTiles(triangles[~smooth].reshape(-1, 2)),
-        MoonTiles(triangles[smooth & ~covered].reshape(-1, 2), True, False, largest),
-        MoonTiles(triangles[smooth & covered].reshape(-1, 2), True, True, largest),
+        MoonTiles(triangles[smooth & ~covered].reshape(-1, 2), True, False, largest, size),
+        MoonTiles(triangles[smooth & covered].reshape(-1, 2), True, True, largest, size),
     )
     return [kind for kind in kinds if len(kind.triangles_px)]
 
