@@ -20,7 +20,7 @@ from hil.board.svd.decide.near_minima import check_near_minima
 from hil.board.svd.decide.selection import select_by_edges, select_by_image
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.image.edge_field import shrink
-from hil.board.svd.image.noise import noise_sigma, whole_median
+from hil.board.svd.image.noise import coarse_noise, noise_sigma, whole_median
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.model.prepared_target import PreparedTarget
@@ -39,6 +39,9 @@ from hil.board.svd.stages import Round, Search, Stage, run
 
 # Least noise: quantisation of a scale of 255 [its steps], and half as much again is not told from it.
 LEAST_NOISE, SCALE = 0.15, 255.0
+
+# Noise of means over many pixels from which it is not that of single ones, over what theirs would be.
+CORRELATED = 1.4
 
 # Share of the frame's tiles with edges above which the background is not empty space.
 BUSY = 0.25
@@ -63,6 +66,9 @@ def measure_noise(s: Search) -> None:
     full_scale = SCALE if image.dtype == np.uint8 else float(image.max())
     s.frame.noise = max(noise_sigma(image, full_scale), LEAST_NOISE * full_scale / SCALE)
     s.reduced, _ = shrink(image, 0, 0, image.shape[1], image.shape[0], max(image.shape) // REDUCTION)
+    coarse = coarse_noise(s.reduced, REDUCTION)
+    if coarse > CORRELATED * s.frame.noise:
+        s.frame.noise = coarse
     s.frame.keep("reduced", s.reduced)
 
 
