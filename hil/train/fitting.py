@@ -58,20 +58,21 @@ def fit(
     step: Callable[[Batch, int], Step],
     budget: Budget,
     report: Callable[[float, str, Tree], None],
+    rate: float = RATE,
 ) -> Tree:
     """Train in place; the running means of the weights, and of the statistics that ``step`` saw.
 
     Parameters
     ----------
     draw : makes a batch, in a thread beside the step before. step : loss, its parts and statistics of a batch.
-    report : given now and then the share done, a line of text, and the means so far.
+    report : given now and then the share done, a line of text, and the means so far. rate : the highest.
     """
     adam = torch.optim.AdamW(
         [
             {"params": [w for w in weights.values() if w.ndim > 1], "weight_decay": DECAY},
             {"params": [w for w in weights.values() if w.ndim == 1], "weight_decay": 0.0},
         ],
-        lr=RATE,
+        lr=rate,
         betas=(0.9, 0.99),
     )
     means: Tree = {}
@@ -86,7 +87,7 @@ def fit(
             count += 1
             for group in adam.param_groups:
                 falling = 0.5 * (1 + np.cos(np.pi * done))
-                group["lr"] = RATE * min(1.0, count / WARM_UP) * falling + 1e-5
+                group["lr"] = rate * min(1.0, count / WARM_UP) * falling + 1e-5
             total, parts, seen = step(batch, count)
             adam.zero_grad()
             total.backward()

@@ -10,7 +10,7 @@ enough.
 from __future__ import annotations
 
 import argparse
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,9 +24,10 @@ from hil.board.svd.propose.learned.learned_proposal import shipped_network
 from hil.board.svd.propose.learned.network import INPUT_PX, STRIDES, VERSION, ProposalNetwork
 from hil.evaluate.method_choice import board_model
 from hil.train.attitude_loss import cross_entropy, robust, soft_classes
-from hil.train.fitting import Budget, fit
+from hil.train.fitting import RATE, Budget, fit
 from hil.train.layers import EPSILON, folded_scale_and_bias, in_double, normalised, start_layer, trainable
 from simulator.targets.library import load_target
+from tools.train.lit_samples import LitViews, sample_lit
 from tools.train.proposal_samples import Batch, Views, sample
 
 if TYPE_CHECKING:
@@ -75,11 +76,12 @@ def start_weights(seed: int) -> Tree:
     return trainable(out)
 
 
-def weights_of(net: ProposalNetwork, inputs: torch.Tensor, seed: int) -> Tree:
+def weights_of(net: ProposalNetwork, inputs: torch.Tensor, seed: int, *, same: bool = False) -> Tree:
     """Weights that see what another craft's network sees, and know no attitude of this one yet.
 
     Parameters
     ----------
+    same : whether it is this craft's own network, whose attitudes are kept.
     inputs : (B, 64, 64, 2) of which each normalisation takes the mean and spread that it undoes.
     """
     weights = start_weights(seed)
@@ -94,7 +96,8 @@ def weights_of(net: ProposalNetwork, inputs: torch.Tensor, seed: int) -> Tree:
             weights[f"{name}_bias"].copy_(torch.from_numpy(bias) + seen[f"{name}_mean"])
     with torch.no_grad():
         for key, there in zip(("heads", "heads_bias"), net.heads, strict=True):
-            weights[key][..., ANCHORS:] = torch.from_numpy(there[..., ANCHORS:])
+            first = 0 if same else ANCHORS
+            weights[key][..., first:] = torch.from_numpy(there[..., first:])
     return weights
 
 
@@ -196,17 +199,22 @@ def recall(net: ProposalNetwork, batch: Batch, most: int = 32) -> str:
 
 
 def train(
-    views: Views,
+    draw: Callable[[np.random.Generator, int], Batch],
     minutes: float,
     seed: int,
     report: Callable[[str, Tree], None],
     start: ProposalNetwork | None = None,
+    *,
+    same: bool = False,
+    rate: float = RATE,
+    short: bool = False,
 ) -> Tree:
     """Running means of weights and statistics after ``minutes``.
 
     Parameters
     ----------
-    start : network of another craft to begin with, or None for random weights.
+    draw : a batch of random samples. start : network to begin with, or None for random weights.
+    same : whether that is this craft's own. rate : the highest. short : products of short numbers (bfloat16).
     """
     # one thread: boards and desks alike have other work
     torch.set_num_threads(1)
@@ -214,7 +222,7 @@ def train(
     if start is None:
         weights = start_weights(seed)
     else:
-        weights = weights_of(start, torch.from_numpy(sample(views, rng, STATISTICS).inputs), seed)
+        weights = weights_of(start, torch.from_numpy(draw(rng, STATISTICS).inputs), seed, same=same)
     grids = []
     for _ in range(TURNS):
         p, r = quat.normalise(rng.normal(size=4)), quat.normalise(rng.normal(size=4))
@@ -223,9 +231,10 @@ def train(
 
     def step(batch: Batch, count: int) -> tuple[torch.Tensor, FloatArray, Tree]:
         grid, basis = grids[(count - 1) % TURNS]
-        out, seen = forward(weights, None, torch.from_numpy(batch.inputs))
+        with torch.autocast("cpu", torch.bfloat16, enabled=short):
+            out, seen = forward(weights, None, torch.from_numpy(batch.inputs))
         total, parts = loss(
-            out,
+            out.float(),
             soft_classes(batch.q_wxyz, grid, WIDTH_RAD),
             basis,
             torch.tensor(batch.box, dtype=torch.float32),
@@ -235,10 +244,11 @@ def train(
 
     return fit(
         weights,
-        lambda: sample(views, rng, BATCH),
+        lambda: draw(rng, BATCH),
         step,
         Budget(minutes=minutes),
         lambda _done, text, means: report(text, means),
+        rate,
     )
 
 
@@ -252,19 +262,27 @@ def main() -> None:
     parser.add_argument("--views-used", type=int, default=None)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--start", default=None, help="craft whose network to begin with")
+    parser.add_argument("--rate", type=float, default=RATE, help="highest rate of learning")
+    parser.add_argument(
+        "--short", action="store_true", help="products of short numbers, where the processor has them"
+    )
     options = parser.parse_args()
     start = None if options.start is None else shipped_network(options.start)
     if options.start is not None and start is None:
         parser.error(f"--start: no network is shipped for '{options.start}'")
+    same = options.start == options.target
     n = options.views_used or len(np.load(options.views / "pose.npy", mmap_mode="r"))
-    views = Views.read(options.views, 0, n - n // 20)
-    held = sample(Views.read(options.views, n - n // 20, n), np.random.default_rng(1), 300)
+    lit = (options.views / "lit.npy").exists()
+    kind, pick = (LitViews, sample_lit) if lit else (Views, sample)
+    draw = partial(pick, kind.read(options.views, 0, n - n // 20))
+    held = pick(kind.read(options.views, n - n // 20, n), np.random.default_rng(1), 300)
 
     def report(text: str, means: Tree) -> None:
         write(options.output, folded(means), options.target)
         print(text, "|", recall(ProposalNetwork.read(str(options.output)), held), flush=True)
 
-    train(views, options.minutes, options.seed, report, start)
+    how = {"same": same, "rate": options.rate, "short": options.short}
+    train(draw, options.minutes, options.seed, report, start, **how)
 
 
 if __name__ == "__main__":

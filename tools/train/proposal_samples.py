@@ -117,9 +117,9 @@ def sample(views: Views, rng: np.random.Generator, size: int) -> Batch:
     for i in range(size):
         k = which[i]
         signal, cover = _warped(views.signal[k], views.cover[k], turn[i], box[i])
-        signal = _shadowed(signal, rng) * np.float32(gain[i])
+        signal = shadowed(signal, rng) * np.float32(gain[i])
         if craft[i] == 0.0 or rng.random() < EARTH_SHARE:
-            earth = _window(views.earths, reduced[i] / 4, rng)
+            earth = window(views.earths, reduced[i] / 4, rng)
             signal += (1 - cover) * earth * np.float32(gain[i] * rng.uniform(0.6, 1.4))
         pictures[i] = signal
     # below black and above white there is nothing: noise on black lifts its mean
@@ -129,7 +129,7 @@ def sample(views: Views, rng: np.random.Generator, size: int) -> Batch:
     fine = (noise / np.maximum(reduced, 1.0)).astype(np.float32)
     pictures += rng.standard_normal(pictures.shape, np.float32) * fine[:, None, None]
     for i in range(size):
-        pictures[i] = _framed(pictures[i], reduced[i], box[i], rng)
+        pictures[i] = framed(pictures[i], reduced[i], box[i], rng)
     inputs = contrast(pictures, fine * np.exp(rng.uniform(*MISMEASURED, size)).astype(np.float32))
     about = np.stack([np.cos(turn / 2), 0 * turn, 0 * turn, np.sin(turn / 2)], axis=-1)
     return Batch(inputs, quat.multiply(about, views.q_wxyz[which]), box, craft)
@@ -149,7 +149,7 @@ def _warped(
     return np.ascontiguousarray(out[..., 0]), np.ascontiguousarray(out[..., 1])
 
 
-def _shadowed(signal: Float32Array, rng: np.random.Generator) -> Float32Array:
+def shadowed(signal: Float32Array, rng: np.random.Generator) -> Float32Array:
     """Now and then a straight shadow over a part."""
     if rng.random() > 0.08:
         return signal
@@ -159,7 +159,7 @@ def _shadowed(signal: Float32Array, rng: np.random.Generator) -> Float32Array:
     return np.where(dark, signal * rng.uniform(0.02, 0.4), signal).astype(np.float32)
 
 
-def _window(earths: tuple[Float32Array, ...], reduced: float, rng: np.random.Generator) -> Float32Array:
+def window(earths: tuple[Float32Array, ...], reduced: float, rng: np.random.Generator) -> Float32Array:
     """A random part of a background, ``reduced`` of its pixels per pixel, turned by quarters."""
     level = int(np.clip(np.log2(max(reduced, 1.0)), 0, len(earths) - 1))
     earth = earths[level][int(rng.integers(len(earths[level])))]
@@ -171,7 +171,7 @@ def _window(earths: tuple[Float32Array, ...], reduced: float, rng: np.random.Gen
     return np.asarray(part.T if rng.random() < 0.5 else part)
 
 
-def _framed(picture: Float32Array, reduced: float, box: FloatArray, rng: np.random.Generator) -> Float32Array:
+def framed(picture: Float32Array, reduced: float, box: FloatArray, rng: np.random.Generator) -> Float32Array:
     """Where a look reaches beyond the picture, the picture's edge goes on, as the board has it.
 
     The craft's sphere is somewhere in the frame, or about its middle where it is larger.

@@ -20,7 +20,7 @@ from hil.board.svd.decide.near_minima import check_near_minima
 from hil.board.svd.decide.selection import select_by_edges, select_by_image
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.image.edge_field import shrink
-from hil.board.svd.image.noise import coarse_noise, noise_sigma, whole_median
+from hil.board.svd.image.noise import black_level, coarse_noise, noise_sigma, whole_median
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.model.prepared_target import PreparedTarget
@@ -69,6 +69,9 @@ def measure_noise(s: Search) -> None:
     coarse = coarse_noise(s.reduced, REDUCTION)
     if coarse > CORRELATED * s.frame.noise:
         s.frame.noise = coarse
+    if not s.frame.clipped:
+        # noise cut off at zero: the camera adds nothing
+        s.frame.black = black_level(s.reduced, s.frame.noise / REDUCTION)
     s.frame.keep("reduced", s.reduced)
 
 
@@ -97,7 +100,10 @@ def propose_learned(s: Search) -> None:
     """Poses of the likeliest places, by the pose proposal network (Sharma & D'Amico 2019)."""
     if s.learned is not None:
         keep = PLACES if s.frame.background < 0 else EMPTY_PLACES
-        s.places = s.learned.propose(s.frame.image, s.frame.noise, s.regions[:ASKED], keep, s.reduced)
+        frame = s.frame
+        s.places = s.learned.propose(
+            frame.image, frame.noise, s.regions[:ASKED], keep, s.reduced, frame.black
+        )
     s.hypotheses = [h for place in s.places for h in learned_hypotheses(s.target, s.frame, place)]
     s.frame.keep("learned_proposals", s.places)
 

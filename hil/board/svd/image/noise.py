@@ -27,6 +27,9 @@ ZEROS, HALVED_AT_ZEROS, LEAST_DARK = 4, 0.512, 0.02
 # Pixels well inside the scale that are enough to go by.
 ENOUGH = 300
 
+# Share of a reduced picture that is as dark as noise makes it, and how far below the middle that is [sigma].
+DARKEST, NOISE_LEFT = 0.01, 2.0
+
 # Values up to this are counted.
 SMALL = 1 << 14
 
@@ -67,6 +70,16 @@ def coarse_noise(reduced: Array, reduction: int) -> float:
     tiles = mask.reshape(h // FLAT_PX, FLAT_PX, w // FLAT_PX, FLAT_PX).transpose(0, 2, 1, 3)
     middles = np.median(tiles.reshape(-1, FLAT_PX * FLAT_PX), axis=1)
     return float(np.quantile(middles, FLATTEST)) / 6.0 * 1.4826 * reduction
+
+
+def black_level(reduced: Array, noise: float) -> float:
+    """What a camera with an offset adds to light: the level about which the darkest of a reduced picture lies.
+
+    Parameters
+    ----------
+    noise : standard deviation of the reduced picture's.
+    """
+    return float(np.quantile(reduced, DARKEST)) + NOISE_LEFT * noise
 
 
 def _readable_bytes(image: Array, *_: float) -> bool:

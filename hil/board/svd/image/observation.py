@@ -22,7 +22,7 @@ class Observation:
     Parameters
     ----------
     image : (H, W). noise : standard deviation.
-    background : level of empty space, negative when it is not empty.
+    black : what the camera adds to light. background : level of empty space, negative when it is not empty.
     likely : (h, w) map of the craft against a textured background, see saliency_map; None where it was not needed.
     trace : receives what ``keep`` is given; None costs nothing. drawn : what poses were drawn as on each patch.
     """
@@ -31,6 +31,7 @@ class Observation:
         self.image = image
         self.trace = trace
         self.noise = 0.0
+        self.black = 0.0
         self.background = -1.0
         self.likely: Optional[Array] = None
         # a second search begins with poses of the first: what was drawn for them, by patch

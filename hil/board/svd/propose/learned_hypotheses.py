@@ -135,7 +135,9 @@ def hypotheses_of_places(
     held = HELD if empty else TEXTURED_HELD
     found = [
         Hypothesis(PoseFit(q, t), replace(source, log_prior=0.0))
-        for g in first.propose_at(frame.image, frame.noise, proposal.source, crops, held, reduced)
+        for g in first.propose_at(
+            frame.image, frame.noise, proposal.source, crops, held, reduced, frame.black
+        )
         for q, t in zip(g.q, g.t)  # noqa: B905 - Python 3.9 has no strict=
     ]
     frame.count("sought", len(found))

@@ -143,13 +143,14 @@ class LearnedProposer:
         regions: Sequence[Region],
         keep: int,
         reduced: Optional[Array] = None,
+        black: float = 0.0,
     ) -> List[LearnedProposal]:
         """Proposals for the most likely crops of these regions, the surest of a target first.
 
         Parameters
         ----------
         image : (H, W). noise : its standard deviation. regions : of interest. keep : proposals at most. reduced :
-            the image reduced by area averaging, if at hand.
+            the image reduced by area averaging, if at hand. black : what the image adds to light.
         """
         if not regions:
             return []
@@ -164,16 +165,18 @@ class LearnedProposer:
             ImageCrop.at(camera, 0.5 * (r.x0 + r.x1), 0.5 * (r.y0 + r.y1), size * r.diagonal_px)
             for r, size in starts
         ]
-        _, craft, crops = self._corrected_crops(image, noise, crops, reduced)
+        _, craft, crops = self._corrected_crops(image, noise, crops, reduced, black)
         # the first proposal corrects a start, the second says how sure it is of a craft there
         better = [int(k) for k in np.argsort(-craft)[:SECOND]]
         starts, crops = [starts[k] for k in better], [crops[k] for k in better]
-        _, craft, crops = self._corrected_crops(image, noise, crops, reduced)
+        _, craft, crops = self._corrected_crops(image, noise, crops, reduced, black)
         chosen: List[int] = []
         for k in np.argsort(-craft):
             if len(chosen) < keep and all(_apart(crops[k], crops[j], f) for j in chosen):
                 chosen.append(int(k))
-        looked = [(starts[k][0], *self._averaged_over_turns(image, noise, crops[k], reduced)) for k in chosen]
+        looked = [
+            (starts[k][0], *self._averaged_over_turns(image, noise, crops[k], reduced, black)) for k in chosen
+        ]
         looked.sort(key=lambda g: -g[2])
         worth = plausible_crops([sure for *_, sure, _ in looked], [crop for *_, crop in looked], f)
         out = []
@@ -193,12 +196,13 @@ class LearnedProposer:
         crops: Sequence[ImageCrop],
         keep: int,
         reduced: Optional[Array] = None,
+        black: float = 0.0,
     ) -> List[LearnedProposal]:
         """Proposals for the ``keep`` crops that the network would correct least, as given; others as in ``propose``.
 
         Only those kept are averaged over quarter turns.
         """
-        inputs = network_inputs(image, noise, self.camera, crops, reduced)
+        inputs = network_inputs(image, noise, self.camera, crops, reduced, black)
         said, rest = self.network(inputs)
         # what is lit is taken for the craft: a crop that seems too wide may be right
         size = np.maximum(rest[:, 2], -TOO_WIDE * rest[:, 2])
@@ -240,13 +244,15 @@ class LearnedProposer:
         near = cosine >= min(np.cos(0.5 * NEAR_RAD), cosine.max())
         return float(np.max(proposal.likely[near], initial=-np.inf) - proposal.likely.max())
 
-    def _turned(self, image: Array, noise: float, crop: ImageCrop, reduced: Optional[Array]) -> Array:
+    def _turned(
+        self, image: Array, noise: float, crop: ImageCrop, reduced: Optional[Array], black: float
+    ) -> Array:
         """(4, 64, 64, 2) the network's input in four quarter turns."""
-        one = network_inputs(image, noise, self.camera, [crop], reduced)[0]
+        one = network_inputs(image, noise, self.camera, [crop], reduced, black)[0]
         return np.stack([np.rot90(one, k) for k in range(QUARTERS)])
 
     def _averaged_over_turns(
-        self, image: Array, noise: float, crop: ImageCrop, reduced: Optional[Array]
+        self, image: Array, noise: float, crop: ImageCrop, reduced: Optional[Array], black: float
     ) -> Tuple[Array, float, ImageCrop]:
         """Coefficients (ROUNDS, 4, J) of inputs in quarter turns, logit of a target, corrected crop.
 
@@ -255,7 +261,7 @@ class LearnedProposer:
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         coefficients, sure = [], 0.0
         for _ in range(ROUNDS):
-            said, rest = self.network(self._turned(image, noise, crop, reduced))
+            said, rest = self.network(self._turned(image, noise, crop, reduced, black))
             x, y = rest[:, 0], rest[:, 1]
             # what is right in a look turned by a quarter is below in the first, and so on
             shift = np.array([x[0] - y[1] - x[2] + y[3], y[0] + x[1] - y[2] - x[3]]) / QUARTERS
@@ -266,10 +272,10 @@ class LearnedProposer:
         return np.stack(coefficients), sure, crop
 
     def _corrected_crops(
-        self, image: Array, noise: float, crops: List[ImageCrop], reduced: Optional[Array]
+        self, image: Array, noise: float, crops: List[ImageCrop], reduced: Optional[Array], black: float
     ) -> Tuple[Array, Array, List[ImageCrop]]:
         """Attitude coefficients (B, J), logits of a craft (B,), corrected crops."""
-        coefficients, rest = self.network(network_inputs(image, noise, self.camera, crops, reduced))
+        coefficients, rest = self.network(network_inputs(image, noise, self.camera, crops, reduced, black))
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         moved = [
             g.moved(f, np.clip(r[:2], -SHIFT, SHIFT), float(np.clip(r[2], -SIZE, SIZE)))

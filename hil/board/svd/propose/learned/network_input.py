@@ -129,13 +129,16 @@ def network_inputs(
     camera: CameraIntrinsics,
     crops: Sequence[ImageCrop],
     reduced: Optional[Array] = None,
+    black: float = 0.0,
 ) -> Array:
     """(B, 64, 64, 2) float32 the network's input for each crop.
 
     Parameters
     ----------
-    image : (H, W). noise : its standard deviation. reduced : see ``crop_image``.
+    image : (H, W). noise : its standard deviation. reduced : see ``crop_image``. black : what the image adds to light.
     """
     sphere = INPUT_FILL * INPUT_PX
     pictures = crop_images(image, camera, crops, INPUT_PX, sphere, reduced)
+    if black > 0:
+        pictures = pictures - np.float32(black)
     return contrast(pictures, np.array([noise / max(g.diameter_px / sphere, 1.0) for g in crops]))

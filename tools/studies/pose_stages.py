@@ -1,0 +1,273 @@
+"""Which stage of `svd` loses a pose: each picture of a data set, judged stage by stage with the truth at hand.
+
+    python -m tools.studies.pose_stages SET            # a table in Markdown, a line a picture
+    python -m tools.studies.pose_stages SET --limit 10
+
+A data set is a folder that `flyaround capture` wrote or `flyaround convert` made of another's.
+
+| column | what it says |
+|---|---|
+| region | the share of the true box in the best region, and that region's area over the box's |
+| edges | share of the visible wireframe with an edge under it at the true pose |
+| place | error of the learned proposal's nearest place [diameters of the craft's sphere], its size over the true one |
+| proposed | the nearest attitude of all hypotheses of the first round [deg], and its number in the list |
+| stays | error to which the true pose, moved by 3 deg and 4 % of the range, is refined [deg, % of the range] |
+| score | of the true pose refined, and of the pose that was returned, on the same patch |
+| returned | error [deg, % of the range], confidence, and whether it is accepted |
+| lost at | the first stage that had lost it |
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from hil.board.svd import CameraIntrinsics
+from hil.board.svd.estimator import PREPARE, ROUNDS, PoseEstimator
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.edge_support import support
+from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
+from hil.board.svd.image.edge_field import edge_field
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.image.region import Region
+from hil.board.svd.model.image_patch import cut_patch, target_box
+from hil.board.svd.refine.close import CLOSE_PX
+from hil.board.svd.refine.final import refine_to_end
+from hil.board.svd.refine.parallel import draw, draw_shadows
+from hil.board.svd.stages import run
+from hil.evaluate.greyscale import grey
+from hil.evaluate.method_choice import board_model
+from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
+from simulator.dataset.card import read_card
+from simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from simulator.labels.truth import read_truth
+from simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.board.svd.propose.learned.learned_proposal import LearnedProposal
+    from hil.board.svd.stages import Search
+
+Array = np.ndarray[Any, Any]
+
+# Edges serve from this share, hypotheses within these of the truth, places within these of its place and size.
+EDGES, NEAR_DEG, NEAR_SHARE, OFF, RATIO = 0.3, 10.0, 0.1, 0.15, 1.2
+
+# A start beside the truth: a turn [rad] about an axis across the line of sight, and what the range is multiplied by.
+TURN_RAD, FARTHER = float(np.radians(3.0)), 1.04
+
+EDGES_PX = 360
+
+
+@dataclass(frozen=True)
+class StageRow:
+    """One picture, stage by stage; see the module."""
+
+    frame: int
+    range_m: float
+    held: float
+    too_large: float
+    edges: float
+    off: float
+    size: float
+    proposed_deg: float
+    proposed_at: int
+    stays_deg: float
+    stays_share: float
+    true_score: float
+    returned_score: float
+    error_deg: float
+    error_share: float
+    confidence: float
+    accepted: bool
+
+    @property
+    def right(self) -> bool:
+        """Whether the pose returned is."""
+        return self.error_deg <= COARSE_DEG and self.error_share <= COARSE_SHARE
+
+    @property
+    def lost_at(self) -> str:
+        """The first stage that had lost the pose."""
+        if self.right:
+            return "" if self.accepted else "acceptance"
+        if self.held < 0.5 and self.off > OFF:
+            return "region"
+        if self.off > OFF or not 1 / RATIO < self.size < RATIO:
+            return "place"
+        if self.proposed_deg > NEAR_DEG:
+            return "attitude"
+        if self.stays_deg > COARSE_DEG or self.stays_share > COARSE_SHARE:
+            return "refinement"
+        return "selection" if self.returned_score >= self.true_score else "search"
+
+    def cells(self) -> list[str]:
+        """As a line of the table."""
+        return [
+            str(self.frame),
+            f"{self.range_m:.1f}",
+            f"{100 * self.held:.0f} %, x {self.too_large:.1f}",
+            f"{100 * self.edges:.0f} %",
+            f"{self.off:.2f}, x {self.size:.2f}",
+            f"{self.proposed_deg:.1f} (#{self.proposed_at + 1})",
+            f"{self.stays_deg:.1f}, {100 * self.stays_share:.1f} %",
+            f"{self.true_score:.3f}, {self.returned_score:.3f}",
+            f"{self.error_deg:.1f}, {100 * self.error_share:.1f} %, {self.confidence:.2f}"
+            + (", accepted" if self.accepted else ""),
+            self.lost_at,
+        ]
+
+
+HEAD = (
+    "picture",
+    "range [m]",
+    "region",
+    "edges",
+    "place",
+    "proposed [deg]",
+    "stays [deg]",
+    "score: true, returned",
+    "returned [deg]",
+    "lost at",
+)
+
+
+def stage_row(
+    estimator: PoseEstimator, image: NDArray[Any], q: Array, t: Array, frame_index: int = 0
+) -> StageRow:
+    """One picture judged stage by stage.
+
+    Parameters
+    ----------
+    q : (4,) true attitude, camera from target. t : (3,) true position [m].
+    """
+    target = estimator.target
+    result = estimator.estimate(image)
+    search = estimator.search(Observation(image))
+    run(PREPARE, search)
+    run(ROUNDS[0].generators, search)
+    frame, box = search.frame, target_box(target, q, t)
+    held, large = max((_holds(r, box) for r in search.regions), default=(0.0, 0.0))
+    off, size = min(
+        (_beside(estimator, p, q, t) for p in search.places), default=(9.0, 0.0), key=lambda v: v[0]
+    )
+    errors = [frame_errors(q, t, h.q, h.t)[2] for h in search.hypotheses]
+    nearest = int(np.argmin(errors)) if errors else -1
+    region = Region(*(float(v) for v in box), "learned")
+    height, width = image.shape
+    field = edge_field(
+        image,
+        region.grown(0.05, width, height),
+        frame.noise,
+        EDGES_PX,
+        background=frame.background,
+        likely=frame.likely,
+    )
+    drawn = support(q, t, target.samples, target.occ, field, target.camera, target.spacing_m).drawn
+    source = Source(region, field)
+    stays, true_score = _refined(search, source, q, t)
+    _, e_t, E_R = frame_errors(q, t, stays.q, stays.t)
+    got_q, got_t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
+    if got_q is None or got_t is None:
+        error, returned = (9.0, 180.0), 0.0
+    else:
+        _, share, deg = frame_errors(q, t, got_q, got_t)
+        error, returned = (share, deg), _score_at(search, source, box, got_q, got_t)
+    return StageRow(
+        frame_index,
+        float(np.linalg.norm(t)),
+        held,
+        large,
+        drawn,
+        off,
+        size,
+        errors[nearest] if errors else 180.0,
+        nearest,
+        E_R,
+        e_t,
+        true_score,
+        returned,
+        error[1],
+        error[0],
+        result.confidence,
+        result.accepted,
+    )
+
+
+def _holds(region: Region, box: tuple[int, int, int, int]) -> tuple[float, float]:
+    """The share of a box that a region holds, and its area over the box's."""
+    x0, y0, x1, y1 = box
+    wide = max(min(region.x1, x1) - max(region.x0, x0), 0.0)
+    high = max(min(region.y1, y1) - max(region.y0, y0), 0.0)
+    area = float(max((x1 - x0) * (y1 - y0), 1))
+    return wide * high / area, (region.x1 - region.x0) * (region.y1 - region.y0) / area
+
+
+def _beside(estimator: PoseEstimator, place: LearnedProposal, q: Array, t: Array) -> tuple[float, float]:
+    """How far a place is from the truth [diameters], and how large over it."""
+    target = estimator.target
+    centre = t + quat.matrix(q) @ target.centre_m
+    distance, f = float(np.linalg.norm(centre)), 0.5 * (target.camera.fx_px + target.camera.fy_px)
+    wide = 2 * f / float(np.sqrt(max((distance / target.radius_m) ** 2 - 1.0, 1e-6)))
+    off = f * float(np.linalg.norm(place.crop.direction - centre / distance)) / wide
+    return off, place.crop.diameter_px / wide
+
+
+def _refined(search: Search, source: Source, q: Array, t: Array) -> tuple[Hypothesis, float]:
+    """A pose beside the truth refined to its end, and the better score of that and of the truth refined."""
+    target, frame = search.target, search.frame
+    patch = cut_patch(target, frame, target_box(target, q, t), CLOSE_PX)
+    beside = quat.turned(q, np.array([TURN_RAD, 0.0, 0.0]))
+    ends = [
+        refine_to_end(
+            target,
+            frame,
+            patch,
+            draw_shadows(target, patch, draw(target, patch, Hypothesis(PoseFit(a, b), source))),
+        )
+        for a, b in ((beside, t * FARTHER), (q, t))
+    ]
+    return ends[0], max(e.score for e in ends)
+
+
+def _score_at(search: Search, source: Source, box: tuple[int, int, int, int], q: Array, t: Array) -> float:
+    patch = cut_patch(search.target, search.frame, box, CLOSE_PX)
+    h = draw(search.target, patch, Hypothesis(PoseFit(q, t), source))
+    return draw_shadows(search.target, patch, h).score
+
+
+def main() -> None:
+    """Judge the pictures of one data set."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser.add_argument("dataset", type=Path)
+    parser.add_argument("--limit", type=int, default=None, help="frames, from the first on")
+    options = parser.parse_args()
+    card = read_card(options.dataset)
+    model = board_model(load_target(card.target.name))
+    estimator = PoseEstimator(model, CameraIntrinsics.from_dict(msgspec.to_builtins(card.camera)))
+    print("| " + " | ".join(HEAD) + " |")
+    print("|" + "---|" * len(HEAD))
+    rows = []
+    for k in range(card.n_frames if options.limit is None else min(options.limit, card.n_frames)):
+        if not is_whole(options.dataset, k):
+            continue
+        paths = frame_paths(options.dataset, k)
+        truth = read_truth(paths.truth)
+        q = np.asarray(truth.q_camera_from_target_wxyz, float)
+        t = np.asarray(truth.t_camera_from_target_m, float)
+        row = stage_row(estimator, grey(read_png(paths.image)), q, t, k)
+        rows.append(row)
+        print("| " + " | ".join(row.cells()) + " |", flush=True)
+    right, accepted = sum(r.right for r in rows), sum(r.accepted for r in rows)
+    wrong = sum(r.accepted and not r.right for r in rows)
+    print(f"\n{right} of {len(rows)} right; {accepted} accepted, {wrong} of them wrong.")
+
+
+if __name__ == "__main__":
+    main()

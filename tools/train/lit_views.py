@@ -1,0 +1,122 @@
+"""Pictures for training under any light: the craft by one lamp after another, to be mixed as the light of a laboratory.
+
+    python -m tools.train.proposal_views tango -n 1 --earths 100 --seed 18101 -o DIR
+    python -m tools.train.lit_views tango -n 4000 -o DIR
+
+Each view is drawn as `proposal_views` draws it, but ``LIGHTS`` times, each time with the Sun elsewhere: any sum of them
+is the craft in the light of as many lamps, or of large diffuse ones. Written as arrays: ``lit.npy`` (N, LIGHTS, 72, 72)
+square roots of the signal under each light over its brightest value, of 255; ``scale.npy`` (N, LIGHTS) that value;
+``label.npy`` (N, 72, 72) number of the surface, a part's side, 0 where there is none; ``cover.npy`` and ``pose.npy`` as
+of that module, which draws the backgrounds (``earths.npy``).
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.evaluate.method_choice import board_model
+from simulator.imaging.exposure import integrate
+from simulator.imaging.image_formation import expose_scene
+from simulator.labels.surfaces import surfaces
+from simulator.render.renderer import Renderer
+from simulator.runtime.arrays import vec3
+from simulator.targets.library import load_target
+from simulator.world.frames.rotation import matrix_from_quat
+from tools.train.proposal_views import DRAWN_PX, VIEW_PX, plans, turned_to
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.runtime.arrays import FloatArray
+    from simulator.scene.state import SceneState
+
+# Lights a view is drawn by, and how far from the camera's direction they may stand [rad].
+LIGHTS, FARTHEST_RAD = 6, float(np.radians(125.0))
+
+SUN_M = 1.5e11
+
+
+def lit_from(scene: SceneState, direction: FloatArray) -> SceneState:
+    """The scene with the Sun in a direction of the camera's frame, and no other light."""
+    R = matrix_from_quat(scene.q_camera_from_eci_wxyz)
+    sun = np.asarray(scene.r_target_eci_m) + SUN_M * (R.T @ direction)
+    return replace(scene, r_sun_eci_m=vec3(sun), sun_visible_fraction=1.0)
+
+
+def directions(rng: np.random.Generator) -> FloatArray:
+    """(LIGHTS, 3) towards the lights, camera axes, uniform over the sphere but for what lies behind the craft."""
+    cosine = rng.uniform(np.cos(FARTHEST_RAD), 1.0, LIGHTS)
+    turn = rng.uniform(0, 2 * np.pi, LIGHTS)
+    sine = np.sqrt(1 - cosine**2)
+    return np.stack([sine * np.cos(turn), sine * np.sin(turn), -cosine], axis=1)
+
+
+def surface_labels(parts: NDArray[np.uint16], normals: NDArray[np.float16]) -> NDArray[np.uint16]:
+    """A number for each part's side: its part and the octant-like direction in which it faces the camera's axes."""
+    n = np.rint(1.5 * normals.astype(np.float32)).astype(np.int32)
+    side = (n[..., 0] + 2) * 25 + (n[..., 1] + 2) * 5 + n[..., 2] + 2
+    _, number = np.unique(parts.astype(np.int64) * 125 + side, return_inverse=True)
+    number = number.reshape(parts.shape)
+    return np.where(parts > 0, number + 1, 0).astype(np.uint16)
+
+
+def main() -> None:
+    """Draw the views of one target."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser.add_argument("target")
+    parser.add_argument("-n", type=int, default=6000, help="views")
+    parser.add_argument("--seed", type=int, default=18001)
+    parser.add_argument("-o", "--output", required=True, type=Path)
+    options = parser.parse_args()
+    options.output.mkdir(parents=True, exist_ok=True)
+    target = load_target(options.target)
+    model = board_model(target)
+    n = options.n
+    black, _ = plans(target, n, options.seed)
+    rng = np.random.default_rng(options.seed)
+
+    def array(name: str, kind: type, *shape: int) -> np.memmap:
+        return np.lib.format.open_memmap(options.output / f"{name}.npy", "w+", kind, (n, *shape))
+
+    square = (VIEW_PX, VIEW_PX)
+    lit, scale = array("lit", np.uint8, LIGHTS, *square), array("scale", np.float32, LIGHTS)
+    cover, label = array("cover", np.uint8, *square), array("label", np.uint8, *square)
+    pose = array("pose", np.float32, 8)
+    start = time.process_time()
+    f = DRAWN_PX // VIEW_PX
+    with Renderer() as renderer:
+        for k in range(n):
+            near = turned_to(black.scene(k), model.centre_m, model.radius_m, DRAWN_PX)
+            for j, d in enumerate(directions(rng)):
+                scene = lit_from(near, d)
+                signal = np.asarray(
+                    expose_scene(scene, integrate(renderer, scene, target).radiance), np.float32
+                )
+                if j == 0:
+                    seen = surfaces(renderer, scene, target, layers=True)
+                    there = np.isfinite(seen.depth_m)
+                    cover[k] = np.rint(255 * there.reshape(VIEW_PX, f, VIEW_PX, f).mean(axis=(1, 3)))
+                    label[k] = surface_labels(seen.parts, seen.normals)[::f, ::f] % 256
+                small = (signal * there).reshape(VIEW_PX, f, VIEW_PX, f).mean(axis=(1, 3))
+                top = max(float(small.max()), 1e-6)
+                # square roots: eight bits hold what is dark as well
+                lit[k, j], scale[k, j] = np.rint(255 * np.sqrt(np.maximum(small / top, 0))), top
+            centre = matrix_from_quat(near.q_camera_from_target_wxyz) @ model.centre_m + np.asarray(
+                near.t_camera_from_target_m
+            )
+            pose[k, :4] = near.q_camera_from_target_wxyz
+            pose[k, 4] = centre[2] / model.radius_m
+            if k % 500 == 499:
+                for a in (lit, scale, cover, label, pose):
+                    a.flush()
+                print(f"{k + 1} views, {time.process_time() - start:.0f} s of processor time", flush=True)
+
+
+if __name__ == "__main__":
+    main()
