@@ -76,7 +76,7 @@ def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
     for kind in ("*.npz", "*.c", "*.h"):
         for data in (root / "board").rglob(kind):
             # a network is over a megabyte: only those of the crafts that go along
-            if data.parent.name != WEIGHTS or data.stem in names:
+            if WEIGHTS not in data.parts or data.stem in names:
                 yield f"hil/{data.relative_to(root).as_posix()}", data.read_bytes()
     for target in targets:
         yield f"hil/board/models/{target.name}.board.json", msgspec.json.encode(board_record(target))

@@ -26,7 +26,7 @@ from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.propose.edge_search import group_poses, region_edges, template_poses
-from hil.board.svd.propose.learned.learned_proposal import LearnedProposer
+from hil.board.svd.propose.learned.learned_proposal import LAMPS, LearnedProposer
 from hil.board.svd.propose.learned_hypotheses import hypotheses_of_places, learned_hypotheses
 from hil.board.svd.propose.perceptual_groups import model_triads
 from hil.board.svd.propose.regions import REDUCTION, propose_regions
@@ -42,6 +42,9 @@ LEAST_NOISE, SCALE = 0.15, 255.0
 
 # Noise of means over many pixels from which it is not that of single ones, over what theirs would be.
 CORRELATED = 1.4
+
+# Black level from which a camera is one of a laboratory, over the noise: there the light is that of lamps.
+OFFSET = 2.0
 
 # Share of the frame's tiles with edges above which the background is not empty space.
 BUSY = 0.25
@@ -68,10 +71,7 @@ def measure_noise(s: Search) -> None:
     s.reduced, _ = shrink(image, 0, 0, image.shape[1], image.shape[0], max(image.shape) // REDUCTION)
     coarse = coarse_noise(s.reduced, REDUCTION)
     if coarse > CORRELATED * s.frame.noise:
-        s.frame.noise = coarse
-    if not s.frame.clipped:
-        # noise cut off at zero: the camera adds nothing
-        s.frame.black = black_level(s.reduced, s.frame.noise / REDUCTION)
+        s.frame.noise, s.smoothed = coarse, True
     s.frame.keep("reduced", s.reduced)
 
 
@@ -88,6 +88,10 @@ def find_regions(s: Search) -> None:
     if busy < BUSY:
         # reduced pixels are whole numbers as well
         s.frame.background = whole_median(s.reduced.astype(np.int32))
+    if s.smoothed or (busy < BUSY and not s.frame.clipped):
+        s.frame.black = black_level(s.reduced, s.frame.noise / REDUCTION)
+    if s.lamps is not None and s.frame.black > OFFSET * s.frame.noise:
+        s.learned = s.lamps
     s.frame.count("regions", len(regions))
     s.frame.keep("regions", regions)
     s.regions = [r for r in regions if r.diagonal_px >= SMALLEST_PX]
@@ -344,6 +348,7 @@ class PoseEstimator(Estimator):
         self.target = PreparedTarget.prepare(model, camera)
         self.figures = model_triads(self.target.model)
         self.learned = LearnedProposer.prepare(model, camera)
+        self.lamps = LearnedProposer.prepare(model, camera, LAMPS)
         self.tried = self.learned is not None and model.name in TRIED
 
     def _estimate(self, frame: Observation) -> PoseResult:
@@ -351,7 +356,9 @@ class PoseEstimator(Estimator):
 
     def search(self, frame: Observation) -> Search:
         """The search of one image, before its first stage."""
-        return Search(self.target, self.figures, self.learned, self.tried, self.accept_at, frame)
+        return Search(
+            self.target, self.figures, self.learned, self.tried, self.accept_at, frame, lamps=self.lamps
+        )
 
     def initialise(self, frame: Observation) -> PoseResult:
         """The pose in one image, without knowing any other."""

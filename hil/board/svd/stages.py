@@ -33,7 +33,8 @@ class Search:
     Parameters
     ----------
     target, figures : the target prepared for the camera, and the triads of its wireframe.
-    learned : its learned proposal, where it has one. tried : whether confidence was fitted on this target.
+    learned : its learned proposal, where it has one. lamps : another for the light of lamps.
+    tried : whether confidence was fitted on this target.
     accept_at : confidence at which a pose is accepted. frame : the image with its noise and background.
     reduced, edges : the image reduced, and what weak gradient elimination leaves of it.
     regions : where the target may be, the likeliest first. places : what the learned proposal says of them.
@@ -42,7 +43,7 @@ class Search:
     poses : of each region, its edges and the poses of each generator, before edges make hypotheses of them.
     aligned : hypotheses refined so far, best first.
     patch : the part of the image they were last scored on. selection : the best, and between what.
-    result : the best answer of all rounds so far.
+    result : the best answer of all rounds so far. smoothed : whether a filter or a file has hidden noise.
     """
 
     target: PreparedTarget
@@ -64,6 +65,8 @@ class Search:
     patch: Optional[ImagePatch] = None
     selection: Optional[Selection] = None
     result: Optional[PoseResult] = None
+    lamps: Optional[LearnedProposer] = None
+    smoothed: bool = False
 
     @property
     def selected(self) -> Selection:

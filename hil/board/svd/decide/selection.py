@@ -127,7 +127,7 @@ def select(
     ends : those that were refined to their ends, at least one.
     thorough : whether these come of many places and of all about the winner.
     """
-    best = max(ends, key=lambda e: e.score)
+    best = max(ends, key=lambda e: _merit(target, patch, e))
     pose, field = best.pose, best.source.field
     s = support(
         pose.q, pose.t, target.samples, target.occ, field, target.camera, target.spacing_m, alone=True
@@ -150,13 +150,26 @@ def select(
     for other in ends:
         if not same_end(other.pose, pose):
             margin = min(margin, best.score - other.score)
-    view = best.view
-    if view is None:
-        view = photo_draw(pose.q, pose.t, faces_of(target), patch, target.camera.pinhole, best.sun)
-    like, covered = likeness(view, patch)
+    like, covered = _likeness(target, patch, best)
     evidence = replace(image_evidence(target, best, s, margin), likeness=like, covered=covered)
     told = alternatives([(h.q, h.t, h.score) for h in ranked], pose.q, pose.t)
     return Selection(best, evidence, told, patch, tuple(ranked), tuple(ends), rival)
+
+
+def _likeness(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> Tuple[float, float]:
+    """How an end looks like the picture, see ``photometric.likeness``."""
+    view = end.view
+    if view is None:
+        view = photo_draw(end.q, end.t, faces_of(target), patch, target.camera.pinhole, end.sun)
+    return likeness(view, patch)
+
+
+def _merit(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> float:
+    """What ends are ranked by: the share of the picture that one explains, by how much it looks like it.
+
+    A drawing that covers what is bright explains much of it whatever is there; its likeness tells.
+    """
+    return end.score * max(_likeness(target, patch, end)[0], 0.0)
 
 
 def select_by_edges(target: PreparedTarget, found: List[Hypothesis], refined: List[Hypothesis]) -> Selection:

@@ -8,7 +8,7 @@ attitude in all.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import List, Sequence, Tuple
+from typing import List, Optional, Sequence, Tuple
 
 import cv2
 import numpy as np
@@ -48,6 +48,10 @@ TEXTURED_RINGS = ((0.87, 0.0, 1), (0.87, 0.09, 4), (1.0, 0.1, 5), (1.15, 0.0, 1)
 # was a right one in 70 of 72 frames before empty space, among 12 of 16 before a texture in 100 of 102 (seed 9702).
 HELD, TEXTURED_HELD = 20, 13
 
+# What is lit is not the target's alone where it is wider than a place of the learned proposal by this: of a target of
+# which most lies in shadow the network sees a half.
+ANOTHERS = 2.2
+
 # A reduced pixel is lit from so many sigma above empty space.
 LIT_SIGMA = 6.0
 
@@ -75,17 +79,26 @@ def learned_hypotheses(
     ]
 
 
-def crops_about_lit(target: PreparedTarget, frame: Observation, reduced: Array) -> List[ImageCrop]:
+def crops_about_lit(
+    target: PreparedTarget, frame: Observation, reduced: Array, proposal: Optional[LearnedProposal] = None
+) -> List[ImageCrop]:
     """Places and sizes at which the target's sphere holds all that is lit before empty space.
 
     Parameters
     ----------
-    reduced : (h, w) the picture reduced by ``REDUCTION``.
+    reduced : (h, w) the picture reduced by ``REDUCTION``. proposal : where light is the target's: what shines far from
+        there, a limb in a corner, is another thing's.
     """
     lit = np.argwhere(reduced > frame.background + LIT_SIGMA * frame.noise / REDUCTION)[:, ::-1]
     if len(lit) < 3:
         return []
     (x, y), radius = cv2.minEnclosingCircle(lit.astype(np.float32))
+    wide = radius if proposal is None else proposal.crop.diameter_px / REDUCTION
+    if proposal is not None and 2 * radius > ANOTHERS * wide:
+        u, v = target.camera.pixels(proposal.crop.direction) / REDUCTION
+        near = lit[np.hypot(lit[:, 0] - u, lit[:, 1] - v) < wide]
+        if len(near) >= 3:
+            (x, y), radius = cv2.minEnclosingCircle(near.astype(np.float32))
     half = 0.5 * (REDUCTION - 1)
     middle = REDUCTION * x + half, REDUCTION * y + half
     return _rings(target, middle, REDUCTION * (2 * radius + 1), LIT_RINGS)
@@ -129,7 +142,7 @@ def hypotheses_of_places(
     reduced : (h, w) the picture reduced by ``REDUCTION``.
     """
     empty = frame.background >= 0
-    crops = crops_about_lit(target, frame, reduced) if empty else crops_about(target, proposal)
+    crops = crops_about_lit(target, frame, reduced, proposal) if empty else crops_about(target, proposal)
     if not crops:
         return [], []
     held = HELD if empty else TEXTURED_HELD

@@ -29,6 +29,9 @@ from hil.board.svd.propose.learned.view_subspaces import QUARTERS, ViewSubspaces
 
 Array = np.ndarray
 
+# Folders of the weights trained in sunlight, and in that of lamps.
+WEIGHTS, LAMPS = "weights", "weights/lamps"
+
 # Diameter of the target's bounding sphere over the diagonal of a region; two of them for sources that often hold a
 # part.
 SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("saliency", "straight")
@@ -95,21 +98,26 @@ class LearnedProposal:
 
 
 @lru_cache(maxsize=4)
-def shipped_network(name: str) -> Optional[ProposalNetwork]:
-    """The network shipped for a target of this name, `None` if there is none."""
+def shipped_network(name: str, folder: str = WEIGHTS) -> Optional[ProposalNetwork]:
+    """The network shipped for a target of this name, `None` if there is none.
+
+    Parameters
+    ----------
+    folder : of the light that it was trained in, ``WEIGHTS`` or ``LAMPS``.
+    """
     if not name.replace("-", "").replace("_", "").isalnum():
         return None
     try:
         # a bundle is a zip file: its members are read through the importer
-        data = pkgutil.get_data("hil.board.svd.propose.learned", f"weights/{name}.npz")
+        data = pkgutil.get_data("hil.board.svd.propose.learned", f"{folder}/{name}.npz")
         return None if data is None else ProposalNetwork.read(io.BytesIO(data))
     except (OSError, ValueError, KeyError):
         return None
 
 
-def network_for(model: BoardModel) -> Optional[ProposalNetwork]:
+def network_for(model: BoardModel, folder: str = WEIGHTS) -> Optional[ProposalNetwork]:
     """The network trained for this model, `None` if there is none or the model has changed since."""
-    net = shipped_network(model.name)
+    net = shipped_network(model.name, folder)
     if net is None:
         return None
     away = np.linalg.norm(net.centre_m - model.centre_m) + abs(net.radius_m - model.radius_m)
@@ -127,9 +135,11 @@ class LearnedProposer:
     radius_m: float
 
     @staticmethod
-    def prepare(model: BoardModel, camera: CameraIntrinsics) -> Optional[LearnedProposer]:
+    def prepare(
+        model: BoardModel, camera: CameraIntrinsics, folder: str = WEIGHTS
+    ) -> Optional[LearnedProposer]:
         """`None` if there is no network for this model, or it has no faces."""
-        net = network_for(model)
+        net = network_for(model, folder)
         if net is None or model.faces is None:
             return None
         return LearnedProposer(
