@@ -45,7 +45,7 @@ from hil.evaluate.method_choice import board_model
 from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
 from simulator.dataset.card import read_card
 from simulator.dataset.formats.native import frame_paths, is_whole, read_png
-from simulator.labels.truth import read_truth
+from simulator.labels.imported import read_label_record
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
@@ -258,7 +258,7 @@ def main() -> None:
         if not is_whole(options.dataset, k):
             continue
         paths = frame_paths(options.dataset, k)
-        truth = read_truth(paths.truth)
+        truth = read_label_record(paths.truth)
         q = np.asarray(truth.q_camera_from_target_wxyz, float)
         t = np.asarray(truth.t_camera_from_target_m, float)
         row = stage_row(estimator, grey(read_png(paths.image)), q, t, k)
