@@ -45,7 +45,10 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import Float32Array, FloatArray
 
 # Share of samples in orbit, and of those of the laboratory with a texture behind.
-ORBIT_SHARE, LAB_EARTH_SHARE = 0.35, 0.4
+ORBIT_SHARE, LAB_EARTH_SHARE = 0.15, 0.35
+
+# Share of samples of the laboratory in which a lamp is mirrored in a whole side.
+VEILED = 0.12
 
 # Brightest signal that is kept [full scale].
 MOST = 12.0
@@ -158,6 +161,14 @@ def _in_laboratory(views: LitViews, k: int, rng: Generator) -> Float32Array:
     # a floor of light: what is in shadow is not quite black, with all surfaces alike
     floor = np.float32(rng.choice([0.0, 0.01, 0.04]) * float(signal.max()))
     signal = (signal + floor * (label > 0)) * np.exp(np.clip(field, -3, 3))
+    if rng.random() < VEILED:
+        # a lamp mirrored in a whole side, whatever its surfaces: from one edge across
+        angle, at, steep = rng.uniform(0, 2 * np.pi), rng.uniform(-0.6, 0.6), rng.uniform(2.0, 12.0)
+        away = np.cos(angle) * _X + np.sin(angle) * _Y - at
+        veil = 1.0 / (1.0 + np.exp(-steep * away))
+        signal = signal + np.float32(np.exp(rng.uniform(-1.5, 1.5)) * float(signal.max())) * veil * (
+            label > 0
+        )
     seen = signal[views.cover[k] > 128]
     if not len(seen):
         return signal

@@ -234,7 +234,8 @@ def _prior(s: Search) -> Optional[Prior]:
 
 def _fitted(s: Search) -> Evidence:
     """The evidence with what is known of the target's confidences."""
-    return replace(s.selected.evidence, tried=s.tried, looked=s.learned is not None)
+    lamps = s.lamps is not None and s.learned is s.lamps
+    return replace(s.selected.evidence, tried=s.tried, looked=s.learned is not None, lamps=lamps)
 
 
 # --- conditions
