@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 import hil
+from hil.board.svd.propose.learned.learned_proposal import KIN
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
 from simulator.targets.board_model.write import board_record
@@ -72,7 +73,7 @@ def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
         # pictures of stages are for people: no estimate asks for them
         if source.parent.name != "debug":
             yield f"hil/{source.relative_to(root).as_posix()}", source.read_bytes()
-    names = {target.name for target in targets}
+    names = {KIN.get(target.name, target.name) for target in targets}
     for kind in ("*.npz", "*.c", "*.h"):
         for data in (root / "board").rglob(kind):
             # a network is over a megabyte: only those of the crafts that go along

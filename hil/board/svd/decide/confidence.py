@@ -14,10 +14,13 @@ ACCEPT_AT = 0.93
 PICTURE_BIAS = -15.5
 PICTURE_WEIGHTS = (1.73, -0.45, 7.65, 3.69, 2.29, -0.55, -1.16, -0.66)
 
-# The same in the light of lamps, where the model is another craft's than the one that is seen, by millimetres and by its
-# paint: less of it is explained at the right pose (docs/validation/real.md).
-LAMPS_BIAS = -15.5
-LAMPS_WEIGHTS = PICTURE_WEIGHTS
+# The same in the light of lamps, where the craft that is seen is not quite the model, by millimetres and by its paint:
+# less of it is explained at the right pose (docs/validation/real.md).
+LAMPS_BIAS = -16.11
+LAMPS_WEIGHTS = (2.41, -1.29, 2.79, 10.82, 1.42, -0.77, -0.51, 0.31)
+
+# A craft of which more than this is burnt out shows nothing inside; what each further share takes off the logit.
+BURNT, BURNT_OFF = 0.3, 12.0
 
 # Margins of which one cannot say that they are any: by edges, and by the picture.
 LEAST_MARGIN, LEAST_PICTURE_MARGIN = 0.015, 0.005
@@ -27,7 +30,7 @@ LEAST_MARGIN, LEAST_PICTURE_MARGIN = 0.015, 0.005
 # be that much higher. Of 109 development poses of Soyuz, Tianzhou and the thesis's Tango with theirs (seed 9310) 13
 # were wrong, none of them accepted so; of 425 accepted poses of six crafts on unused frames 11 were
 # (docs/lab/2026-11-estimator.md).
-TRIED, UNTRIED_MARGIN, UNLOOKED = ("tango",), 0.1, 2.0
+TRIED, UNTRIED_MARGIN, UNLOOKED = ("tango", "tango-mockup"), 0.1, 2.0
 
 # An accepted pose is held against its near minima where confidence is below this. A small margin alone is a twin's,
 # which was followed to its end: of 57 frames of seeds 9701 and 9702 checked for that one came out elsewhere.
@@ -65,6 +68,7 @@ class Evidence:
     score : how well the drawn craft explains the picture, see photometric.photo_score; None where
         it was not judged so. likeness, covered : see photometric.photo_likeness.
     tried : whether confidences were fitted on pictures of this craft. looked : whether it has a learned proposal.
+    burnt : share of what the craft covers that is at the end of the scale.
     lamps : whether the picture is of a camera that adds a black level, as those of laboratories do.
     """
 
@@ -85,6 +89,7 @@ class Evidence:
     covered: float = 0.0
     tried: bool = True
     looked: bool = True
+    burnt: float = 0.0
     lamps: bool = False
 
 
@@ -136,6 +141,7 @@ def picture_confidence(e: Evidence, score: float) -> float:
         )
     )
     z -= 0.0 if e.looked else UNLOOKED
+    z -= BURNT_OFF * max(e.burnt - BURNT, 0.0) if e.lamps else 0.0
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
 
 
@@ -151,7 +157,7 @@ def error_scale(e: Evidence) -> float:
 
 def doubtful(e: Evidence) -> bool:
     """Whether a pose that may be accepted is to be held against its near minima first."""
-    return confidence(e) < SURE
+    return e.lamps or confidence(e) < SURE
 
 
 def least_margin(e: Evidence) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from hil.board.svd.decide.confidence import Evidence, least_margin
 from hil.board.svd.geometry.image_patch import ImagePatch
+from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.hypotheses.ambiguity import (
     Alternative,
     alternatives,
@@ -23,7 +24,7 @@ from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from hil.board.svd.refine.final import refine_to_end
-from hil.board.svd.refine.photometric import likeness, photo_draw
+from hil.board.svd.refine.photometric import burnt_share, likeness, photo_draw
 from hil.board.svd.refine.shadows import search_sun
 
 # How many are refined to the end, and with what share of the best score; and where a first round did not settle it.
@@ -151,17 +152,22 @@ def select(
         if not same_end(other.pose, pose):
             margin = min(margin, best.score - other.score)
     like, covered = _likeness(target, patch, best)
-    evidence = replace(image_evidence(target, best, s, margin), likeness=like, covered=covered)
+    burnt = burnt_share(_view(target, patch, best), patch)
+    evidence = replace(image_evidence(target, best, s, margin), likeness=like, covered=covered, burnt=burnt)
     told = alternatives([(h.q, h.t, h.score) for h in ranked], pose.q, pose.t)
     return Selection(best, evidence, told, patch, tuple(ranked), tuple(ends), rival)
 
 
+def _view(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> Shading:
+    """An end drawn on a patch, as it was if that is kept."""
+    if end.view is not None:
+        return end.view
+    return photo_draw(end.q, end.t, faces_of(target), patch, target.camera.pinhole, end.sun)
+
+
 def _likeness(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> Tuple[float, float]:
     """How an end looks like the picture, see ``photometric.likeness``."""
-    view = end.view
-    if view is None:
-        view = photo_draw(end.q, end.t, faces_of(target), patch, target.camera.pinhole, end.sun)
-    return likeness(view, patch)
+    return likeness(_view(target, patch, end), patch)
 
 
 def _merit(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> float:

@@ -13,7 +13,7 @@ from hil.board.svd.hypotheses.hypothesis import Hypothesis
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.image_patch import Box, cut_patch, target_box
 from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.propose.variants import near_symmetries, over_its_image, tilts
+from hil.board.svd.propose.variants import TILT_RAD, near_symmetries, over_its_image, tilts
 from hil.board.svd.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
 
 # How many are compared with the winner, and where those of a first round did not settle it.
@@ -84,9 +84,10 @@ def refine_tilts(
     held: Hypothesis,
     blurs: Tuple[float, ...],
     prunings: Tuple[Pruning, ...],
+    lean_rad: float = TILT_RAD,
 ) -> List[Hypothesis]:
     """Tilts of a pose, aligned with their shadows, the best first."""
-    about = [draw_shadows(target, patch, draw(target, patch, h)) for h in tilts(target, held)]
+    about = [draw_shadows(target, patch, draw(target, patch, h)) for h in tilts(target, held, lean_rad)]
     return refine_in_parallel(target, patch, about, blurs, prunings)
 
 

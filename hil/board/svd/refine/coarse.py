@@ -21,6 +21,9 @@ from hil.board.svd.refine.parallel import Pruning, draw, draw_shadows, refine_in
 # lost.
 ASKED, TEXTURED_ASKED, ALL_ASKED, LEADERS = 8, 16, 24, 4
 
+# Those refined in the light of lamps, where the proposal is less sure and the model less right.
+LAMPS_LEADERS = 7
+
 # So many of a region are drawn with shadows, of those that its own edges propose so many at all.
 LIT, LIT_OF_EDGES = 8, 8
 
@@ -71,7 +74,8 @@ def refine_coarsely(
         margin = PLACE_MARGIN if learned else MARGIN
         height, width = frame.image.shape
         textured = learned and frame.background < 0
-        first = TEXTURED_ASKED if textured else ASKED
+        lamps = learned and frame.black > 0
+        first = TEXTURED_ASKED if textured or lamps else ASKED
         own = own[: LIT_OF_EDGES if not learned else ALL_ASKED if thorough else first]
         longest, blurs = (TEXTURED_PX, TEXTURED_BLURS) if textured else (COARSE_PX, COARSE_BLURS)
         box = pinhole_box(target.camera, region.grown(margin, width, height))
@@ -84,7 +88,7 @@ def refine_coarsely(
         some = sorted((draw(target, patch, h, drawings) for h in own), key=_with_prior)
         if thorough:
             some = sorted((draw_shadows(target, patch, h, drawings) for h in some[:LIT]), key=_with_prior)
-        some = spread_in_attitude(some, LEADERS)
+        some = spread_in_attitude(some, LAMPS_LEADERS if lamps else LEADERS)
         if not thorough:
             some = [draw_shadows(target, patch, h, drawings) for h in some]
         refined += refine_in_parallel(target, patch, some, blurs, COARSE_PRUNINGS, drawings)

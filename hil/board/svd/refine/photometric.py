@@ -47,6 +47,9 @@ JOINT, JOINT_AT_END = 16, 40
 # Verification: blur against noise [patch px], and the residual beyond which more costs no more [noise].
 SCORE_BLUR_PX, BOUND = 0.8, 6.0
 
+# Share of the scale from which a pixel is burnt out, noise and all.
+BURNT_OUT = 0.94
+
 # Share of a pixel covered from which it counts where there is a texture behind.
 COVERED = 0.05
 
@@ -344,6 +347,12 @@ def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:
         return 0.0, 0.0
     covered = 1.0 - _bounded((gray - drawn) / noise) / max(_bounded(none), 1e-9)
     return float(np.corrcoef(gray, drawn)[0, 1]), covered
+
+
+def burnt_share(shading: Shading, patch: ImagePatch) -> float:
+    """Share of what a drawn craft covers that is at the end of the picture's scale."""
+    on = shading.centre > 0
+    return float((patch.gray[on] > BURNT_OUT * patch.full).mean()) if on.any() else 0.0
 
 
 def _bounded(e: Array, bound: float = BOUND**2) -> float:

@@ -29,6 +29,9 @@ from hil.board.svd.propose.learned.view_subspaces import QUARTERS, ViewSubspaces
 
 Array = np.ndarray
 
+# Crafts that have another's shape, in another paint: its network is theirs.
+KIN = {"tango-mockup": "tango"}
+
 # Folders of the weights trained in sunlight, and in that of lamps.
 WEIGHTS, LAMPS = "weights", "weights/lamps"
 
@@ -117,7 +120,7 @@ def shipped_network(name: str, folder: str = WEIGHTS) -> Optional[ProposalNetwor
 
 def network_for(model: BoardModel, folder: str = WEIGHTS) -> Optional[ProposalNetwork]:
     """The network trained for this model, `None` if there is none or the model has changed since."""
-    net = shipped_network(model.name, folder)
+    net = shipped_network(KIN.get(model.name, model.name), folder)
     if net is None:
         return None
     away = np.linalg.norm(net.centre_m - model.centre_m) + abs(net.radius_m - model.radius_m)
