@@ -14,7 +14,15 @@ import numpy as np
 
 from hil.board.svd.base import Estimator, PoseResult, decided
 from hil.board.svd.decide.axial_symmetry import check_axial_symmetry
-from hil.board.svd.decide.confidence import ACCEPT_AT, TRIED, Evidence, decide, doubtful, error_scale
+from hil.board.svd.decide.confidence import (
+    ACCEPT_AT,
+    TRIED,
+    Evidence,
+    confidence,
+    decide,
+    doubtful,
+    error_scale,
+)
 from hil.board.svd.decide.discrete_symmetry import Prior, check_discrete_symmetry
 from hil.board.svd.decide.near_minima import check_near_minima
 from hil.board.svd.decide.selection import select_by_edges, select_by_image
@@ -45,6 +53,9 @@ CORRELATED = 1.4
 
 # Black level from which a camera is one of a laboratory, over the noise: there the light is that of lamps.
 OFFSET = 2.0
+
+# Confidence from which a pose in the light of lamps is held against near leans, accepted or not.
+LIKELY = 0.5
 
 # Share of the frame's tiles with edges above which the background is not empty space.
 BUSY = 0.25
@@ -267,10 +278,15 @@ def untried_symmetric(s: Search) -> bool:
 
 
 def accepted_in_doubt(s: Search) -> bool:
-    """A first round would accept the pose, with a confidence that wrong ones have too."""
-    if not by_image(s) or s.thorough or decide(_fitted(s), s.accept_at):
+    """A first round would accept the pose, with a confidence that wrong ones have too; by lamps, nearly would."""
+    if not by_image(s) or s.thorough:
         return False
-    if not doubtful(s.selected.evidence):
+    evidence = _fitted(s)
+    if evidence.lamps:
+        asked = confidence(evidence) > LIKELY
+    else:
+        asked = not decide(evidence, s.accept_at) and doubtful(evidence)
+    if not asked:
         return False
     s.frame.count("checked", 1)
     return True

@@ -157,7 +157,7 @@ def error_scale(e: Evidence) -> float:
 
 def doubtful(e: Evidence) -> bool:
     """Whether a pose that may be accepted is to be held against its near minima first."""
-    return e.lamps or confidence(e) < SURE
+    return confidence(e) < SURE
 
 
 def least_margin(e: Evidence) -> float:
