@@ -159,7 +159,8 @@ def stage_row(
     )
     errors = [frame_errors(q, t, h.q, h.t)[2] for h in search.hypotheses]
     nearest = int(np.argmin(errors)) if errors else -1
-    region = Region(*(float(v) for v in box), "learned")
+    x0, y0, x1, y1 = (float(v) for v in box)
+    region = Region(x0, y0, x1, y1, "learned")
     height, width = image.shape
     field = edge_field(
         image,

@@ -252,6 +252,13 @@ def train(
     )
 
 
+def _sampler(folder: Path, first: int, last: int) -> Callable[[np.random.Generator, int], Batch]:
+    """What draws batches of a folder's views, of whichever module wrote them."""
+    if (folder / "lit.npy").exists():
+        return partial(sample_lit, LitViews.read(folder, first, last))
+    return partial(sample, Views.read(folder, first, last))
+
+
 def main() -> None:
     """Train, tell how it does on views that were kept back, write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
@@ -272,10 +279,8 @@ def main() -> None:
         parser.error(f"--start: no network is shipped for '{options.start}'")
     same = options.start == options.target
     n = options.views_used or len(np.load(options.views / "pose.npy", mmap_mode="r"))
-    lit = (options.views / "lit.npy").exists()
-    kind, pick = (LitViews, sample_lit) if lit else (Views, sample)
-    draw = partial(pick, kind.read(options.views, 0, n - n // 20))
-    held = pick(kind.read(options.views, n - n // 20, n), np.random.default_rng(1), 300)
+    draw = _sampler(options.views, 0, n - n // 20)
+    held = _sampler(options.views, n - n // 20, n)(np.random.default_rng(1), 300)
 
     def report(text: str, means: Tree) -> None:
         write(options.output, folded(means), options.target)

@@ -9,7 +9,7 @@ black level; specks, textures behind, parts hidden, blur and another tone curve.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -45,10 +45,7 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import Float32Array, FloatArray
 
 # Share of samples in orbit, and of those of the laboratory with a texture behind.
-ORBIT_SHARE, LAB_EARTH_SHARE = 0.15, 0.35
-
-# Share of samples of the laboratory in which a lamp is mirrored in a whole side.
-VEILED = 0.12
+ORBIT_SHARE, LAB_EARTH_SHARE = 0.35, 0.4
 
 # Brightest signal that is kept [full scale].
 MOST = 12.0
@@ -78,7 +75,7 @@ class LitViews:
     def read(folder: Path, first: int, last: int) -> LitViews:
         """Views ``first`` to ``last`` of a folder, all of its backgrounds."""
 
-        def part(name: str) -> NDArray[np.generic]:
+        def part(name: str) -> NDArray[Any]:
             return np.array(np.load(folder / f"{name}.npy", mmap_mode="r")[first:last])
 
         earths = [np.load(folder / "earths.npy").astype(np.float32)]
@@ -161,14 +158,6 @@ def _in_laboratory(views: LitViews, k: int, rng: Generator) -> Float32Array:
     # a floor of light: what is in shadow is not quite black, with all surfaces alike
     floor = np.float32(rng.choice([0.0, 0.01, 0.04]) * float(signal.max()))
     signal = (signal + floor * (label > 0)) * np.exp(np.clip(field, -3, 3))
-    if rng.random() < VEILED:
-        # a lamp mirrored in a whole side, whatever its surfaces: from one edge across
-        angle, at, steep = rng.uniform(0, 2 * np.pi), rng.uniform(-0.6, 0.6), rng.uniform(2.0, 12.0)
-        away = np.cos(angle) * _X + np.sin(angle) * _Y - at
-        veil = 1.0 / (1.0 + np.exp(-steep * away))
-        signal = signal + np.float32(np.exp(rng.uniform(-1.5, 1.5)) * float(signal.max())) * veil * (
-            label > 0
-        )
     seen = signal[views.cover[k] > 128]
     if not len(seen):
         return signal

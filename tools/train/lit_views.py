@@ -102,6 +102,8 @@ def main() -> None:
                     seen = surfaces(renderer, scene, target, layers=True)
                     there = np.isfinite(seen.depth_m)
                     cover[k] = np.rint(255 * there.reshape(VIEW_PX, f, VIEW_PX, f).mean(axis=(1, 3)))
+                    if seen.parts is None or seen.normals is None:
+                        raise RuntimeError("a label raster with layers has parts and normals")
                     label[k] = surface_labels(seen.parts, seen.normals)[::f, ::f] % 256
                 small = (signal * there).reshape(VIEW_PX, f, VIEW_PX, f).mean(axis=(1, 3))
                 top = max(float(small.max()), 1e-6)
