@@ -127,7 +127,7 @@ def capture(
     if as_json:
         reports = {member: _report(summary) for member, summary in summaries.items()}
         typer.echo(json.dumps(reports.get("", {"members": reports})))
-    if any(summary.quarantined for summary in summaries.values()):
+    if any(s.quarantined or (s.second and s.second.quarantined) for s in summaries.values()):
         raise typer.Exit(1)
 
 
@@ -141,6 +141,7 @@ def _report(summary: CaptureSummary) -> dict[str, Any]:
         "clipping": None if summary.clipping is None else asdict(summary.clipping),
         "redraws": summary.redraws,
         "damaged": list(summary.damaged),
+        "second": None if summary.second is None else _report(summary.second),
     }
 
 
@@ -155,6 +156,8 @@ def _tell_capture(summary: CaptureSummary) -> None:
         say(f"{count} poses drawn again for {name}")
     if summary.clipping is not None:
         _tell_clipping(summary.clipping)
+    if summary.second is not None:
+        _tell_capture(summary.second)
 
 
 def _some(frames: tuple[int, ...], most: int = 10) -> str:

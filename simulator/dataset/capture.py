@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -15,6 +15,8 @@ from simulator.dataset.exports import ExportSink
 from simulator.dataset.formats.registry import check_formats
 from simulator.dataset.resume import WhatIsThere, card_to_resume, look_at_frames
 from simulator.dataset.split import Ratio, lowest_terms
+from simulator.dataset.stereo import FOLDER as SECOND_FOLDER
+from simulator.dataset.stereo import second_plan, stereo_card
 from simulator.dataset.storage.space import frame_bytes, refuse_without_room
 from simulator.dataset.storage.store import FolderStore
 from simulator.dataset.writer import CheckAndEncode, DatasetWriter
@@ -25,40 +27,11 @@ from simulator.labels.truth import FlowLabel
 from simulator.loop import open_frames, run_frames
 from simulator.runtime.files import empty_folder
 from simulator.runtime.folder_lock import lock_name, only_writer
-from simulator.scenario.plan import FramePlan
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.scene.state import SceneState
-
-
-class CapturePlan(FramePlan, Protocol):
-    """What a capture needs: frames by number, each from the plan alone, and what the card says of them."""
-
-    @property
-    def scenario_name(self) -> str:
-        """Name of the scenario or recipe."""
-
-    @property
-    def scenario_document(self) -> dict[str, Any]:
-        """It in full, as JSON."""
-
-    @property
-    def every_s(self) -> float | None:
-        """Spacing, if it was given as one."""
-
-    @property
-    def seed(self) -> int:
-        """Seed of every random choice."""
-
-    @property
-    def camera(self) -> Camera:
-        """The camera."""
-
-    def next_scene(self, k: int) -> SceneState | None:
-        """What optical flow leads to from frame k, if there is such a thing."""
+    from simulator.dataset.capture_plan import CapturePlan
 
 
 @dataclass(frozen=True)
@@ -67,6 +40,7 @@ class CaptureSummary:
 
     ``redraws`` of these frames: how many poses were drawn again for which of the recipe's constraints.
     ``damaged``: frames that were there and were not what had been written, and so were drawn again.
+    ``second``: of the second camera's data set, where the plan has one.
     """
 
     folder: Path
@@ -77,6 +51,7 @@ class CaptureSummary:
     clipping: ClippingSummary | None = None
     redraws: dict[str, int] = dataclass_field(default_factory=dict)
     damaged: tuple[int, ...] = ()
+    second: CaptureSummary | None = None
 
 
 def capture(
@@ -95,7 +70,8 @@ def capture(
     """Take all frames of a plan into a data set.
 
     Each frame is checked before it is written; one whose labels disagree goes to ``quarantine/`` with its
-    reason and is never silently kept. An interrupted capture is valid as far as it went and goes on with
+    reason and is never silently kept. A plan with a second camera has its pictures in ``second/``, a data set of its
+    own whose frames have the same numbers. An interrupted capture is valid as far as it went and goes on with
     ``resume``, which verifies what is there, draws again what is damaged, and takes a plan of more frames.
 
     Parameters
@@ -114,6 +90,7 @@ def capture(
     """
     folder = Path(folder)
     labels = _possible(plan, labels)
+    other = second_plan(plan)
     for sentence in check_formats(formats, _card(plan, formats, labels, split)):
         tell(sentence)
     empty_folder(folder, resume=True)
@@ -122,7 +99,21 @@ def capture(
         if not resume and not store.is_empty():
             empty_folder(folder, resume=False)
         planned = _card(plan, formats, labels, split)
-        return _capture(plan, store, planned, workers, device_index, progress, resume=resume)
+        summary = _capture(plan, store, planned, workers, device_index, progress, resume=resume)
+        if other is None:
+            return summary
+        second = capture(
+            other,
+            folder / SECOND_FOLDER,
+            formats=formats,
+            labels=labels,
+            split=split,
+            resume=resume,
+            workers=workers,
+            device_index=device_index,
+            progress=progress,
+        )
+        return replace(summary, second=second)
 
 
 def _capture(
@@ -241,6 +232,7 @@ def _card(
             keypoints={k.name: k.position_m for k in plan.target.keypoints},
         ),
         machine=describe_machine("", "", ""),
+        stereo=stereo_card(plan),
     )
 
 

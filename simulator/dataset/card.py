@@ -66,6 +66,21 @@ class CardMachine(msgspec.Struct, frozen=True, kw_only=True):
     cpu: str
 
 
+class StereoCard(msgspec.Struct, frozen=True, kw_only=True):
+    """A pair's geometry, in the cards of both cameras: ``second/`` of the first one's folder is the second's data set.
+
+    Parameters
+    ----------
+    camera : whose pictures these are. position_m : of the second camera in the first's axes. turn_deg : rotation vector
+        by which the first's axes are turned into the second's. q_second_from_first_wxyz : the same as an attitude.
+    """
+
+    camera: Literal["first", "second"]
+    position_m: tuple[float, float, float]
+    turn_deg: tuple[float, float, float]
+    q_second_from_first_wxyz: tuple[float, float, float, float]
+
+
 class CardQuarantine(msgspec.Struct, frozen=True, kw_only=True):
     """A frame that is kept apart, in ``quarantine/``, and why."""
 
@@ -91,6 +106,7 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
     camera: Camera
     target: CardTarget
     machine: CardMachine
+    stereo: StereoCard | None = None
     conventions: dict[str, str] = msgspec.field(default_factory=lambda: dict(CONVENTIONS))
     record_fields: dict[str, str] = msgspec.field(default_factory=lambda: dict(RECORD_FIELDS))
     layout: str = (

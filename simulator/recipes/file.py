@@ -15,6 +15,7 @@ from simulator.scenario.scenario import Output, SensorSection
 from simulator.scene.environments import EnvironmentName, EnvironmentSection
 from simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
 from simulator.scene.illumination.lamp import Lamp
+from simulator.scene.second_camera import SecondCamera
 from simulator.world.ephemeris.bodies import BodyName
 
 Share = Annotated[float, Meta(ge=0, le=1)]
@@ -214,5 +215,6 @@ class Recipe(Section, frozen=True, kw_only=True):
     optics: OpticsSection = OpticsSection()
     environment: EnvironmentSection = EnvironmentSection()
     lamp: Lamp | None = None
+    second_camera: SecondCamera | None = None
     lights: Annotated[list[AreaLight], Meta(max_length=MOST_LIGHTS)] = msgspec.field(default_factory=list)
     output: Output = Output()

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from simulator.recipes.file import Background
     from simulator.recipes.sky import PlaceInSky
     from simulator.scene.sample import BackgroundView
+    from simulator.scene.second_camera import SecondCamera
 
 _SAMPLES, _VIEWS = 0x5CE2E, 0xBAC60
 """Streams of random numbers: of a sample, and of which view is behind it."""
@@ -72,6 +73,11 @@ class RecipePlan:
     def scenario_name(self) -> str:
         """Name of the recipe."""
         return self.recipe.name
+
+    @property
+    def second_camera(self) -> SecondCamera | None:
+        """A second camera of the same instants, if there is one."""
+        return self.recipe.second_camera
 
     @property
     def labels(self) -> tuple[str, ...]:

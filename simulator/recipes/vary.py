@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
     from simulator.recipes.plan import RecipePlan
     from simulator.scenario.plan import Plan
+    from simulator.scene.second_camera import SecondCamera
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
@@ -65,6 +66,11 @@ class VariedPlan:
         """It in full, with the ranges."""
         ranges = msgspec.json.decode(msgspec.json.encode(self.vary))
         return {**self.plan.scenario_document, "vary": ranges}
+
+    @property
+    def second_camera(self) -> SecondCamera | None:
+        """The plan's."""
+        return self.plan.second_camera
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from simulator.targets.model import Target
 
 if TYPE_CHECKING:
     from simulator.scenario.scenario import Scenario
+    from simulator.scene.second_camera import SecondCamera
     from simulator.world.flight.flight import Flight
     from simulator.world.flight.world_state import WorldState
 
@@ -77,6 +78,11 @@ class Plan:
     def scenario_name(self) -> str:
         """Name of the scenario."""
         return self.scenario.name
+
+    @property
+    def second_camera(self) -> SecondCamera | None:
+        """A second camera of the same instants, if there is one."""
+        return self.scenario.second_camera
 
     @property
     def labels(self) -> tuple[str, ...]:

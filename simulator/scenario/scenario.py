@@ -24,6 +24,7 @@ from simulator.scene.environments import EnvironmentSection
 from simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
 from simulator.scene.illumination.bands import Bands
 from simulator.scene.illumination.lamp import Lamp
+from simulator.scene.second_camera import SecondCamera
 from simulator.scene.state import Quality
 from simulator.world.attitude.target_attitude import Attitude
 from simulator.world.flight.recording import Replay
@@ -177,6 +178,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     optics: OpticsSection = OpticsSection()
     environment: EnvironmentSection = EnvironmentSection()
     lamp: Lamp | None = None
+    second_camera: SecondCamera | None = None
     lights: Annotated[list[AreaLight], Meta(max_length=MOST_LIGHTS)] = msgspec.field(default_factory=list)
     output: Output = Output()
     faults: Faults | None = None

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import itertools
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.dataset.card import DatasetCard, read_card
+from simulator.dataset.card import CARD_NAME, DatasetCard, read_card
 from simulator.dataset.check.clean_twin import check_clean
 from simulator.dataset.check.feasibility import check_silhouette_inside
 from simulator.dataset.check.geometry import check_box_3d, check_keypoints, check_visible_on_mask
@@ -29,6 +29,7 @@ from simulator.dataset.check.signal import check_states_by_signal, check_steps_b
 from simulator.dataset.check.wireframe import check_wireframe
 from simulator.dataset.formats.labelled_frame import SPLITS
 from simulator.dataset.formats.native import frame_paths, is_whole, read_layer, read_png
+from simulator.dataset.stereo import pair_faults, second_folder
 from simulator.errors import UserError
 from simulator.labels.boxes import mask_box
 from simulator.labels.feasible import infeasible_reason
@@ -85,7 +86,7 @@ def check_dataset(
     redraw: float = REDRAWN_SHARE,
     redraw_seed: int | None = None,
 ) -> CheckReport:
-    """Check every frame of a data set, and some images by drawing them again.
+    """Check every frame of a data set, and some images by drawing them again; of a stereo pair both cameras' sets.
 
     Parameters
     ----------
@@ -153,7 +154,21 @@ def check_dataset(
         faults += [Fault(k, what) for k, what in again.faults]
     if (folder / SPEED_FOLDER).is_dir():
         faults += _check_speed(folder, readable, card)
-    return CheckReport(len(frames), n_labels, tuple(faults), again.n_frames, again.reason, seed)
+    report = CheckReport(len(frames), n_labels, tuple(faults), again.n_frames, again.reason, seed)
+    faults += [Fault(k, what) for k, what in pair_faults(folder, card)]
+    other = second_folder(folder, card)
+    if other is None or not (other / CARD_NAME).is_file():
+        return replace(report, faults=tuple(faults))
+    second = check_dataset(other, progress, redraw=redraw, redraw_seed=seed)
+    faults += [Fault(fault.frame, f"second camera: {fault.what}") for fault in second.faults]
+    return CheckReport(
+        report.n_frames + second.n_frames,
+        report.n_labels + second.n_labels,
+        tuple(faults),
+        report.n_redrawn + second.n_redrawn,
+        report.not_redrawn or second.not_redrawn,
+        seed,
+    )
 
 
 def _check_flow_to(k: int, truth: Truth, previous: Truth | None) -> list[Fault]:

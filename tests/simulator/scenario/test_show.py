@@ -47,6 +47,7 @@ def test_sections_that_are_offered_have_the_types_of_the_file() -> None:
     for needs in (
         ("lamp",),
         ("lights",),
+        ("second_camera",),
         ("burns",),
         ("faults",),
         ("attitude", "point"),

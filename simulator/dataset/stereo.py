@@ -1,0 +1,149 @@
+"""Stereo pairs: the second camera's pictures of a plan, a data set of their own in a folder of the first one's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.dataset.card import CARD_NAME, StereoCard
+from simulator.dataset.formats.native import frame_paths, is_whole
+from simulator.errors import UserError
+from simulator.labels.truth import read_truth
+from simulator.scene.second_camera import SECOND_SEED, SecondCamera, seen_by_second
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.dataset.capture_plan import CapturePlan
+    from simulator.dataset.card import DatasetCard
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+FOLDER = "second"
+
+# Poses of one frame agree as numbers do [m, 1].
+SAME = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SecondCameraPlan:
+    """The frames of a plan as its second camera sees them."""
+
+    plan: CapturePlan
+    second: SecondCamera
+
+    @property
+    def scenario_name(self) -> str:
+        """Name of the scenario or recipe."""
+        return self.plan.scenario_name
+
+    @property
+    def scenario_document(self) -> dict[str, Any]:
+        """It in full, as JSON."""
+        return self.plan.scenario_document
+
+    @property
+    def every_s(self) -> float | None:
+        """Spacing, if it was given as one."""
+        return self.plan.every_s
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return self.plan.n_frames
+
+    @property
+    def seed(self) -> int:
+        """Seed of every random choice of the picture."""
+        return self.plan.seed + SECOND_SEED
+
+    @property
+    def camera(self) -> Camera:
+        """The camera, of the same kind as the first."""
+        return self.plan.camera
+
+    @property
+    def target(self) -> Target:
+        """The model that is drawn."""
+        return self.plan.target
+
+    @property
+    def second_camera(self) -> SecondCamera | None:
+        """None: there is no third."""
+        return None
+
+    def scene(self, k: int) -> SceneState:
+        """Frame k."""
+        return seen_by_second(self.plan.scene(k), self.second)
+
+    def next_scene(self, k: int) -> SceneState | None:
+        """The scene after frame k's, if there is such a thing."""
+        following = self.plan.next_scene(k)
+        return None if following is None else seen_by_second(following, self.second)
+
+
+def second_plan(plan: CapturePlan) -> SecondCameraPlan | None:
+    """What a plan's second camera sees; None without one.
+
+    Raises
+    ------
+    UserError
+        If a light of it is fixed to the first camera.
+    """
+    if plan.second_camera is None:
+        return None
+    second = SecondCameraPlan(plan, plan.second_camera)
+    second.scene(0)  # what is impossible is said before anything is written
+    return second
+
+
+def stereo_card(plan: CapturePlan) -> StereoCard | None:
+    """What the card of one of the two says of the pair."""
+    if isinstance(plan, SecondCameraPlan):
+        return _card("second", plan.second)
+    return None if plan.second_camera is None else _card("first", plan.second_camera)
+
+
+def _card(which: str, second: SecondCamera) -> StereoCard:
+    return StereoCard(
+        camera="second" if which == "second" else "first",
+        position_m=second.position_m,
+        turn_deg=second.turn_deg,
+        q_second_from_first_wxyz=second.q_second_from_first_wxyz,
+    )
+
+
+def second_folder(folder: Path, card: DatasetCard) -> Path | None:
+    """Where the second camera's data set of a first one's lies, whether it is there or not."""
+    return folder / FOLDER if card.stereo is not None and card.stereo.camera == "first" else None
+
+
+def pair_faults(folder: Path, card: DatasetCard) -> Iterator[tuple[int | None, str]]:
+    """What of the two cameras' records does not belong together, by frame; each set is checked for itself besides."""
+    place = second_folder(folder, card)
+    if place is None or card.stereo is None:
+        return
+    if not (place / CARD_NAME).is_file():
+        yield None, f"{place} is missing: the second camera's data set"
+        return
+    second = SecondCamera(position_m=card.stereo.position_m, turn_deg=card.stereo.turn_deg)
+    for k in range(card.n_frames):
+        if not (is_whole(folder, k) and is_whole(place, k)):
+            if is_whole(folder, k) != is_whole(place, k):
+                yield k, "only one of the two cameras has it"
+            continue
+        try:
+            a, b = (read_truth(frame_paths(where, k).truth) for where in (folder, place))
+        except UserError as error:
+            yield k, str(error)
+            continue
+        q, t = second.pose(a.q_camera_from_target_wxyz, a.t_camera_from_target_m)
+        if a.epoch_utc != b.epoch_utc or a.exposure_s != b.exposure_s:
+            yield k, "the two cameras' pictures are not of one instant"
+        apart = np.abs(np.subtract(t, b.t_camera_from_target_m)).max()
+        if abs(abs(np.dot(q, b.q_camera_from_target_wxyz)) - 1) > SAME or apart > SAME:
+            yield k, f"the target's poses in the two cameras differ from the pair's geometry by {apart:.3g} m"

@@ -1,0 +1,97 @@
+"""A second camera of the same instant, by its pose in the first one: stereo pairs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.runtime.arrays import Quat, quat, vec3
+from simulator.runtime.sections import MetresXyz, Section
+from simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+)
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray
+    from simulator.scene.state import SceneState
+
+SECOND_SEED = 1_000_003
+"""Added to the seed: what is random in the second picture, its noise above all, is not the first one's."""
+
+
+class SecondCamera(Section, frozen=True, kw_only=True):
+    """With this section a second camera of the same kind takes every picture, too, in the same instant.
+
+    ``position_m`` is its place right of, below and before the first; ``turn_deg`` the rotation vector, in the first
+    one's axes, by which they are turned into its own.
+    """
+
+    position_m: MetresXyz
+    turn_deg: tuple[
+        Annotated[float, msgspec.Meta(ge=-180, le=180)],
+        Annotated[float, msgspec.Meta(ge=-180, le=180)],
+        Annotated[float, msgspec.Meta(ge=-180, le=180)],
+    ] = (0.0, 0.0, 0.0)
+
+    @property
+    def q_second_from_first_wxyz(self) -> Quat:
+        """Attitude of the first camera's axes in the second's."""
+        return quat(quat_conjugate(quat_from_rotvec(np.radians(self.turn_deg))))
+
+    def pose(self, q_wxyz: Quat, t_m: tuple[float, float, float]) -> tuple[Quat, tuple[float, float, float]]:
+        """A target's pose in the second camera, of that in the first."""
+        q = np.asarray(self.q_second_from_first_wxyz)
+        turned = quat_multiply(q, np.asarray(q_wxyz))
+        t = matrix_from_quat(q) @ (np.asarray(t_m) - np.asarray(self.position_m))
+        # one sign for one attitude, so that labels compare as text
+        return quat(turned if turned[0] >= 0 else -turned), vec3(t)
+
+
+def seen_by_second(scene: SceneState, second: SecondCamera) -> SceneState:
+    """The same instant as the second camera sees it.
+
+    Raises
+    ------
+    UserError
+        If a light is fixed to the first camera's axes, and the second cannot say where it is.
+    """
+    q = np.asarray(second.q_second_from_first_wxyz)
+    R = matrix_from_quat(q)
+    at, turned = np.asarray(second.position_m), any(second.turn_deg)
+    lamp = scene.lamp
+    if lamp is not None:
+        if turned:
+            raise UserError(
+                "the lamp shines along the first camera's boresight, and [second_camera] is turned by "
+                f"{list(second.turn_deg)}: set turn_deg = [0, 0, 0], or leave the lamp out"
+            )
+        lamp = msgspec.structs.replace(lamp, offset_m=vec3(np.asarray(lamp.offset_m) - at))
+    if any(light.frame != "target" for light in scene.area_lights):
+        raise UserError(
+            'area lights fixed to the camera cannot be told to a second one: set frame = "target" in [[lights]], or '
+            "leave [second_camera] out"
+        )
+    R_eci_from_first = matrix_from_quat(scene.q_camera_from_eci_wxyz).T
+    arm: FloatArray = R_eci_from_first @ at
+    rate: FloatArray = R_eci_from_first @ np.cross(scene.omega_camera_rad_s, at)
+    q_target, t_target = second.pose(scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m)
+    return replace(
+        scene,
+        seed=scene.seed + SECOND_SEED,
+        lamp=lamp,
+        q_camera_from_target_wxyz=q_target,
+        t_camera_from_target_m=t_target,
+        # of a point that moves by itself, the fixed offset has no part in its velocity in the camera's axes
+        v_target_camera_m_s=vec3(R @ np.asarray(scene.v_target_camera_m_s)),
+        r_camera_eci_m=vec3(np.asarray(scene.r_camera_eci_m) + arm),
+        v_camera_eci_m_s=vec3(np.asarray(scene.v_camera_eci_m_s) + rate),
+        q_camera_from_eci_wxyz=quat(quat_multiply(q, np.asarray(scene.q_camera_from_eci_wxyz))),
+        omega_camera_rad_s=vec3(R @ np.asarray(scene.omega_camera_rad_s)),
+    )
