@@ -10,7 +10,7 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.runtime.arrays import Quat, quat, vec3
-from simulator.runtime.sections import MetresXyz, Section
+from simulator.runtime.sections import Section
 from simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
@@ -21,6 +21,9 @@ from simulator.world.frames.rotation import (
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import SceneState
+
+_Offset = Annotated[float, msgspec.Meta(ge=-1000, le=1000)]
+_Turn = Annotated[float, msgspec.Meta(ge=-180, le=180)]
 
 SECOND_SEED = 1_000_003
 """Added to the seed: what is random in the second picture, its noise above all, is not the first one's."""
@@ -33,12 +36,8 @@ class SecondCamera(Section, frozen=True, kw_only=True):
     one's axes, by which they are turned into its own.
     """
 
-    position_m: MetresXyz
-    turn_deg: tuple[
-        Annotated[float, msgspec.Meta(ge=-180, le=180)],
-        Annotated[float, msgspec.Meta(ge=-180, le=180)],
-        Annotated[float, msgspec.Meta(ge=-180, le=180)],
-    ] = (0.0, 0.0, 0.0)
+    position_m: tuple[_Offset, _Offset, _Offset]
+    turn_deg: tuple[_Turn, _Turn, _Turn] = (0.0, 0.0, 0.0)
 
     @property
     def q_second_from_first_wxyz(self) -> Quat:
