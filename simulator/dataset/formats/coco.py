@@ -19,6 +19,7 @@ import numpy as np
 
 from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output
 from simulator.dataset.formats.speed_writer import json_bytes
+from simulator.labels.boxes import craft_window
 from simulator.labels.part_classes import PART_CLASSES
 
 if TYPE_CHECKING:
@@ -53,18 +54,27 @@ def keypoint_triples(frame: LabelledFrame) -> list[tuple[float, float, int]]:
 
 def run_lengths(mask: NDArray[Any]) -> dict[str, Any]:
     """COCO's uncompressed run lengths of a mask (H, W), column by column, zeros first."""
-    flat = (mask > 0).T.ravel()
-    starts = np.flatnonzero(np.diff(flat)) + 1
-    edges = np.concatenate([[0], starts, [flat.size]])
-    counts = np.diff(edges).tolist()
-    return {"size": list(mask.shape), "counts": [0, *counts] if flat.size and flat[0] else counts}
+    height, width = mask.shape
+    _, columns = craft_window(mask)
+    flat = (mask[:, columns] > 0).T.ravel()  # columns without any of it are part of the first and last run
+    starts = np.flatnonzero(np.diff(flat, prepend=False)) + columns.start * height
+    counts = np.diff(np.concatenate([[0], starts, [width * height]])).tolist()
+    if flat.size and flat[-1] and columns.stop < width:
+        on = (columns.stop * height) - int(starts[-1])
+        counts[-1:] = [on, counts[-1] - on]
+    return {"size": [height, width], "counts": counts}
 
 
 def polygons(mask: ByteArray) -> list[list[float]]:
     """Outlines of a mask's pieces, x y at pixel corners, a quarter pixel within their border; holes are filled."""
-    twice = np.repeat(np.repeat((mask > 0).astype(np.uint8), 2, axis=0), 2, axis=1)
+    rows, columns = craft_window(mask)
+    part = (mask[rows, columns] > 0).astype(np.uint8)
+    if not part.size:
+        return []
+    twice = np.repeat(np.repeat(part, 2, axis=0), 2, axis=1)
+    first = (columns.start, rows.start)
     outlines, _ = cv2.findContours(twice, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    return [((o.reshape(-1) + 0.5) / 2).tolist() for o in outlines if len(o) >= 3]
+    return [((o.reshape(-1, 2) + 0.5) / 2 + first).ravel().tolist() for o in outlines if len(o) >= 3]
 
 
 def box_xywh(box: tuple[float, float, float, float]) -> list[float]:

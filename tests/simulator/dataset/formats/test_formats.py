@@ -160,6 +160,47 @@ def decoded(runs):
     return np.array(flat).reshape(runs["size"][::-1]).T
 
 
+@pytest.mark.parametrize("where", [(0, 0), (3, 2), (7, 5), (4, 0), (0, 3)])
+def test_run_lengths_of_any_place(where):
+    """Also where the mask begins with the first pixel, ends with the last, or fills whole columns."""
+    from simulator.dataset.formats.coco import polygons, run_lengths
+
+    mask = np.zeros((6, 9), np.uint8)
+    x, y = where
+    mask[y : y + 2, x : x + 3] = 255
+    assert (decoded(run_lengths(mask)) == (mask > 0)).all()
+    mask[:, x] = 1
+    assert (decoded(run_lengths(mask)) == (mask > 0)).all()
+    assert sum(run_lengths(mask)["counts"]) == mask.size
+    assert len(polygons(mask)) == 1
+    assert run_lengths(mask * 0) == {"size": [6, 9], "counts": [54]}
+    assert polygons(mask * 0) == []
+    assert (decoded(run_lengths(mask * 0 + 1)) == 1).all()
+
+
+def _frame(image, tmp_path):
+    """A labelled frame of an image of our own."""
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from simulator.dataset.formats.native import encode_png
+
+    return LabelledFrame(7, {"png": encode_png(image)}.__getitem__)
+
+
+def test_speed_keeps_colour_and_more_than_8_bits(tmp_path):
+    from simulator.dataset.formats.speed_writer import picture_file
+
+    image = np.zeros((40, 60, 3), np.uint8)
+    image[10:30, 20:40] = (200, 40, 90)
+    ending, data = picture_file(_frame(image, tmp_path))
+    assert ending == "jpg"
+    seen = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)[20, 30, ::-1]
+    np.testing.assert_allclose(seen, (200, 40, 90), atol=12)
+    deep = np.full((40, 60), 3000, np.uint16)
+    ending, data = picture_file(_frame(deep, tmp_path))
+    assert ending == "png"
+    assert (cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) == deep).all()
+
+
 def test_coco(everything, frames):
     """https://cocodataset.org/#format-data and #format-results."""
     root = everything / "coco"
