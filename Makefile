@@ -72,6 +72,7 @@ docs: $(STAMP) system
 	$(BIN)/python -m tools.docs.pictures
 	$(BIN)/python -m tools.docs.gallery
 	$(BIN)/python -m tools.docs.camera_pictures
+	$(BIN)/python -m tools.docs.coco_picture
 
 # The documents as a site, every link checked: out/site/index.html.
 docs-site: $(STAMP)

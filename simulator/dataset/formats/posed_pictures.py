@@ -154,7 +154,7 @@ def checked_pose(q_wxyz: Any, t_m: Any, where: str) -> Pose:  # noqa: ANN401 - v
     for what, values, count in (("quaternion", q_wxyz, 4), ("position", t_m, 3)):
         try:
             row = [float(v) for v in values]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             row = []
         if len(row) != count or not all(math.isfinite(v) for v in row):
             raise UserError(f"{where}: the {what} is {str(values)[:80]}, {count} finite numbers are needed")

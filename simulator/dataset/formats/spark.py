@@ -101,6 +101,8 @@ def _plain(name: str) -> bool:
 
 
 def _is_spark(path: Path) -> bool:
+    if not path.is_file():  # a pipe would wait
+        return False
     with path.open("rb") as file:
         head = file.readline(1000)
     return {b"filename", b"Tx", b"Qw"} <= {cell.strip() for cell in head.lstrip(b"\xef\xbb\xbf").split(b",")}

@@ -129,6 +129,11 @@ def test_what_is_wrong_in_a_foreign_set_is_told_and_nothing_is_written(lightbox,
     assert "has no poses (the public test lists have none)" in told([{"filename": "img000001.jpg"}])
     assert "entry 2 has no q_vbs2tango_true" in told([rows[0], {"filename": "img000002.jpg"}])
     assert "4 finite numbers" in told([rows[0] | {"q_vbs2tango_true": [1, 0, 0]}])
+    assert "finite numbers" in told([rows[0] | {"r_Vo2To_vbs_true": [0, 0, 10**400]}])
+    assert "finite numbers" in told([rows[0] | {"r_Vo2To_vbs_true": {"x": 1}}])
+    assert "file name is needed" in told([rows[0] | {"filename": 7}])
+    labels.write_text("[" * 100_000)
+    assert "nests more than 64 brackets" in told()
     assert "length is 2" in told([rows[0] | {"q_vbs2tango_true": [2, 0, 0, 0]}])
     assert "not before the camera" in told([rows[0] | {"r_Vo2To_vbs_true": [0, 0, -5]}])
     assert "is not in" in told([rows[0] | {"filename": "none.jpg"}])
@@ -190,3 +195,37 @@ def test_what_lies_outside_is_counted():
     behind = silhouette(camera, Pose.of("camera", "target", (1, 0, 0, 0), (0, 0, 0.01)), target)
     assert behind.box_amodal_px is None
     assert not behind.mask.any()
+
+
+def test_spark_and_urso_lists_of_others(tmp_path, capsys):
+    """What is wrong in a CSV is told with its line; a pipe is not waited for."""
+    import os
+
+    out = tmp_path / "out"
+    folder = tmp_path / "spark"
+    folder.mkdir()
+    os.mkfifo(folder / "a.csv")
+    path = folder / "train.csv"
+    head = "sequence,filename,Tx,Ty,Tz,Qx,Qy,Qz,Qw\n"
+
+    def told(text, *options):
+        path.write_text(text)
+        assert run(["convert", str(folder), "-o", str(out), *options]) == 2
+        assert not out.exists()
+        return capsys.readouterr().err
+
+    assert "train.csv line 2: the position is" in told(head + "1,a.png,0,zero,5,0,0,0,1\n")
+    assert "lists no picture" in told(head)
+    assert "names a.png, which is not in" in told(head + "../x,a.png,0,0,5,0,0,0,1\n")
+    cv2.imwrite(str(folder / "a.png"), np.zeros((30, 48), np.uint8))
+    assert "does not say what craft it shows; name it with --target" in told(head + "1,a.png,0,0,5,0,0,0,1\n")
+    row = head + "1,a.png,0,0,5,0,0,0,1\n"
+    assert "no camera.json; name the camera" in told(row, "--target", "tango@low")
+    path.unlink()
+    (folder / "train_poses_gt.csv").write_text("x,y,z,q1,q2,q3\n")
+    assert run(["convert", str(folder), "-o", str(out)]) == 2
+    assert "lacks the column q4" in capsys.readouterr().err
+    (folder / "train_poses_gt.csv").write_text("x,y,z,q1,q2,q3,q4\n5,0,0,0,0,0,1\n")
+    (folder / "train_images.csv").write_text("a.png\nb.png\n")
+    assert run(["convert", str(folder), "-o", str(out)]) == 2
+    assert "has 1 poses and train_images.csv 2 pictures" in capsys.readouterr().err
