@@ -94,9 +94,19 @@ def audit(
         raise typer.Exit(1)
 
 
-app = typer.Typer(
-    name="hil", help="Hardware in the loop: host, board, reports, campaigns.", no_args_is_help=True
-)
+HELP = """\
+Hardware in the loop: a flight's pictures go to a board, and its poses come back.
+
+The closed loop, which flies on these poses: hil host SCENARIO --closed-loop; how far ahead its filter sees: hil forecast.
+
+Many runs against requirements: hil campaign. The delay map of an approach: hil delay-map.
+
+The camera endpoint, for software that grabs from real cameras: hil camera.
+
+The emulated board, which needs no desk: make board-qemu, where the source code is (docs/hil_boards.md).
+"""
+
+app = typer.Typer(name="hil", help=HELP, no_args_is_help=True)
 app.command()(host)
 app.command()(board)
 app.command()(camera)

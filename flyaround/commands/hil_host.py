@@ -196,7 +196,7 @@ def host(
     gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
-    """Stream a flight to a board and keep the ledger of every frame; exit 1 where the board left for good.
+    """Stream a flight to a board, or fly on its poses (--closed-loop); exit 1 where the board left for good.
 
     It listens on tcp://127.0.0.1:5600, or where --listen says: another TCP address and port, or a serial line such as
     serial:///dev/ttyUSB0?baud=921600 (its baud rate is 115200 unless given).

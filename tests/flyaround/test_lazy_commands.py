@@ -21,6 +21,12 @@ def test_help_names_every_command_and_each_is_there() -> None:
     assert CliRunner().invoke(app, ["hil", "board", "--help"]).exit_code == 0
 
 
+def test_the_help_of_the_loop_names_its_parts() -> None:
+    page = " ".join(CliRunner().invoke(app, ["hil", "--help"]).output.split())
+    for part in ("closed loop", "hil campaign", "delay map", "camera endpoint", "make board-qemu"):
+        assert part in page
+
+
 def test_a_misspelt_command_is_answered_with_the_nearest() -> None:
     result = CliRunner().invoke(app, ["rendr"])
     assert result.exit_code == 2
