@@ -97,7 +97,7 @@ def audit(
 HELP = """\
 Hardware in the loop: a flight's pictures go to a board, and its poses come back.
 
-The closed loop, which flies on these poses: hil host SCENARIO --closed-loop; how far ahead its filter sees: hil forecast.
+The closed loop, which flies on these poses: hil host SCENARIO --closed-loop. How far ahead it sees: hil forecast.
 
 Many runs against requirements: hil campaign. The delay map of an approach: hil delay-map.
 

@@ -42,6 +42,7 @@ from hil.board.svd.refine.close import refine_close_up
 from hil.board.svd.refine.coarse import refine_coarsely, refine_many_scales
 from hil.board.svd.refine.edge_hypotheses import refine_by_edges
 from hil.board.svd.refine.final_edges import refine_on_edges
+from hil.board.svd.refine.settling import settle
 from hil.board.svd.refine.synthetic_view import draw_at
 from hil.board.svd.stages import Round, Search, Stage, run
 
@@ -222,6 +223,13 @@ def tilt(s: Search) -> None:
     s.selection = after.no_clearer(evidence)
 
 
+def settle_pose(s: Search) -> None:
+    """The last steps of the selected pose; what it was chosen by stays as it is."""
+    selection = s.selected
+    pose = settle(s.target, s.frame, selection.close, selection.best)
+    s.selection = replace(selection, best=replace(selection.best, pose=pose))
+
+
 def accept_or_decline(s: Search) -> None:
     """Confidence and the acceptance test; the surest answer of all rounds stands."""
     selection, frame = s.selected, s.frame
@@ -345,7 +353,10 @@ CHECKS = (
     Stage("near_minima", tilt, when=accepted_in_doubt),
 )
 
-DECIDE = (Stage("decision", accept_or_decline),)
+DECIDE = (
+    Stage("settling", settle_pose, when=by_image),
+    Stage("decision", accept_or_decline),
+)
 
 
 class PoseEstimator(Estimator):
