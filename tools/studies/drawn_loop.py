@@ -167,7 +167,7 @@ def main() -> None:
                 print(
                     f"{path.stem}: {result.outcome} {result.reason} at {1e3 * result.final_error_m:.1f} mm, "
                     f"{result.final_error_deg:.2f} deg; {sum(a[0] for a in drawn.answers)} of {len(drawn.looks)}; "
-                    f"NEES {nees.mean():.1f}; {time.monotonic() - since:.0f} s",
+                    f"NEES {nees.mean() if len(nees) else np.nan:.1f}; {time.monotonic() - since:.0f} s",
                     flush=True,
                 )
 
