@@ -10,7 +10,7 @@ from simulator.dataset.formats.base import FolderOutput, Output
 from simulator.dataset.formats.exr import MOST_BYTES
 from simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files
 from simulator.dataset.formats.registry import NATIVE, find_format
-from simulator.dataset.split import SPLIT_NAME, Ratio, SplitAssigner, split_file
+from simulator.dataset.split import SPLIT_NAME, Ratio, SplitAssigner, read_split, split_file
 from simulator.dataset.storage.store import FolderStore
 from simulator.errors import UserError
 
@@ -55,7 +55,7 @@ class FrameExports:
 
     def __init__(self, store: Store, card: DatasetCard, ratio: Ratio | None) -> None:
         self._root = output_of(store)
-        self._assigner = None if ratio is None else SplitAssigner(ratio)
+        self._assigner = None if ratio is None else SplitAssigner(ratio, _first_split(store, card))
         names = [name for name in card.formats if name != NATIVE]
         self._writers = [find_format(name).open_writer(output_of(store, name), card) for name in names]
 
@@ -74,6 +74,13 @@ class FrameExports:
             writer.finish()
         if self._assigner is not None:
             self._root.write(SPLIT_NAME, split_file(self._assigner))
+
+
+def _first_split(store: Store, card: DatasetCard) -> dict[int, str]:
+    """For a second camera the splits of the first one's frames: the two of a pair are not parted."""
+    if card.stereo is None or card.stereo.camera != "second" or not isinstance(store, FolderStore):
+        return {}
+    return read_split(store.folder.parent)
 
 
 class ExportSink:

@@ -57,10 +57,14 @@ class SplitAssigner:
     A frame's split depends on the frames before it alone, so that a larger data set keeps it. Frames that show one
     moment or one flight (pairs, sequences) go together. Within each stratum of range and over all of them the shares
     come as near to the ratio as they can; every ten times the ratio's sum they are exact.
+
+    Parameters
+    ----------
+    given : splits of frames that are settled already.
     """
 
-    def __init__(self, ratio: Ratio) -> None:
-        self.ratio = ratio
+    def __init__(self, ratio: Ratio, given: dict[int, str] | None = None) -> None:
+        self.ratio, self._given = ratio, given or {}
         total = sum(ratio)
         self._shares = [part / total for part in ratio]
         self._left = [0, 0, 0]
@@ -72,6 +76,10 @@ class SplitAssigner:
 
     def assign(self, frame: LabelledFrame) -> str:
         """The split of the next frame."""
+        if frame.number in self._given:
+            name = self._given[frame.number]
+            self.numbers[name].append(frame.number)
+            return name
         group = group_of(frame)
         if group not in self._groups:
             self._groups[group] = self._choose(math.floor(math.log2(frame.range_m) * STRATA_PER_OCTAVE))

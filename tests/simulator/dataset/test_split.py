@@ -62,6 +62,12 @@ def test_pairs_and_sequences_stay_together():
     assert [len(v) for v in split.numbers.values()] == [50, 50, 0]
 
 
+def test_what_is_settled_stays():
+    split = SplitAssigner((1, 1, 0), {0: "test", 2: "train"})
+    assert [split.assign(frame(k, 5.0)) for k in (0, 2)] == ["test", "train"]
+    assert split.numbers == {"train": [2], "validation": [], "test": [0]}
+
+
 def test_parse():
     assert parse_split("80:10:10") == (8, 1, 1)
     assert parse_split("1:0:1") == (1, 0, 1)

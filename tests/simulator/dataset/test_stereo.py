@@ -50,9 +50,11 @@ turn_deg = [0.5, -3.0, 1.0]
 def pairs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stereo")
     (folder / "pair.toml").write_text(RECIPE)
-    summary = capture(plan_recipe(folder / "pair.toml", 2, seed=5), folder / "set")
+    summary = capture(plan_recipe(folder / "pair.toml", 2, seed=5), folder / "set", split=(1, 1, 0))
     assert summary.second is not None
     assert (summary.n_written, summary.second.n_written) == (2, 2)
+    # the two of a pair are of one split
+    assert (folder / "set/split.json").read_bytes() == (folder / "set/second/split.json").read_bytes()
     return folder / "set"
 
 
