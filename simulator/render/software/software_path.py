@@ -8,8 +8,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
-import numpy as np
-
 from simulator.render.drawing import earth_frame
 from simulator.render.earth.earth_pass import ice_day
 from simulator.render.frame_graph import Pass, Resource
@@ -19,33 +17,20 @@ from simulator.render.frame_resources import (
     EARTH,
     EARTH_PASS,
     EARTH_TILES,
-    MODEL,
     MOON,
     PICTURE,
     RADIANCE,
-    SAMPLES,
     SCENE,
-    SHADOW,
     STARLIGHT,
     TARGET,
-    TARGET_LIGHT,
-    TARGET_TILES,
 )
 from simulator.render.projection import PixelRect
 from simulator.render.software.coverage_mask import target_tiles
 from simulator.render.software.flat_varyings import rewriter
 from simulator.render.software.quad_packing import QuadPackingPass, worth_packing
 from simulator.render.software.smooth_earth import CornerAir, SmoothEarthPass
-from simulator.render.software.smooth_shading import (
-    SmoothShadingPass,
-    SmoothTiles,
-    is_curved,
-    is_smooth,
-    split_tiles,
-)
 from simulator.render.software.tiles import earth_tiles
 from simulator.render.target.visible_triangles import CulledVertexArray
-from simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,11 +39,7 @@ if TYPE_CHECKING:
     from simulator.render.frame_graph import PassResources
     from simulator.render.target.viewport_fit import ViewportFit
     from simulator.runtime.arrays import FloatArray
-    from simulator.targets.model import Target
 
-EDGE_FREE_TILES: Resource[FloatArray] = Resource("edge-free tiles")
-"""(K, 2) centres of the target's tiles that no edge comes near."""
-SMOOTH_TILES: Resource[SmoothTiles] = Resource("smooth tiles")
 CORNER_AIR: Resource[CornerAir] = Resource("corner air")
 QUADS: Resource[bool] = Resource("quads")
 """There where the Earth's smooth tiles are drawn four pixels to a texel."""
@@ -88,46 +69,12 @@ class SoftwarePath:
     def __init__(self, device: Device) -> None:
         device.programs.rewrite = rewriter(device.context)
         self._device = device
-        self._smooth = SmoothShadingPass(device.context, device.programs)
         self._quads = QuadPackingPass(device.context, device.programs)
-        self._traits: dict[str, tuple[bool, bool]] = {}  # of targets, whether they are smooth and curved
         self._filled = False  # by the Earth, in the last frame: nothing is to be cleared early
 
     def adapt(self, passes: Sequence[Pass]) -> list[Pass]:
-        """Sort tiles, interpolate smooth light, pack pixels, and clear images only where needed."""
+        """Sort the Earth's tiles, pack pixels, and clear images only where needed."""
         adapted = [self._adapted(one) for one in passes]
-        _insert_after(
-            adapted,
-            "target.edges",
-            Pass(
-                "target.edge_free_tiles",
-                self._find_edge_free_tiles,
-                reads=(SCENE, MODEL, TARGET, TARGET_TILES),
-                writes=(TARGET_TILES, EDGE_FREE_TILES),
-            ),
-        )
-        _insert_after(
-            adapted,
-            "target.light",
-            Pass(
-                "target.smooth_corners",
-                self._shade_corners,
-                reads=(SCENE, MODEL, TARGET, TARGET_TILES, SAMPLES, SHADOW, TARGET_LIGHT, EDGE_FREE_TILES),
-                writes=(TARGET_TILES, SMOOTH_TILES),
-            ),
-        )
-        _insert_after(
-            adapted,
-            "target.shading",
-            Pass(
-                "target.smooth_fill",
-                self._fill_smooth_tiles,
-                reads=(TARGET, RADIANCE, COVERAGE),
-                optional=(SMOOTH_TILES,),
-                writes=(RADIANCE, COVERAGE),
-                submits=True,
-            ),
-        )
         _insert_after(
             adapted,
             "sun",
@@ -168,8 +115,6 @@ class SoftwarePath:
                 optional=(*one.optional, CORNER_AIR),
                 writes=(RADIANCE, QUADS),
             )
-        if one.name == "target.shading":
-            return replace(one, submits=False)  # the driver is told with the smooth tiles
         if one.name == "readback":
             return replace(one, run=self._read_picture, optional=(*one.optional, QUADS))
         return one
@@ -191,50 +136,6 @@ class SoftwarePath:
             everything = PixelRect(0, 0, *images.size)
             images.clear(tiles.holding(covered=True) if fills and tiles is not None else everything)
         self._filled = fills
-
-    # the target
-
-    def _traits_of(self, target: Target) -> tuple[bool, bool]:
-        if target.sha256 not in self._traits:
-            self._traits[target.sha256] = is_smooth(target), is_curved(target)
-        return self._traits[target.sha256]
-
-    def _find_edge_free_tiles(self, r: PassResources) -> None:
-        """Part the target's tiles by whether an edge comes near."""
-        scene, target = r[SCENE], r[TARGET]
-        may_be_smooth = scene.quality != "high" and target.place.hull_px is not None and not scene.has_lamps
-        if not may_be_smooth or not self._traits_of(r[MODEL])[0]:
-            return
-        seen, edges = target.drawn.edges.seen, len(target.loaded.seen.edges.ends)
-        r[TARGET_TILES], edge_free = split_tiles(r[TARGET_TILES], seen, target.edge_view, edges)
-        r[EDGE_FREE_TILES] = edge_free if len(edge_free) else None
-
-    def _shade_corners(self, r: PassResources) -> None:
-        """Shade edge-free tiles at their corners; those whose light bends in between are shaded pixel by pixel."""
-        scene, target, samples, light = r[SCENE], r[TARGET], r[SAMPLES], r[TARGET_LIGHT]
-        bands, shadow = len(bands_of(scene.bands)), r[SHADOW]
-        program = self._smooth.program(
-            target.lattice,
-            bands,
-            target.loaded.mesh,
-            shadow.choice.window,
-            curved=self._traits_of(r[MODEL])[1],
-        )
-        program.set("u_stamp", samples.stamp)
-        textures = {
-            **samples.textures,
-            "t_shadow": shadow.map,
-            "t_sky_visibility": light.visibility,
-            "t_interreflection": light.interreflection,
-        }
-        r[SMOOTH_TILES] = tiles = self._smooth.shade_corners(r[EDGE_FREE_TILES], program, textures, bands)
-        r[TARGET_TILES] = np.concatenate([r[TARGET_TILES], tiles.others_px])
-
-    def _fill_smooth_tiles(self, r: PassResources) -> None:
-        """Interpolate the light between the corners of smooth tiles."""
-        tiles, images = r.find(SMOOTH_TILES), r[RADIANCE]
-        if tiles is not None:
-            self._smooth.fill(tiles, images.target_framebuffer, r[TARGET].rect, images.bands)
 
     # the Earth
 

@@ -64,7 +64,7 @@ class ShadePass:
         """
         most = MAX_SURFACES_FAR if lattice.samples > FAR_SAMPLES else MAX_SURFACES
         defines = {
-            **light_defines(bands, mesh, shadow_window),
+            **_light_defines(bands, mesh, shadow_window),
             **pattern_defines(lattice),
             **edge_defines(exact=exact),
             "MAX_SURFACES": MAX_SURFACES_EXACT if exact else most,
@@ -122,7 +122,7 @@ class ShadePass:
             self._arrays[program].render(vertices=len(tiles))
 
 
-def light_defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, object]:
+def _light_defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, object]:
     """Defines of a mesh's light: what its materials lack is left out."""
     switches = {
         "TEXTURED": mesh.uv is not None,

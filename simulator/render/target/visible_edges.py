@@ -117,22 +117,6 @@ class VisibleEdges:
         of_first, of_second = (int(np.count_nonzero(kind.take(numbers))) for kind in kinds[:2])
         return numbers, (of_first, of_second)
 
-    def lines_px(self, view: EdgeCamera) -> FloatArray:
-        """(N, 2, 2) column and row of both ends of every edge that can show, however short or near to another.
-
-        Parameters
-        ----------
-        view : the whole mesh lies in front of its camera.
-        """
-        R, t = view.camera_from_target[:3, :3], view.camera_from_target[:3, 3]
-        place = np.append(-R.T @ t, 1.0)
-        _, _, ends, creases = self._showing(place, len(self._nearness_m))
-        numbers = np.flatnonzero(ends | creases)
-        behind = hidden(self._mesh.shells, self._boxes, place, self._mesh.radius_m)
-        numbers = numbers[~behind.take(self._boxes.of.take(numbers))]
-        x, y, z = np.moveaxis(R @ self._ends_m.take(numbers, axis=1).reshape(2, 3, -1) + t[:, None], 1, 0)
-        return np.stack(image_of(view.camera, x / z, y / z), axis=-1).swapaxes(0, 1)
-
     def _showing(self, place: FloatArray, count: int) -> tuple[BoolArray, BoolArray, BoolArray, BoolArray]:
         """Of the first ``count`` edges, seen from a place: whether the first face looks there, whether the second.
 

@@ -49,9 +49,6 @@ def test_the_software_path_adds_passes_and_leaves_none_out(draw, software):
     assert {name for name in adapted if name not in plain} == {
         "clear.rest",
         "earth.quad_packing",
-        "target.edge_free_tiles",
-        "target.smooth_corners",
-        "target.smooth_fill",
     }
 
 

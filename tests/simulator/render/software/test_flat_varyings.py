@@ -5,7 +5,6 @@ import pytest
 
 from simulator.render.gl.uniform_block import Field
 from simulator.render.renderer import Renderer
-from simulator.render.software import smooth_shading as even
 from simulator.render.software.flat_varyings import flat_varyings
 from tests.harness.boxes import closed_box
 
@@ -61,7 +60,6 @@ def test_pictures_are_the_same_with_uniforms(renderer, draw_kit, monkeypatch, ba
     ]
     target = draw_kit.target([box, foil], materials)
     scene = draw_kit.scene(target, rotvec_rad=(0.3, 0.5, 0.1), sun_camera=(0.5, 0.4, -1), bands=bands)
-    monkeypatch.setattr(even, "LEAST_TILES", 1)
     handed = renderer.render(scene, target).radiance.copy()
     with Renderer() as other:
         monkeypatch.setattr(other._device.programs, "rewrite", None)
