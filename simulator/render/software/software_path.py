@@ -54,10 +54,6 @@ class TileCulling:
         """Centres (K, 2) [px] of the tiles that the target may touch."""
         return target_tiles(place)
 
-    def outline_px(self, place: ViewportFit, tiles_px: FloatArray) -> FloatArray:  # noqa: ARG002
-        """The tiles themselves."""
-        return tiles_px
-
 
 class SoftwarePath:
     """Implements `simulator.render.drawing_path.DrawingPath` for drivers that draw on the processor's own cores."""

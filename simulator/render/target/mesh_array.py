@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from simulator.render.target.viewport_fit import all_tiles, outline_px
+from simulator.render.target.viewport_fit import all_tiles
 
 if TYPE_CHECKING:
     import moderngl
@@ -50,9 +50,6 @@ class Culling(Protocol):
     def target_tiles(self, place: ViewportFit) -> FloatArray:
         """Centres (K, 2) [px] of tiles that hold all that the target may touch."""
 
-    def outline_px(self, place: ViewportFit, tiles_px: FloatArray) -> FloatArray:
-        """(K, 2) places [px] that span what the target may touch, ``tiles_px`` being its tiles."""
-
 
 class WholeMesh:
     """A mesh that is drawn as a whole; parameters as of `Culling.mesh_array`."""
@@ -83,7 +80,3 @@ class NoCulling:
     def target_tiles(self, place: ViewportFit) -> FloatArray:
         """Centres (K, 2) [px] of all the tiles of the target's rectangle."""
         return all_tiles(place.rect)
-
-    def outline_px(self, place: ViewportFit, tiles_px: FloatArray) -> FloatArray:  # noqa: ARG002
-        """The hull's corners: nearly always the same samples as by the tiles, of which there are more here."""
-        return outline_px(place)

@@ -24,7 +24,7 @@ from simulator.render.target.resident_targets import DrawnMesh, ResidentTarget, 
 from simulator.render.target.self_shadow import SelfShadow
 from simulator.render.target.shade_pass import ShadePass
 from simulator.render.target.textures import Textures
-from simulator.render.target.viewport_fit import TILE_REACH_PX, choose_pattern, fit_viewport
+from simulator.render.target.viewport_fit import TILE_REACH_PX, choose_pattern, fit_viewport, outline_px
 from simulator.render.target.visible_edges import EdgeCamera, VisibleEdges
 from simulator.scene.illumination.bands import bands_of, reflectance
 
@@ -175,8 +175,7 @@ class TargetPasses:
         if not len(tiles):
             return None
         dense = loaded.textures is not None  # edges inside them are not weighted
-        outline = self._culling.outline_px(place, tiles)
-        lattice = choose_pattern(scene.quality, place, outline, place.pixel_m(camera), dense=dense)
+        lattice = choose_pattern(scene.quality, place, outline_px(place), place.pixel_m(camera), dense=dense)
         size, origin = lattice.window(tiles, TILE_REACH_PX)
         drawn = loaded.drawn(self._context, place.longest_m)
         placed = PlacedTarget(loaded, drawn, place, camera, lattice, size, origin, tiles)
