@@ -8,7 +8,6 @@ that lie in the region as a whole need not be drawn; the picture is the same.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -89,11 +88,6 @@ class Boxes:
     extents_m: Float32Array
     of: IntArray
 
-    @cached_property
-    def reach_m(self) -> Float32Array:
-        """(B,) from a box's middle to its corners."""
-        return np.asarray(np.linalg.norm(self.extents_m[3:6], axis=0))
-
     @staticmethod
     def about(corners_m: FloatArray, size_m: float) -> Boxes:
         """Boxes of things (K, N, 3), N corners each, that lie together; one longer than the size has its own.
@@ -117,25 +111,6 @@ class Boxes:
             high = np.maximum.reduceat(high[order], starts)
         extents = np.concatenate([(low + high) / 2, (high - low) / 2, np.ones((len(low), 1))], axis=1)
         return Boxes(np.ascontiguousarray(extents.T, np.float32), of)
-
-    def ranks(self, place: FloatArray) -> IntArray:
-        """(B,) how far the boxes' farthest points are, 0 the nearest; ``place`` as in `ConvexShell.hidden_region`.
-
-        As whole numbers of 16 bits, which are sorted in a fifth of the time. So small boxes come before the large faces
-        that they stand on, and a depth test drops what they hide of those.
-        """
-        middle, half = self.extents_m[:3], self.extents_m[3:6]
-        if place[3]:
-            to = middle - place[:3, None].astype(np.float32)
-            np.square(to, out=to)
-            away = np.sqrt(to[0] + to[1] + to[2])
-            away += self.reach_m
-        else:
-            towards = (place[:3] / np.linalg.norm(place[:3])).astype(np.float32)
-            away = np.abs(towards) @ half - towards @ middle
-        away -= away.min()
-        away *= 65535 / max(float(away.max()), 1e-30)
-        return away.astype(np.uint16)
 
     def inside(self, planes: FloatArray, margin_m: float) -> BoolArray:
         """(B,) whether a box as a whole lies inside of all planes (P, 4), by more than a margin."""

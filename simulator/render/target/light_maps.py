@@ -89,7 +89,7 @@ class LightMaps:
             texel_rad = max(texel_rad, texel)
             framebuffer.viewport = (column * TILE_PX, row * TILE_PX, TILE_PX, TILE_PX)
             self._program.set("u_light_clip_from_target", tuple(clip.T.ravel().tolist()))
-            loaded.shadow.render(np.append(point, 1.0), ordered=False)
+            loaded.shadow.render(np.append(point, 1.0))
             tile = np.eye(4)
             tile[:3, :3] = np.diag([0.5 / columns, 0.5 / columns, 0.5])
             tile[:3, 3] = (column + 0.5) / columns, (row + 0.5) / columns, 0.5

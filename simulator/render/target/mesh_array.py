@@ -21,14 +21,13 @@ class MeshArray(Protocol):
     def array(self) -> moderngl.VertexArray:
         """The vertex array that draws it."""
 
-    def render(self, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True) -> None:
+    def render(self, place: FloatArray, *, without: BoolArray | None = None) -> None:
         """Draw at least what can show from a place.
 
         Parameters
         ----------
         place : (4,) homogeneous, target frame: a point (x, y, z, 1) [m] or the direction (x, y, z, 0) of one far away.
-        without : (T,) of ``mesh.shown``: what may be left out. ordered : the nearest should come first; where depth
-            alone is drawn it gains nothing.
+        without : (T,) of ``mesh.shown``: what may be left out.
         """
 
     def release(self) -> None:
@@ -63,7 +62,7 @@ class WholeMesh:
     ) -> None:
         self.array = mesh.vertex_array(context, program, *more)
 
-    def render(self, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True) -> None:  # noqa: ARG002
+    def render(self, place: FloatArray, *, without: BoolArray | None = None) -> None:  # noqa: ARG002
         """Draw all triangles, in the mesh's order."""
         self.array.render()
 

@@ -118,5 +118,5 @@ class ShadowPass:
         self._depth.begin(self._framebuffer, clear=clear)
         self._context.enable_only(self._context.DEPTH_TEST)
         to_sun = np.append(view.R_camera_from_target.T @ view.sun_direction, 0.0)
-        array.render(to_sun, without=without, ordered=False)
+        array.render(to_sun, without=without)
         self._depth.end()

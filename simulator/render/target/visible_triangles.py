@@ -1,4 +1,4 @@
-"""The triangles of a mesh that can show from a place, the nearest first: the others cost as much and show nowhere."""
+"""The triangles of a mesh that can show from a place: the others cost as much and show nowhere."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class CulledVertexArray:
         )
         self.array = mesh.vertex_array(context, program, *more, indices=self._indices)
 
-    def render(self, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True) -> None:
+    def render(self, place: FloatArray, *, without: BoolArray | None = None) -> None:
         """Draw what can show from a place; parameters as of `MeshArray.render`."""
-        seen = visible_triangles(self._mesh, place, without=without, ordered=ordered)
+        seen = visible_triangles(self._mesh, place, without=without)
         self._indices.orphan()
         self._indices.write(seen)
         self.array.render(vertices=seen.size)
@@ -54,9 +54,9 @@ class CulledVertexArray:
 
 
 def visible_triangles(
-    mesh: GpuMesh, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True
+    mesh: GpuMesh, place: FloatArray, *, without: BoolArray | None = None
 ) -> np.typing.NDArray[np.uint32]:
-    """(K, 3) triangles of a mesh that may show from a place; where ``ordered`` those in the nearest boxes first.
+    """(K, 3) triangles of a mesh that may show from a place.
 
     Of closed shells those that face it, or hardly look away; parameters as of `MeshArray.render`.
     """
@@ -69,8 +69,4 @@ def visible_triangles(
     if without is not None:
         kept &= ~without
     # by their numbers: a mask over rows takes numpy twice as long
-    numbers = np.flatnonzero(kept)
-    if not ordered:
-        return shown.triangles.take(numbers, axis=0)
-    order = np.argsort(boxes.ranks(place).take(boxes.of.take(numbers)), kind="stable")
-    return shown.triangles.take(numbers.take(order), axis=0)
+    return shown.triangles.take(np.flatnonzero(kept), axis=0)

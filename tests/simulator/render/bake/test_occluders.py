@@ -69,12 +69,3 @@ def test_only_closed_convex_bodies_that_stand_apart_are_shells():
     assert np.ptp(shells[0].ends_m.reshape(-1, 3), axis=0) == pytest.approx([0.9, 0.6, 0.4], abs=1e-6)
     # a large flat face's triangles are one plane, and its diagonal no edge
     assert (len(shells[0].planes), len(shells[0].ends_m)) == (6, 12)
-
-
-def test_the_nearest_boxes_come_first_and_a_large_face_after_what_stands_on_it():
-    face = np.array([[[-1, -1, 0], [1, -1, 0], [1, 1, 0]]], float)
-    cells = np.array([[[x, 0, 0.01], [x + 0.02, 0, 0.01], [x, 0.02, 0.01]] for x in (-0.5, 0.0, 0.5)])
-    boxes = Boxes.about(np.concatenate([face, cells]), 0.1)
-    for place in ((3.0, 0.0, 2.0, 1.0), (3.0, 0.0, 2.0, 0.0)):
-        ranks = boxes.ranks(np.array(place))[boxes.of]
-        assert list(np.argsort(ranks)) == [3, 2, 1, 0]
