@@ -244,8 +244,6 @@ class Renderer:
             clock.lap("labels")
             stage_ms |= clock.stage_ms
         self._device.check("a frame")
-        if maps is not None:
-            maps.deferred_writes.start()
         return Rendered(frame[PICTURE], coverage, depth, inside, stage_ms)
 
     def start_surfaces(

@@ -15,7 +15,6 @@ from simulator.render.earth.maps import DecodedMaps, packed_maps
 from simulator.render.earth.ocean_colour import ocean_colour, sources_to_decode
 from simulator.render.earth.seasons import Season, ground_slopes, month_gains, season
 from simulator.render.gl.mipmaps import mipmap_chain
-from simulator.runtime.cached_arrays import DeferredWrites
 from simulator.runtime.threads import beside_the_caller
 from simulator.scene.illumination.atmosphere import earth_atmosphere
 from simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS
@@ -40,7 +39,6 @@ class EarthMaps:
     ----------
     albedo : that the Earth-shine looks up. maps : one for one band, two for three. months : by number.
     ocean_colour : uploaded only when such water is in view. air : of the scene's thickness.
-    deferred_writes : writes what is made of them to the cache, when a first picture is drawn.
     """
 
     albedo: Future[Float32Array]
@@ -50,7 +48,6 @@ class EarthMaps:
     months: Future[dict[int, MipmapChain]]
     ocean_colour: Future[MipmapChain]
     air: Future[AirTables]
-    deferred_writes: DeferredWrites
 
 
 def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
@@ -61,10 +58,7 @@ def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: st
     bands = 1 if of_bands == "mono" else 3
     dates = season(epoch_utc) if environment.seasons else AUGUST
     # what takes longest first: the detail alone is as long as the maps
-    deferred_writes = DeferredWrites()
-    pools = [
-        ThreadPoolExecutor(1, initializer=deferred_writes.use) for _ in range(min(beside_the_caller(), 2))
-    ]
+    pools = [ThreadPoolExecutor(1) for _ in range(min(beside_the_caller(), 2))]
     with_maps, others = pools[0], pools[-1]
     # sources of the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
     files = DecodedMaps()
@@ -82,7 +76,6 @@ def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: st
         months,
         water,
         others.submit(air_tables, of_bands, environment.atmosphere_thickness_km * 1e3),
-        deferred_writes,
     )
     for pool in pools:
         pool.shutdown(wait=False)
@@ -118,7 +111,6 @@ def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> Eart
         _done({dates.before: month, dates.after: month}),
         _done(one if bands == 1 else many),
         _done(AirTables(air, *tables)),
-        DeferredWrites(),
     )
 
 

@@ -12,12 +12,9 @@ import pytest
 
 from simulator.runtime.cached_arrays import (
     KEPT_DAYS,
-    DeferredWrites,
     cache_bytes,
     cached_array,
     cached_arrays,
-    entry_of,
-    is_cached,
 )
 
 FULL = Path("/dev/full")
@@ -96,74 +93,3 @@ def test_a_maker_that_fails_leaves_the_next_one_free(folder):
     with pytest.raises(AssertionError):
         cached_array("a", refuse)
     assert cached_array("a", lambda: np.arange(2)).tolist() == [0, 1]
-
-
-def test_what_is_written_later_is_at_hand_in_this_program_at_once(folder):
-    later = DeferredWrites()
-    with ThreadPoolExecutor(1, initializer=later.use) as pool:
-        made = pool.submit(cached_array, "map", lambda: np.arange(4)).result()
-    time.sleep(0.3)
-    assert not (folder / "map.npy").exists()
-    # another thread has it at once, and knows what it is called
-    assert cached_array("map", refuse) is made
-    assert entry_of(made) == "map"
-    assert is_cached("map")
-    later.start()
-    for _ in range(100):
-        if [path.name for path in folder.iterdir()] == ["map.npy"]:
-            break
-        time.sleep(0.05)
-    assert cached_array("map", refuse).tolist() == [0, 1, 2, 3]
-    assert [path.name for path in folder.iterdir()] == ["map.npy"]
-
-
-def test_two_programs_of_which_each_has_made_what_the_other_needs_do_not_wait_for_each_others_pictures(
-    folder,
-):
-    code = (
-        "import sys, time; import numpy as np\n"
-        "from simulator.runtime.cached_arrays import DeferredWrites, cached_array\n"
-        "def make(): print('made', flush=True); time.sleep(0.6); return np.arange(6)\n"
-        "DeferredWrites().use(); print([len(cached_array(key, make)) for key in sys.argv[1]])"
-    )
-    start = time.monotonic()
-    both = [
-        subprocess.Popen([sys.executable, "-c", code, keys], stdout=subprocess.PIPE, text=True)
-        for keys in ("ab", "ba")
-    ]
-    told = "".join(one.communicate(timeout=60)[0] for one in both)
-    assert time.monotonic() - start < 12  # not the longest delay of writing
-    assert told.count("[6, 6]") == 2
-    assert told.count("made") == 2
-    assert {path.name for path in folder.iterdir()} == {"a.npy", "b.npy"}
-
-
-def test_a_program_that_ends_before_its_first_picture_leaves_what_it_made(folder):
-    code = (
-        "import numpy as np; from simulator.runtime.cached_arrays import DeferredWrites, cached_array\n"
-        "DeferredWrites().use(); cached_array('map', lambda: np.arange(4)); cached_array('more', lambda: np.arange(2))"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=10)
-    assert {path.name for path in folder.iterdir()} == {"map.npy", "more.npy"}
-
-
-def test_what_is_made_after_the_first_picture_is_written_at_once(folder):
-    later = DeferredWrites()
-    later.start()
-    with ThreadPoolExecutor(1, initializer=later.use) as pool:
-        pool.submit(cached_array, "map", lambda: np.arange(4)).result()
-    assert [path.name for path in folder.iterdir()] == ["map.npy"]
-
-
-@pytest.mark.skipif(not FULL.exists(), reason="needs a device that is full")
-def test_who_waits_on_a_full_disk_waits_for_the_first_picture(folder):
-    import fcntl
-
-    (folder / "map.lock").symlink_to(FULL)
-    with FULL.open("ab") as held, ThreadPoolExecutor(1) as pool:
-        fcntl.flock(held, fcntl.LOCK_EX)
-        waiting = pool.submit(cached_array, "map", lambda: np.arange(4))
-        time.sleep(0.2)
-        assert not waiting.done()
-        fcntl.flock(held, fcntl.LOCK_UN)
-        assert waiting.result(timeout=10).tolist() == [0, 1, 2, 3]
