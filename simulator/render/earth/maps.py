@@ -7,9 +7,7 @@ For three bands a second RGBA texture holds the land's colour (square roots) and
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from importlib import resources
-from threading import Lock
 from typing import TYPE_CHECKING
 
 import cv2
@@ -23,14 +21,10 @@ from simulator.runtime.threads import beside_the_caller
 if TYPE_CHECKING:
     from collections.abc import Callable
     from concurrent.futures import Future
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
     from simulator.runtime.arrays import ByteArray, Float32Array
 
     Decoder = Callable[[str, int], ByteArray]
-    from collections.abc import Iterator
 
 WIDTH, HEIGHT = 8064, 4032
 DAY, CLOUDS = "day_2004-08_8064x4032.jpg", "clouds_8064x4032.jpg"
@@ -117,29 +111,10 @@ def decode_file(name: str, flags: int) -> ByteArray:
     UserError
         If the file is missing or damaged.
     """
-    try:
-        with resources.as_file(resources.files("assets").joinpath("earth", name)) as path:
-            image = _decoded_once(path, flags)
-    except FileNotFoundError as error:
-        raise _missing(name) from error
-    if image is None:
-        image = cv2.imdecode(np.frombuffer(asset_bytes(name), np.uint8), flags)
+    image = cv2.imdecode(np.frombuffer(asset_bytes(name), np.uint8), flags)
     if image is None:
         raise UserError(f"the map assets/earth/{name} cannot be decoded; install Flyaround again")
     return np.asarray(image, np.uint8)
-
-
-def _decoded_once(path: Path, flags: int) -> NDArray[np.generic] | None:
-    """A picture decoded into NumPy's own memory: what OpenCV returns is copied to there, 100 MB of new pages.
-
-    None where this OpenCV (before 4.11) or this name (on Windows) has to go another way.
-    """
-    if not path.is_file():
-        raise FileNotFoundError(path)
-    try:
-        return cv2.imread(str(path), None, flags)
-    except (cv2.error, TypeError):
-        return None
 
 
 def decode_map(
@@ -220,7 +195,7 @@ def _pack_panchromatic(files: DecodedMaps, *, day_again: bool) -> ByteArray:
     def night() -> None:
         cv2.insertChannel(decode_map(NIGHT, cv2.IMREAD_GRAYSCALE), out, 2)
 
-    with one_thread(), ThreadPoolExecutor(beside_the_caller()) as pool:
+    with ThreadPoolExecutor(beside_the_caller()) as pool:
         # all is decoded first: that needs Python's lock a few times, the strips for each of their short steps
         for channel in [pool.submit(clouds), pool.submit(night)]:
             channel.result()
@@ -294,7 +269,7 @@ def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
         reflectance = np.asarray(cv2.LUT(day_bgr[rows], table), np.float32)
         means[quarter], shares[quarter] = _quarter_size(reflectance, _inland(coast[rows]))
 
-    with one_thread(), ThreadPoolExecutor(beside_the_caller()) as pool:
+    with ThreadPoolExecutor(beside_the_caller()) as pool:
         list(pool.map(reduce, _STRIPS))
         beside = _filled(means, shares)
         out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
@@ -326,29 +301,3 @@ def _enlarged_root(reflectance: Float32Array, rows: slice) -> ByteArray:
     large = cv2.resize(root, (WIDTH, 4 * len(root)), interpolation=cv2.INTER_LINEAR)
     start = rows.start - 4 * around.start
     return np.asarray(large[start : start + rows.stop - rows.start], np.uint8)
-
-
-class OneThread:
-    """OpenCV on one thread. The setting is the process's: it is restored when the last caller leaves."""
-
-    def __init__(self) -> None:
-        self._changing, self._within, self._before = Lock(), 0, 0
-
-    @contextmanager
-    def __call__(self) -> Iterator[None]:
-        """Within, and for other threads meanwhile, each call of OpenCV stays on its caller's thread."""
-        with self._changing:
-            if self._within == 0:
-                self._before = cv2.getNumThreads()
-                cv2.setNumThreads(1)
-            self._within += 1
-        try:
-            yield
-        finally:
-            with self._changing:
-                self._within -= 1
-                if self._within == 0:
-                    cv2.setNumThreads(self._before)
-
-
-one_thread = OneThread()

@@ -2,9 +2,6 @@
 
 import os
 
-import cv2
-
-from simulator.render.earth.maps import OneThread
 from simulator.runtime import threads
 from simulator.runtime.threads import share_processors, use_one_for_matrices
 
@@ -28,22 +25,6 @@ def test_the_caller_keeps_a_processor_and_somebody_works_beside_it(monkeypatch):
     for processors, beside in ((1, 1), (2, 1), (16, 15)):
         monkeypatch.setattr(threads, "usable_processors", lambda count=processors: count)
         assert threads.beside_the_caller() == beside
-
-
-def test_opencv_has_its_threads_back_when_the_last_has_left():
-    before = cv2.getNumThreads()
-    try:
-        cv2.setNumThreads(3)
-        alone = OneThread()
-        first, second = alone(), alone()
-        with first:
-            assert cv2.getNumThreads() == 1
-            second.__enter__()
-        assert cv2.getNumThreads() == 1
-        second.__exit__(None, None, None)
-        assert cv2.getNumThreads() == 3
-    finally:
-        cv2.setNumThreads(before)
 
 
 def test_processes_that_draw_at_once_share_the_processors(monkeypatch):

@@ -1,4 +1,4 @@
-"""Maps are decoded into one piece of memory and packed strip by strip, as they would be in one go."""
+"""Maps are packed strip by strip, as they would be in one go."""
 
 import cv2
 import numpy as np
@@ -6,7 +6,6 @@ import pytest
 
 from simulator.errors import UserError
 from simulator.render.earth import maps
-from simulator.render.earth.ocean_colour import MASK
 
 
 def test_strips_are_those_of_the_whole_map():
@@ -19,16 +18,6 @@ def test_strips_are_those_of_the_whole_map():
 
 def test_the_strips_hold_each_row_once():
     assert [row for rows in maps._STRIPS for row in range(rows.start, rows.stop)] == list(range(maps.HEIGHT))
-
-
-def test_an_opencv_that_cannot_decode_into_given_memory_gives_the_same(monkeypatch):
-    here = maps.decode_file(MASK, cv2.IMREAD_GRAYSCALE)
-
-    def refuse(*_):
-        raise cv2.error("no such overload")
-
-    monkeypatch.setattr(cv2, "imread", refuse)
-    np.testing.assert_array_equal(maps.decode_file(MASK, cv2.IMREAD_GRAYSCALE), here)
 
 
 def test_a_missing_map_is_the_users_to_mend():
