@@ -18,8 +18,7 @@ const float FLAT_BIAS = 0.06;
 float sun_visibility(vec3 p_m, vec3 n, float share, float bent) {
     float n_l = dot(n, u_sun_direction.xyz);
     // nearer to the Sun than its surface by a part of a texel along the normal, more at grazing light: what facets differ
-    // from their smooth normal. Along the light, so that no shadow's edge moves. By default at least 0.25, on which what is
-    // left out of the map rests: LOWEST_CASTER of simulator/render/target/shadow_pass.py.
+    // from their smooth normal. Along the light, so that no shadow's edge moves.
     float slope = sqrt(max(1.0 - n_l * n_l, 0.0));
     vec3 q = (u_light_from_camera * vec4(p_m, 1.0)).xyz;
     q.z -= u_shadow.y * mix(FLAT_BIAS, 0.25 + 0.75 * slope, bent) / max(n_l, 0.15);

@@ -1,16 +1,15 @@
-"""The baked geometry of a target's mesh: charts, exposed faces, edges, occluders and hulls, cached."""
+"""The baked geometry of a target's mesh: charts, edges, occluders and hulls, cached."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from simulator.render.bake.charts import Charts, make_charts
-from simulator.render.bake.coplanar_decals import decal_heights
-from simulator.render.bake.hidden_faces import inside_bodies, remove_hidden_faces
 from simulator.render.bake.mesh_edges import MeshEdges, find_edges
 from simulator.render.bake.occluders import BOX, Boxes, ConvexShell, convex_bodies, find_shells
 from simulator.runtime.cache import entry_name
@@ -27,26 +26,8 @@ if TYPE_CHECKING:
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
 MOST_KEPT = 1_000_000  # triangles: a finer mesh is a gigabyte on the disk, and worked out anew
 # Of `_make`, and of the fields of what it gives: raise it when the same target gives another geometry, whichever file
-# the change is in (charts, hidden faces, hulls, occluders, edges, decals, closed shells, packing).
-VERSION = 1
-
-
-@dataclass(frozen=True, eq=False)
-class ExposedTriangles:
-    """The triangles that can be seen from somewhere outside: the mesh's own, less what its bodies cover.
-
-    Parameters
-    ----------
-    triangles : (T, 3) vertices. planes : (4, T) of each: unit normal, and its distance from the origin with the sign
-        turned [m]; row by row a product with a vector takes a seventh of the time.
-    boxes : about triangles that lie together.
-    sources : (V,) of each vertex in the buffers, one of the mesh's own on the same part.
-    """
-
-    triangles: np.typing.NDArray[np.uint32]
-    planes: Float32Array
-    boxes: Boxes
-    sources: IntArray
+# the change is in (charts, hulls, occluders, edges, closed shells, packing).
+VERSION = 2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,16 +36,15 @@ class BakedMesh:
 
     Parameters
     ----------
-    values : (V, 7) of each vertex that is uploaded, as `VERTEX`: the mesh's own, then corners of ``shown``'s pieces.
+    values : (V, 7) of each vertex, as `VERTEX`.
     hull_m : (3, K) points of the parts' convex hulls, which hold the mesh, target frame [m]; hulls inside of others
         are left out. hull_parts : where in ``hull_m`` the second hull's points begin, the third's and so on.
     center_m, radius_m : bounding sphere, target frame.
     is_closed : every part is a set of closed shells facing outwards.
     triangles : (T, 3) vertices of each. planes : (T, 4) of each: unit normal, and its distance from the origin
-        with the sign turned [m]. shells : large bodies that hide others.
-    shown : what pictures are drawn from. charts : how its faces are laid out in an atlas, by the borders of which the
-        mesh is cut. edges : that can show as lines.
-    decal_height_m : (T,) of ``shown``: height of a decal above the face that it lies on, infinite elsewhere.
+        with the sign turned [m]. boxes : about triangles that lie together. shells : large bodies that hide others.
+    charts : how its faces are laid out in an atlas, by the borders of which the mesh is cut. edges : that can show as
+        lines.
     """
 
     values: Float32Array
@@ -75,11 +55,15 @@ class BakedMesh:
     is_closed: bool
     triangles: np.typing.NDArray[np.uint32]
     planes: Float32Array
+    boxes: Boxes
     shells: tuple[ConvexShell, ...]
-    shown: ExposedTriangles
     charts: Charts
     edges: MeshEdges
-    decal_height_m: Float32Array
+
+    @cached_property
+    def plane_rows(self) -> Float32Array:
+        """(4, T) ``planes`` row by row: a product with a vector takes a seventh of the time."""
+        return np.ascontiguousarray(self.planes.T)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -88,16 +72,14 @@ class Geometry(BakedMesh):
 
     Parameters
     ----------
-    at_chart : (V, 2) places in the atlas. uv : (V, 2) in the textures, or (0, 2).
+    uv : (V, 2) places in the textures, or (0, 2).
     """
 
-    at_chart: Float32Array
     uv: Float32Array
 
 
 _PACKED = (
     Geometry,
-    ExposedTriangles,
     Boxes,
     Charts,
     MeshEdges,
@@ -161,18 +143,9 @@ def _make(merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int]
     own, triangles = whole[charts.origin], charts.triangles
     corners = own["position_m"].astype(float)[triangles]
     closed = all(is_closed(part) for part in parts)
-    bodies = convex_bodies(parts, radius)
-    # the back of an open face shows too
-    uncovered = remove_hidden_faces(corners, bodies if closed else (), radius)
-    values = uncovered.extended(own.view(np.float32).reshape(len(own), -1), triangles)
-    drawn = uncovered.triangles(triangles, len(own))
-    drawn = drawn[~inside_bodies(values[:, :3].astype(float)[drawn], bodies if closed else (), radius)]
-    drawn_corners = values[:, :3].astype(float)[drawn]
-    uv = merged.uv
     return Geometry(
-        values=values,
-        at_chart=uncovered.extended(charts.uv, triangles),
-        uv=uncovered.extended(uv[charts.origin], triangles) if len(uv) else uv,
+        values=own.view(np.float32).reshape(len(own), -1),
+        uv=merged.uv[charts.origin] if len(merged.uv) else merged.uv,
         hull_m=np.ascontiguousarray(hull.T),
         hull_parts=np.cumsum([len(h) for h in hulls[:-1]]),
         center_m=center,
@@ -180,16 +153,10 @@ def _make(merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int]
         is_closed=closed,
         triangles=triangles,
         planes=_planes(corners),
-        shells=find_shells(bodies, radius),
-        shown=ExposedTriangles(
-            drawn,
-            np.ascontiguousarray(_planes(drawn_corners).T),
-            Boxes.about(drawn_corners, BOX * radius),
-            uncovered.sources(triangles, len(own)),
-        ),
+        boxes=Boxes.about(corners, BOX * radius),
+        shells=find_shells(convex_bodies(parts, radius), radius),
         charts=charts,
         edges=find_edges(tuple(parts), numbers, is_closed=closed),
-        decal_height_m=decal_heights(values[:, :3].astype(float), drawn.astype(int), radius),
     )
 
 

@@ -131,7 +131,7 @@ def _traced_visibility(mesh: BakedMesh) -> NodeVisibility:
 
 
 def _vertices(mesh: BakedMesh) -> np.typing.NDArray[np.void]:
-    return mesh.values.view(VERTEX).ravel()[: len(mesh.charts.uv)]
+    return mesh.values.view(VERTEX).ravel()
 
 
 def _visibility_entry(mesh: BakedMesh, patch: int) -> str:

@@ -110,7 +110,7 @@ class LabelPass:
         numbers = np.concatenate(
             [np.full(len(target.parts[k].positions_m), k + 1, np.float32) for k in mesh.order]
         )
-        parts = self._context.buffer(numbers[mesh.charts.origin][mesh.shown.sources].tobytes())
+        parts = self._context.buffer(numbers[mesh.charts.origin][mesh.sources].tobytes())
         return LabelArrays(
             CulledVertexArray(self._context, mesh, self._programs[False].gl),
             CulledVertexArray(self._context, mesh, self._programs[True].gl, (parts, "1f", "in_part")),

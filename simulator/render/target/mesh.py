@@ -10,7 +10,7 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.render.bake.charts import TEXEL
-from simulator.render.bake.geometry import VERTEX, BakedMesh, ExposedTriangles, MergedParts, geometry_of
+from simulator.render.bake.geometry import VERTEX, BakedMesh, MergedParts, geometry_of
 from simulator.render.bake.mesh_cut import cut
 from simulator.render.gl.shared_blocks import MAX_MATERIALS
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.render.bake.geometry import Geometry
-    from simulator.runtime.arrays import Float32Array
+    from simulator.runtime.arrays import Float32Array, IntArray
     from simulator.targets.model import Material, Target
 
 VERTEX_FORMAT = "3f 3f 1f"
@@ -48,10 +48,12 @@ class GpuMesh(BakedMesh):
     vertices : of ``values``. indices : of ``triangles``. at_chart : the vertices' places in the atlas.
     uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
     order : which of the target's parts lie in the buffers first, second and so on.
+    sources : (V,) of each vertex, one of the uncut mesh's on the same part.
     """
 
     vertices: moderngl.Buffer
     indices: moderngl.Buffer
+    sources: IntArray
     materials: tuple[Material, ...]
     at_chart: moderngl.Buffer
     uv: moderngl.Buffer | None = None
@@ -90,15 +92,11 @@ class GpuMesh(BakedMesh):
 
     def cut(self, context: moderngl.Context, longest_m: float) -> GpuMesh:
         """The same surface in triangles with no edge longer than this, in buffers of its own."""
-        count = len(self.triangles)
-        both = np.concatenate([self.triangles, self.shown.triangles])
-        made = cut(self.values[:, :3].astype(float), both, longest_m)
+        made = cut(self.values[:, :3].astype(float), self.triangles.astype(np.int64), longest_m)
         values = made.extended(self.values.astype(float))
         new = values[len(self.values) :, 3:6]
         new /= np.maximum(np.linalg.norm(new, axis=1, keepdims=True), 1e-9)
-        triangles, shown = np.split(made.triangles.astype(np.uint32), [made.first[count]])
-        of, of_shown = np.split(made.of, [made.first[count]])
-        of_shown = of_shown - count
+        triangles = made.triangles.astype(np.uint32)
 
         def extended(buffer: moderngl.Buffer) -> moderngl.Buffer:
             at = np.frombuffer(buffer.read(), np.float32).reshape(len(self.values), 2)
@@ -111,14 +109,9 @@ class GpuMesh(BakedMesh):
             self,
             values=values,
             triangles=triangles,
-            planes=self.planes[of],
-            shown=ExposedTriangles(
-                shown,
-                np.ascontiguousarray(self.shown.planes[:, of_shown]),
-                replace(self.shown.boxes, of=self.shown.boxes.of[of_shown]),
-                made.inherited(self.shown.sources),
-            ),
-            decal_height_m=self.decal_height_m[of_shown],
+            planes=self.planes[made.of],
+            boxes=replace(self.boxes, of=self.boxes.of[made.of]),
+            sources=made.inherited(self.sources),
             vertices=context.buffer(values.tobytes()),
             indices=context.buffer(triangles.tobytes()),
             at_chart=extended(self.at_chart),
@@ -145,8 +138,9 @@ def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> G
         **{field.name: getattr(made, field.name) for field in fields(BakedMesh)},
         vertices=context.buffer(made.values.tobytes()),
         indices=context.buffer(made.triangles.tobytes()),
+        sources=np.arange(len(made.values)),
         materials=target.materials,
-        at_chart=context.buffer(made.at_chart.tobytes()),
+        at_chart=context.buffer(made.charts.uv.astype(np.float32).tobytes()),
         uv=context.buffer(made.uv.tobytes()) if len(made.uv) else None,
         draws=draws,
         order=order,

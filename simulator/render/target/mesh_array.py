@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from simulator.render.target.mesh import GpuMesh
     from simulator.render.target.viewport_fit import ViewportFit
-    from simulator.runtime.arrays import BoolArray, FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 
 class MeshArray(Protocol):
@@ -21,13 +21,12 @@ class MeshArray(Protocol):
     def array(self) -> moderngl.VertexArray:
         """The vertex array that draws it."""
 
-    def render(self, place: FloatArray, *, without: BoolArray | None = None) -> None:
+    def render(self, place: FloatArray) -> None:
         """Draw at least what can show from a place.
 
         Parameters
         ----------
         place : (4,) homogeneous, target frame: a point (x, y, z, 1) [m] or the direction (x, y, z, 0) of one far away.
-        without : (T,) of ``mesh.shown``: what may be left out.
         """
 
     def release(self) -> None:
@@ -62,7 +61,7 @@ class WholeMesh:
     ) -> None:
         self.array = mesh.vertex_array(context, program, *more)
 
-    def render(self, place: FloatArray, *, without: BoolArray | None = None) -> None:  # noqa: ARG002
+    def render(self, place: FloatArray) -> None:  # noqa: ARG002
         """Draw all triangles, in the mesh's order."""
         self.array.render()
 

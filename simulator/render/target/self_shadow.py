@@ -9,7 +9,6 @@ import numpy as np
 
 from simulator.render.target.shadow_frustum import WIDER, ShadowFrustum, fit_shadow_frustum, frustum_around
 from simulator.render.target.shadow_pass import (
-    LOWEST_CASTER,
     ShadowChoice,
     ShadowPass,
     choose_shadow,
@@ -88,9 +87,8 @@ class SelfShadow:
         shadow = self._pass(choice.size_px)
         texel_m = width_m / shadow.size_px
         if view.sun_visible_fraction > 0:
-            exact = scene.quality == "high"  # its filter has depths of its own that it takes for none
-            flat = None if exact else loaded.mesh.decal_height_m < LOWEST_CASTER * texel_m
-            shadow.run(loaded.shadow, view, light_from_target, flat, clear=exact)
+            # the filter of `high` has depths of its own that it takes for none
+            shadow.run(loaded.shadow, view, light_from_target, clear=scene.quality == "high")
         near, far = shadow.depths
         half = np.diag([0.5, 0.5, 0.5 * (far - near), 1.0])
         half[:3, 3] = 0.5, 0.5, 0.5 * (near + far)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from simulator.render.target.mesh import GpuMesh
     from simulator.render.target.mesh_array import MeshArray
     from simulator.render.view import View
-    from simulator.runtime.arrays import BoolArray, FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Quality
 
 
@@ -35,9 +35,6 @@ class ShadowChoice:
 # the coarse map where its texel is less than a pixel wide, else a fine one, close up a finer
 _COARSE, _FINE, _FINER = ShadowChoice(512, 4, 0.6), ShadowChoice(1024, 4), ShadowChoice(2048, 4, 1.4)
 _BEST = ShadowChoice(2048, 10, 0.6)
-LOWEST_CASTER = 0.3
-"""Of a texel: by default the shading looks for blockers at least so much above a face, 0.25 of the texel and more
-(shaders/target/shadow.glsl), and what lies flat on it and stands out by less throws no shadow."""
 _SLACK = 1.3  # for the softness of the disc's own edge
 _PIXEL, _SAWN = 0.9, 2.0  # pixels: wider texels leave their mark on shadows' edges; on all of them, as steps
 _PENUMBRA_M = 3e-3  # radius of the Sun's penumbra 0.6 m behind an edge; it hides the steps of texels no wider
@@ -103,7 +100,6 @@ class ShadowPass:
         array: MeshArray,
         view: View,
         light_from_target: FloatArray,
-        without: BoolArray | None = None,
         *,
         clear: bool = False,
     ) -> None:
@@ -111,12 +107,12 @@ class ShadowPass:
 
         Parameters
         ----------
-        light_from_target : (4, 4) as `light_from_target` gives it. without : (T,) triangles that are left out.
+        light_from_target : (4, 4) as `light_from_target` gives it.
         clear : have depths of the first range, so that those of two frames compare.
         """
         self.program.set("u_light_clip_from_target", tuple(light_from_target.T.ravel().tolist()))
         self._depth.begin(self._framebuffer, clear=clear)
         self._context.enable_only(self._context.DEPTH_TEST)
         to_sun = np.append(view.R_camera_from_target.T @ view.sun_direction, 0.0)
-        array.render(to_sun, without=without)
+        array.render(to_sun)
         self._depth.end()

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.render.target.mesh import GpuMesh
-    from simulator.runtime.arrays import BoolArray, FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 GRAZING = 0.01
 """Sine of the angle under which a triangle may look away and is drawn yet: corners rounded to 1/256 of a pixel may
@@ -35,14 +35,12 @@ class CulledVertexArray:
         *more: tuple[moderngl.Buffer, str, str],
     ) -> None:
         self._mesh = mesh
-        self._indices = context.buffer(
-            reserve=max(mesh.triangles.nbytes, mesh.shown.triangles.nbytes), dynamic=True
-        )
+        self._indices = context.buffer(reserve=mesh.triangles.nbytes, dynamic=True)
         self.array = mesh.vertex_array(context, program, *more, indices=self._indices)
 
-    def render(self, place: FloatArray, *, without: BoolArray | None = None) -> None:
-        """Draw what can show from a place; parameters as of `MeshArray.render`."""
-        seen = visible_triangles(self._mesh, place, without=without)
+    def render(self, place: FloatArray) -> None:
+        """Draw what can show from a place; as of `MeshArray.render`."""
+        seen = visible_triangles(self._mesh, place)
         self._indices.orphan()
         self._indices.write(seen)
         self.array.render(vertices=seen.size)
@@ -53,20 +51,15 @@ class CulledVertexArray:
         self._indices.release()
 
 
-def visible_triangles(
-    mesh: GpuMesh, place: FloatArray, *, without: BoolArray | None = None
-) -> np.typing.NDArray[np.uint32]:
+def visible_triangles(mesh: GpuMesh, place: FloatArray) -> np.typing.NDArray[np.uint32]:
     """(K, 3) triangles of a mesh that may show from a place.
 
-    Of closed shells those that face it, or hardly look away; parameters as of `MeshArray.render`.
+    Of closed shells those that face it, or hardly look away; ``place`` as of `MeshArray.render`.
     """
-    shown, boxes = mesh.shown, mesh.shown.boxes
-    show = ~hidden(mesh.shells, boxes, place, mesh.radius_m)
-    kept = show.take(boxes.of)
+    show = ~hidden(mesh.shells, mesh.boxes, place, mesh.radius_m)
+    kept = show.take(mesh.boxes.of)
     if mesh.is_closed:
         unit = np.asarray(place / np.linalg.norm(place[:3]), np.float32)
-        kept &= unit @ shown.planes > -GRAZING
-    if without is not None:
-        kept &= ~without
+        kept &= unit @ mesh.plane_rows > -GRAZING
     # by their numbers: a mask over rows takes numpy twice as long
-    return shown.triangles.take(np.flatnonzero(kept), axis=0)
+    return mesh.triangles.take(np.flatnonzero(kept), axis=0)
