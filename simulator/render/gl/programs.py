@@ -136,16 +136,12 @@ class Program:
     def __init__(self, gl: moderngl.Program, samplers: tuple[str, ...]) -> None:
         self.gl = gl
         self._samplers = samplers
-        self._set: dict[str, object] = {}  # what each uniform was last set to
         for unit, name in enumerate(samplers):
             self.set(name, unit)
         self.set("t_rays", RAYS_UNIT)
 
     def set(self, name: str, value: object) -> None:
         """Set a plain uniform by name: a number, or a tuple of numbers."""
-        if self._set.get(name) == value:
-            return  # it keeps its value, and the driver need not look at it again
-        self._set[name] = value
         member = self.gl.get(name, None)
         if isinstance(member, moderngl.Uniform):
             member.value = value
