@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from simulator.runtime.memory import keep_freed_memory
 from simulator.runtime.threads import use_one_for_matrices
 keep_freed_memory()  # as the program does
 use_one_for_matrices()
+{{early}}
 from simulator.render.earth.map_textures import prefetch_earth_maps
 from simulator.scenario.load import load_scenario
 scenario = load_scenario("{SCENE}")
@@ -26,6 +28,7 @@ prefetched = prefetch_earth_maps(bands, scenario.environment.layers(), scenario.
 from simulator.frame import take_frame
 from simulator.scenario.plan import plan_flight
 from simulator.render.renderer import Renderer
+{{late}}
 plan = plan_flight(scenario, n=1)
 with Renderer(prefetched={{bands: prefetched}}) as renderer:
     take_frame(renderer, plan.scene(0), plan.target, labels=False)
@@ -38,24 +41,32 @@ with Renderer(prefetched={{bands: prefetched}}) as renderer:
 def bench_start() -> tuple[PartCost, ...]:
     """Milliseconds from the start of Python to a developed frame; the peak of the resident memory, maps included."""
     with TemporaryDirectory() as folder:
-        first, again = (_start(folder) for _ in range(2))
+        first, again = (start_once(folder) for _ in range(2))
     return (
         cost("start to first frame, the first time", [first[0]], peak_mb=first[1]),
         cost("start to first frame", [again[0]], peak_mb=again[1]),
     )
 
 
-def _start(cache_folder: str) -> tuple[float, float | None]:
+def start_once(cache_folder: str, early: str = "", late: str = "") -> tuple[float, float | None]:
+    """Milliseconds to a first frame and the peak memory [MB] of a process with a cache of its own.
+
+    Parameters
+    ----------
+    early, late : lines of Python that it runs before it reads anything, and when all is imported that draws.
+    """
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}  # as installed
     # the driver's compiled shaders are part of what the first start makes
     caches = {"FLYAROUND_CACHE_DIR": cache_folder, "MESA_SHADER_CACHE_DIR": f"{cache_folder}/shaders"}
+    command = [sys.executable, "-c", _PROGRAM.replace("{early}", early).replace("{late}", late)]
     start = time.perf_counter()
     with subprocess.Popen(
-        [sys.executable, "-c", _PROGRAM], env={**environment, **caches}, stdout=subprocess.PIPE, text=True
+        command, env={**environment, **caches}, stdout=subprocess.PIPE, text=True
     ) as program:
-        first = "" if program.stdout is None else program.stdout.readline()
+        out = program.stdout or io.StringIO()
+        first = out.readline()
         elapsed_ms = (time.perf_counter() - start) * 1e3  # its end is not waited for
-        rest = program.communicate()[0]
+        rest = out.read()
     if program.returncode != 0 or first.strip() != "frame":
         raise RuntimeError(f"the program that draws a first frame ended with {program.returncode}")
     return elapsed_ms, float(rest) / 1024 or None
