@@ -1,0 +1,199 @@
+"""What each saving of the software path is worth: the bench scenes with all, and with one switched off, in turns.
+
+`python -m tools.studies.savings [NAME...]` draws with a renderer for each name beside one that has all, and prints
+the processor time [ms] that a frame takes more, scene by scene, their sum, and the largest difference of the pictures.
+`python -m tools.studies.savings --start [NAME...]` does so for the first start of a process, with an empty cache [s].
+What was found and removed: docs/lab/2026-11-savings.md.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.bench.scenes import BENCH_SCENES, bench_views
+from simulator.bench.start import start_once
+from simulator.frame import take_frame
+from simulator.render import frame_graph
+from simulator.render.earth import air_pass, earth_pass
+from simulator.render.earth.screen_tiles import uniform_tiles
+from simulator.render.frame_resources import EARTH, EARTH_TILES, SCENE
+from simulator.render.gl import depth_buffer
+from simulator.render.gl.uniform_block import UniformBlock
+from simulator.render.projection import PixelRect
+from simulator.render.renderer import Renderer
+from simulator.render.sky.star_pass import StarPass
+from simulator.render.software import smooth_earth, software_path, tiles
+from simulator.render.target import viewport_fit, visible_edges, visible_triangles
+from simulator.render.target.mesh_array import WholeMesh
+from simulator.runtime.memory import keep_freed_memory
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from simulator.render.frame_images import FrameImages
+    from simulator.render.view import View
+    from simulator.scene.state import SceneState
+
+SCENES = BENCH_SCENES[:8]
+TURNS, WARM_UP = 15, 2
+STARTS = 7
+_MANY = 10**9
+_RAYS: Any = vars(tiles)["_CornerRays"]
+_PATH, _CULLING = software_path.SoftwarePath, software_path.TileCulling
+_EARTH, _BLOCK = smooth_earth.SmoothEarthPass, UniformBlock
+
+
+def _changed(owner: object, name: str, after: Any) -> tuple[object, str, object]:  # noqa: ANN401
+    """A function of an owner whose result is passed through another, with its arguments."""
+    before = vars(owner)[name]
+    return owner, name, lambda *a, **k: after(before(*a, **k), *a)
+
+
+def _all_alike(path: object, r: Any) -> None:  # noqa: ANN401, ARG001
+    if r[EARTH].rect is not None:
+        r[EARTH_TILES] = uniform_tiles(r[EARTH], r[SCENE].camera)
+
+
+def _all_stars(self: StarPass, scene: SceneState, view: View, images: FrameImages, *behind: Any) -> object:  # noqa: ANN401
+    return _DRAW_STARS(
+        self, scene, view, images, behind[0], behind[1], behind[2], PixelRect(0, 0, *images.size)
+    )
+
+
+_DRAW_STARS = StarPass.run
+
+WITHOUT: dict[str, list[tuple[object, str, object]]] = {
+    "triangles left out": [(_CULLING, "mesh_array", WholeMesh)],
+    "bodies that hide": [
+        (module, "hidden", lambda _shells, boxes, *_: np.zeros(boxes.extents_m.shape[1], bool))
+        for module in (visible_triangles, visible_edges)
+    ],
+    "tiles by hulls": [(software_path, "target_tiles", lambda place: viewport_fit.all_tiles(place.rect))],
+    "five samples close up": [(viewport_fit, "NEAR_PIXEL_M", 0.0)],
+    "short edges left out": [(visible_edges, "_SHORTEST_PX", 0.0)],
+    "depth ranges": [(depth_buffer, "MOST_RANGES", 1)],
+    "flat varyings": [(software_path, "rewriter", lambda _context: None)],
+    "sorted tiles": [(_PATH, "_sort_tiles", _all_alike)],
+    "smooth tiles": [_changed(_RAYS, "smooth", lambda found, *_: tuple(np.zeros_like(f) for f in found))],
+    "fine tiles": [_changed(_RAYS, "smooth", lambda found, *_: (found[0], np.zeros_like(found[1])))],
+    "tiles of air": [_changed(_RAYS, "touched", lambda found, *_: (found[0], np.zeros_like(found[1])))],
+    "tiles of open sea": [_changed(_RAYS, "waters", lambda found, *_: tuple(np.ones_like(f) for f in found))],
+    "tiles of day": [(tiles, "_NIGHT_MU", 9.0)],
+    "tiles beside the craft": [
+        (tiles, "_covered", lambda shape, _size, target: np.full(shape, target is not None))
+    ],
+    "four pixels to a texel": [(software_path, "worth_packing", lambda *_: False)],
+    "planes over four": [(earth_pass, "MAGNIFIED_LEVEL", -float(_MANY))],
+    "air at every other corner": [(air_pass, "_FEWEST_CORNERS", _MANY)],
+    "one level of maps": [
+        _changed(_EARTH, "_smooth_draw", lambda draw, _self, _frame, kind: replace(draw, level=kind.level))
+    ],
+    "stars added at the end": [(StarPass, "run", _all_stars)],
+    "blocks kept": [_changed(_BLOCK, "write", lambda _, block, *__: setattr(block, "_written", None))],
+    "driver told at once": [(frame_graph, "flush", lambda _context: None)],
+}
+_NOTHING_SHIPPED = """
+from pathlib import Path
+from simulator.runtime import prebuilt
+prebuilt._file = lambda name: Path("/nowhere")
+"""
+_ALL_DEFINES = """
+from simulator.render.gl import programs as p
+p._head = lambda _, defines: "\\n".join([p.GLSL_VERSION, *(f"#define {k} {v}" for k, v in defines.items()), ""])
+"""
+_EACH_DECODED = """
+from simulator.render.earth import maps
+maps.DecodedMaps.__call__ = lambda self, name, flags: maps.decode_file(name, flags)
+"""
+_BAKED_FIRST = """
+from simulator.render.target.interreflection import Interreflection as I
+begin = I.begin
+def wait(self, bands):
+    if bands not in self._kept and bands not in self._begun:
+        begin(self, bands)
+        self._begun[bands].result()
+I.begin = wait
+"""
+_ONE_STRIP = "from simulator.render.earth import maps; maps._STRIPS = [slice(0, maps.HEIGHT)]"
+# before anything is read, and when all is imported that draws
+START_WITHOUT = {
+    "prebuilt cache": (_NOTHING_SHIPPED, ""),
+    "strips": (_ONE_STRIP, ""),
+    "maps decoded once": (_EACH_DECODED, ""),
+    "compiling ahead": ("", "Renderer._first_frame_passes = lambda self: []"),
+    "defines spoken of": ("", _ALL_DEFINES),
+    "light baked beside": ("", _BAKED_FIRST),
+}
+
+
+@contextmanager
+def without(name: str) -> Iterator[None]:
+    """The code without a saving, for a while."""
+    with ExitStack() as stack:
+        for owner, attribute, value in WITHOUT.get(name, []):
+            stack.callback(setattr, owner, attribute, vars(owner)[attribute])
+            setattr(owner, attribute, value)
+        yield
+
+
+def least_ms(laps: Sequence[float]) -> float:
+    """Mean of the least third: what other programs take of the caches comes on top."""
+    return float(np.sort(laps)[: max(len(laps) // 3, 1)].mean())
+
+
+def scene_costs(renderers: dict[str, Renderer], scene: str) -> dict[str, tuple[float, int]]:
+    """Processor time of a frame of one scene [ms], and by how much its picture is off the first renderer's [DN]."""
+    plan, views = bench_views(scene, TURNS + WARM_UP)
+    laps: dict[str, list[float]] = {name: [] for name in renderers}
+    off = dict.fromkeys(renderers, 0)
+    order = list(renderers)
+    for k, view in enumerate(views):
+        images = {}
+        for name in order[k % len(order) :] + order[: k % len(order)]:
+            with without(name):
+                start = time.process_time()
+                images[name] = take_frame(renderers[name], view, plan.target, labels=False).image.astype(int)
+                if k >= WARM_UP:
+                    laps[name].append(1e3 * (time.process_time() - start))
+        off = {name: max(off[name], int(np.abs(images[name] - images[order[0]]).max())) for name in order}
+    return {name: (least_ms(laps[name]), off[name]) for name in order}
+
+
+def frames(names: Sequence[str]) -> None:
+    """The table of the bench scenes."""
+    keep_freed_memory()
+    renderers = {}
+    for name in ("all", *names):
+        with without(name):
+            renderers[name] = Renderer()
+    costs = [scene_costs(renderers, scene) for scene in SCENES]
+    for name in renderers:
+        more = [cost[name][0] - (cost["all"][0] if name != "all" else 0.0) for cost in costs]
+        cells = " ".join(f"{ms:6.1f}" for ms in more)
+        print(f"{name:26s} {cells} | {sum(more):7.1f}, {max(cost[name][1] for cost in costs)} DN", flush=True)
+
+
+def starts(names: Sequence[str]) -> None:
+    """The table of a first start: the least of some, in turns."""
+    found: dict[str, list[float]] = {name: [] for name in ("all", *names)}
+    for _ in range(STARTS):
+        for name, taken in found.items():
+            with TemporaryDirectory() as folder:
+                taken.append(1e-3 * start_once(folder, *START_WITHOUT.get(name, ("", "")))[0])
+    for name, taken in found.items():
+        print(f"{name:26s} {min(taken):5.2f} ({min(taken) - min(found['all']):+.2f})")
+
+
+if __name__ == "__main__":
+    chosen = sys.argv[1:]
+    if chosen[:1] == ["--start"]:
+        starts(chosen[1:] or list(START_WITHOUT))
+    else:
+        frames(chosen or list(WITHOUT))
