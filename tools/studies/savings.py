@@ -127,7 +127,7 @@ START_WITHOUT = {
     "prebuilt cache": (_NOTHING_SHIPPED, ""),
     "strips": (_ONE_STRIP, ""),
     "maps decoded once": (_EACH_DECODED, ""),
-    "compiling ahead": ("", "Renderer._first_frame_passes = lambda self: []"),
+    "compiling ahead": ("", "Renderer._first_frame_passes = lambda self, *, target: []"),
     "defines spoken of": ("", _ALL_DEFINES),
     "light baked beside": ("", _BAKED_FIRST),
 }

