@@ -61,7 +61,8 @@ def normalised(
     """
     if running is None:
         # what a step of a running mean with weight one keeps are the batch's own
-        mean, var = x.new_zeros(x.shape[1]), x.new_zeros(x.shape[1])
+        # as wide as the weights: with short products what comes in may be narrower
+        mean, var = (torch.zeros_like(weights[f"{name}_bias"]) for _ in range(2))
     else:
         mean, var = running[f"{name}_mean"], running[f"{name}_var"]
     x = functional.batch_norm(

@@ -28,7 +28,7 @@ from hil.board.svd.decide.near_minima import check_near_minima
 from hil.board.svd.decide.selection import select_by_edges, select_by_image
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.image.edge_field import shrink
-from hil.board.svd.image.noise import black_level, coarse_noise, noise_sigma, whole_median
+from hil.board.svd.image.noise import black_level, coarse_noise, has_flat_floor, noise_sigma, whole_median
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.model.prepared_target import PreparedTarget
@@ -54,6 +54,9 @@ CORRELATED = 1.4
 
 # Black level from which a camera is one of a laboratory, over the noise: there the light is that of lamps.
 OFFSET = 2.0
+
+# The same before a texture, whose dark parts are above zero as well.
+FLOOR_OFFSET = 3.0
 
 # Confidence from which a pose in the light of lamps is held against near leans, accepted or not.
 LIKELY = 0.5
@@ -100,13 +103,25 @@ def find_regions(s: Search) -> None:
     if busy < BUSY:
         # reduced pixels are whole numbers as well
         s.frame.background = whole_median(s.reduced.astype(np.int32))
-    if s.smoothed or (busy < BUSY and not s.frame.clipped):
-        s.frame.black = black_level(s.reduced, s.frame.noise / REDUCTION)
+    s.frame.black = _black_level(s, busy)
     if s.lamps is not None and s.frame.black > OFFSET * s.frame.noise:
         s.learned = s.lamps
     s.frame.count("regions", len(regions))
     s.frame.keep("regions", regions)
     s.regions = [r for r in regions if r.diagonal_px >= SMALLEST_PX]
+
+
+def _black_level(s: Search, busy: float) -> float:
+    """What the camera adds to light, 0 where nothing says that it does."""
+    noise = s.frame.noise / REDUCTION
+    if not s.smoothed and s.frame.clipped:
+        # noise is cut off at zero: nothing is added
+        return 0.0
+    black = black_level(s.reduced, noise)
+    if s.smoothed or busy < BUSY:
+        return black
+    # the Earth in the whole frame has a darkest part too
+    return black if has_flat_floor(s.reduced, noise) and black > FLOOR_OFFSET * s.frame.noise else 0.0
 
 
 # --- propose: hypotheses for the one list

@@ -25,7 +25,8 @@ LAMPS_RAD, LAMPS_LEAN_RAD = float(np.radians(1.5)), float(np.radians(5.0))
 
 # None of these is dropped on its way, for scores jump; so many of them are refined to their ends, with this share of
 # its score.
-LAMPS_PRUNINGS, LAMPS_ENDS, LAMPS_LEAD = (Pruning(-9.0, 0.0),) * len(CHECK_BLURS), 3, 0.6
+LAMPS_ROUNDS = 2
+LAMPS_BLURS, LAMPS_PRUNINGS, LAMPS_ENDS, LAMPS_LEAD = (1.2, 0.6), (Pruning(-9.0, 0.0),) * 2, 2, 0.7
 
 
 def check_near_minima(
@@ -60,14 +61,14 @@ def check_near_minima(
 def _check_near_by(target: PreparedTarget, frame: Observation, selection: Selection) -> Selection:
     """The same in the light of lamps."""
     end, patch = selection.best, selection.close
-    ranked = refine_tilts(target, patch, end, CHECK_BLURS, LAMPS_PRUNINGS, LAMPS_LEAN_RAD)
+    ranked = refine_tilts(target, patch, end, LAMPS_BLURS, LAMPS_PRUNINGS, LAMPS_LEAN_RAD)
     frame.count("judged", len(ranked))
     ends = list(selection.ends)
     for h in ranked:
         if len(ends) == len(selection.ends) + LAMPS_ENDS or h.score <= LAMPS_LEAD * end.score:
             break
         if all(quat.angle_rad(h.q, e.q) > LAMPS_RAD for e in ends):
-            ends.append(refine_to_end(target, frame, patch, h))
+            ends.append(refine_to_end(target, frame, patch, h, LAMPS_ROUNDS))
     if len(ends) == len(selection.ends):
         return selection
     return select(target, patch, list(selection.ranked), ends)

@@ -23,13 +23,16 @@ from hil.board.svd.hypotheses.edge_support import Support, support
 from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
-from hil.board.svd.refine.final import refine_to_end
+from hil.board.svd.refine.final import ROUNDS, refine_to_end
 from hil.board.svd.refine.photometric import burnt_share, likeness, photo_draw
 from hil.board.svd.refine.shadows import search_sun
 
 # How many are refined to the end, and with what share of the best score; and where a first round did not settle it.
 FINALS, FINAL_LEAD = 2, 0.85
 ALL_FINALS, ALL_FINAL_LEAD = 3, 0.75
+
+# Rounds of that in the light of lamps, where ends are held against near leans afterwards.
+LAMPS_ROUNDS = 3
 
 # Rivals that are refined to their ends as well where they seem to explain as much as the winner.
 TIES = 2
@@ -98,7 +101,7 @@ def select_by_image(
         starts = [e.origin for e in ends]
         if ends and len(without_duplicates([*starts, h])) == len(ends) and ends[0].score > SURE_SCORE:
             continue
-        ends.append(refine_to_end(target, frame, patch, h))
+        ends.append(refine_to_end(target, frame, patch, h, LAMPS_ROUNDS if frame.black > 0 else ROUNDS))
     selection = select(target, patch, ranked, ends, thorough=thorough)
     # a tie is one between ends: a rival on its way may lead to the winner, or fall behind
     for _ in range(TIES):

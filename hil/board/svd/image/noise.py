@@ -30,6 +30,9 @@ ENOUGH = 300
 # Share of a reduced picture that is as dark as noise makes it, and how far below the middle that is [sigma].
 DARKEST, NOISE_LEFT = 0.01, 2.0
 
+# Share of a reduced picture that is a floor, and how far apart its darkest and brightest may be [sigma]; 1.05 by noise.
+FLOOR, FLAT_SIGMA = 0.1, 3.0
+
 # Values up to this are counted.
 SMALL = 1 << 14
 
@@ -80,6 +83,17 @@ def black_level(reduced: Array, noise: float) -> float:
     noise : standard deviation of the reduced picture's.
     """
     return float(np.quantile(reduced, DARKEST)) + NOISE_LEFT * noise
+
+
+def has_flat_floor(reduced: Array, noise: float) -> bool:
+    """Whether the darkest tenth of a reduced picture differs by its noise alone: a floor, and no landscape's shade.
+
+    Parameters
+    ----------
+    noise : standard deviation of the reduced picture's.
+    """
+    low, high = np.quantile(reduced, (DARKEST, FLOOR))
+    return bool(high - low < FLAT_SIGMA * noise)
 
 
 def _readable_bytes(image: Array, *_: float) -> bool:

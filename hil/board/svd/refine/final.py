@@ -36,13 +36,14 @@ FAR_RAD, FAR_BLURS = float(np.radians(1.0)), (2.0, 1.3)
 
 
 def refine_to_end(
-    target: PreparedTarget, frame: Observation, close: ImagePatch, start: Hypothesis
+    target: PreparedTarget, frame: Observation, close: ImagePatch, start: Hypothesis, rounds: int = ROUNDS
 ) -> Hypothesis:
     """A hypothesis aligned to its end; its ``start`` has the score that it has with fine shadows.
 
     Parameters
     ----------
     close : patch that ends are scored on. start : with the faces that ``close`` shows there, where they are drawn.
+    rounds : times that an end which moves is aligned, at most.
     """
     box, longest = target_box(target, start.q, start.t), ROUND_FINAL_PX if target.round else FINAL_PX
     share, at_first, near_by = TEXTURED_WIDE if frame.background < 0 else EMPTY_WIDE
@@ -56,7 +57,7 @@ def refine_to_end(
     before = start.pose
     here = search_sun(target, faces, close, before.q, before.t, seen=start.seen)
     began, sun = start.without_view(here.score), here.sun
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         near = _stepped(target, wide, before, sun, blurs)
         pose = _stepped(target, exact, near, sun, LAST_BLURS)
         view = photo_draw(pose.q, pose.t, faces, close, camera, sun)

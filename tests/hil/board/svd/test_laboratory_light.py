@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from hil.board.svd import BoardModel, CameraIntrinsics
-from hil.board.svd.decide.confidence import Evidence, confidence
+from hil.board.svd.decide.confidence import Evidence, confidence, decide
 from hil.board.svd.estimator import PREPARE, PoseEstimator
 from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.image.noise import black_level, coarse_noise, noise_sigma
+from hil.board.svd.image.noise import black_level, coarse_noise, has_flat_floor, noise_sigma
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.propose.learned.learned_proposal import LAMPS, network_for
 from hil.board.svd.refine.photometric import burnt_share
@@ -133,6 +133,22 @@ def test_evidence_by_lamps_is_weighed_by_its_own_weights_and_burnt_out_faces_cou
     assert confidence(evidence(lamps=True, burnt=0.6)) < 0.8
     assert confidence(evidence(burnt=0.6)) == confidence(evidence())
     assert confidence(evidence(lamps=True, drawn=0.1, likeness=0.8)) < 0.3
+
+
+def test_by_lamps_a_rival_nearly_as_good_or_little_explained_declines() -> None:
+    assert decide(evidence(lamps=True)) == ""
+    assert decide(evidence(lamps=True, margin=0.02)).startswith("ambiguous")
+    assert decide(evidence(lamps=True, covered=0.08)).startswith("too little")
+
+
+def test_the_earth_in_the_whole_frame_is_no_black_level() -> None:
+    rng = np.random.default_rng(4)
+    land = cv2.GaussianBlur(rng.normal(0, 1, (75, 120)).astype(np.float32), (0, 0), 6.0)
+    land = 90.0 + 25.0 * land / land.std()
+    fine = rng.normal(0, SIGMA / 4, land.shape).astype(np.float32)
+    assert not has_flat_floor(land + fine, SIGMA / 4)
+    land[50:] = PEDESTAL
+    assert has_flat_floor(land + fine, SIGMA / 4)
 
 
 def test_the_share_burnt_out_is_of_what_the_craft_covers() -> None:
