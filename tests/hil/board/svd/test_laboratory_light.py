@@ -130,7 +130,7 @@ def evidence(**changes: float) -> Evidence:
 def test_evidence_by_lamps_is_weighed_by_its_own_weights_and_burnt_out_faces_count_against_it() -> None:
     assert confidence(evidence(lamps=True)) > 0.9 > confidence(evidence())
     assert confidence(evidence(lamps=True, burnt=0.3)) == confidence(evidence(lamps=True))
-    assert confidence(evidence(lamps=True, burnt=0.6)) < 0.8
+    assert confidence(evidence(lamps=True, burnt=0.6)) < 0.9
     assert confidence(evidence(burnt=0.6)) == confidence(evidence())
     assert confidence(evidence(lamps=True, drawn=0.1, likeness=0.8)) < 0.3
 
