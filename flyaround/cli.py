@@ -26,6 +26,7 @@ COMMANDS = {
     "compare": "compare",
     "bench": "bench",
     "doctor": "doctor",
+    "plugins": "plugins",
     "scenarios": "flights",
     "recipes": "recipes",
     "backgrounds": "recipes",

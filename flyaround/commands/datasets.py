@@ -20,6 +20,7 @@ from simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
 from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.clipping import ClippingSummary
 from simulator.dataset.formats.registry import parse_formats, writable
+from simulator.dataset.sensors import parse_sensors
 from simulator.dataset.split import parse_split
 from simulator.errors import UserError
 from simulator.labels.request import parse_labels
@@ -76,6 +77,9 @@ def capture(
         ),
     ] = None,
     labels: Labels = None,
+    sensors: Annotated[
+        str, typer.Option("--sensors", help="Sensors of other packages, with commas (docs/plugins.md).")
+    ] = "",
     seed: Seed = None,
     resume: Annotated[
         bool,
@@ -115,6 +119,7 @@ def capture(
                 output / member,
                 formats=names,
                 labels=parse_labels(wanted),
+                sensors=parse_sensors(sensors),
                 split=shares,
                 resume=resume,
                 workers=workers,

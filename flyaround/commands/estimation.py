@@ -12,12 +12,13 @@ from rich.table import Column, Table
 
 from flyaround.commands.terminal import progress_bar, say, terminal
 from hil.board.errors import BoardModelError
-from hil.board.methods import ALL_METHODS, check_method_name, estimator_by_name
+from hil.board.methods import ALL_METHODS
 from hil.board.svd import BoardModel, CameraIntrinsics
 from hil.board.svd.debug.stage_pictures import write_stage_pictures
 from hil.board.svd.methods import PUBLISHED
 from hil.board.svd.native.backend import describe_backend
 from hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS
+from hil.evaluate.added_estimators import any_estimator, check_any_method
 from hil.evaluate.dataset_evaluation import evaluate_dataset
 from hil.evaluate.estimate import checked_picture
 from hil.evaluate.evaluation_page import about_mean_predictor
@@ -74,13 +75,13 @@ def estimate(
     check_method(method)
     intrinsics = load_camera(camera)
     try:
-        estimator = estimator_by_name(
+        names = split_names(streams)
+        estimator = any_estimator(
             board_model(load_target(target)),
             CameraIntrinsics.from_dict(msgspec.to_builtins(intrinsics)),
-            method,
-            solver,
-            split_names(streams),
-            split_names(steps) or (),
+            MethodChoice(
+                method, solver, None if names is None else tuple(names), tuple(split_names(steps) or ())
+            ),
         )
     except BoardModelError as error:
         raise UserError(str(error)) from error
@@ -218,6 +219,6 @@ def check_method(method: str) -> None:
         With the methods there are; of a network, what is wrong with its file.
     """
     try:
-        check_method_name(method)
+        check_any_method(method)
     except BoardModelError as error:
         raise UserError(f"--method: {error}") from error

@@ -11,13 +11,18 @@ import typer
 
 from flyaround.commands.estimation import check_method
 from flyaround.commands.terminal import say
-from hil.board.agent import describe_board, svd_factory
+from hil.board.agent import EstimatorFactory, describe_board, svd_factory
+from hil.board.answering import BoardEstimator
 from hil.board.gige.camera import SCHEME
 from hil.board.gige.camera_board import run_camera_board
 from hil.board.gige.options import CAMERA_OPTIONS, TITLE, camera_board_options, check_options
 from hil.board.options import AGENT_OPTIONS, make_agent
 from hil.board.service import ExitCode
 from hil.board.serving import NoSessionError, exit_at_once, exit_code, serve_sessions
+from hil.board.svd import BoardModel, CameraIntrinsics
+from hil.evaluate.added_estimators import any_estimator
+from hil.evaluate.method_choice import MethodChoice
+from simulator.runtime.plugins import plugins
 from simulator.targets.board_model.write import write_board_model
 from simulator.targets.library import load_target
 
@@ -76,10 +81,11 @@ def board(
     with TemporaryDirectory() as folder:  # read once, and not needed any more
         path = Path(folder) / f"{target}.board.json"
         write_board_model(load_target(target), path)
+        own = added_factory(path, given["method"]) if given["method"] in plugins("estimator") else None
         if url.startswith(SCHEME):
-            make, name, sha256 = svd_factory(path, given["method"])
+            make, name, sha256 = own or svd_factory(path, given["method"])
         else:
-            agent = make_agent(url, str(path), given)
+            agent = make_agent(url, str(path), given, own)
     if url.startswith(SCHEME):
         hello = describe_board(name, sha256, given["method"], compiled=True)
         _told(run_camera_board(url, camera_board_options(given), make, hello))
@@ -90,6 +96,16 @@ def board(
         say(f"flyaround: {error}", stderr=True)
         raise typer.Exit(ExitCode.NO_SESSION) from error
     _told(summary)
+
+
+def added_factory(model_path: Path, method: str) -> tuple[EstimatorFactory, str, str]:
+    """An estimator of another package on a model file, as ``svd_factory`` gives one of the board's."""
+    model = BoardModel.read(model_path)
+
+    def make(camera: dict[str, Any]) -> BoardEstimator:
+        return any_estimator(model, CameraIntrinsics.from_dict(camera), MethodChoice(method))
+
+    return make, model.name, model.sha256
 
 
 def _told(summary: BoardSummary) -> None:

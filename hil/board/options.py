@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
-from typing import Any, Dict, NamedTuple, Tuple
+from typing import Any, Dict, NamedTuple, Optional, Tuple
 
-from hil.board.agent import BoardAgent
+from hil.board.agent import BoardAgent, EstimatorFactory
 from hil.link.errors import LinkError
 from hil.link.security import read_key
 from hil.link.session import SILENCE_S
@@ -76,12 +76,18 @@ def add_options(parser: argparse._ActionsContainer, table: Tuple[AgentOption, ..
         )
 
 
-def make_agent(url: str, model_path: str, given: Dict[str, Any]) -> BoardAgent:
+def make_agent(
+    url: str,
+    model_path: str,
+    given: Dict[str, Any],
+    own: Optional[Tuple[EstimatorFactory, str, str]] = None,
+) -> BoardAgent:
     """The agent that the options describe.
 
     Parameters
     ----------
     url : the host's. model_path : board model file, or a bundled one's name. given : values by `AgentOption.name`.
+    own : another estimator than those of the board by name: its factory, and name and hash of its model.
 
     Raises
     ------
@@ -97,6 +103,9 @@ def make_agent(url: str, model_path: str, given: Dict[str, Any]) -> BoardAgent:
         url,
         model_path,
         given["method"],
+        make_estimator=None if own is None else own[0],
+        model_name="" if own is None else own[1],
+        model_sha256="" if own is None else own[2],
         connect_timeout_s=given["timeout"],
         window=given["window"],
         key=None if given["key"] is None else read_key(given["key"]),

@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 
 from hil.board.errors import BoardModelError
-from hil.board.methods import estimator_by_name
 from hil.board.svd import CameraIntrinsics
+from hil.evaluate.added_estimators import any_estimator
 from hil.evaluate.greyscale import grey
 from hil.evaluate.method_choice import MethodChoice, board_model
 from simulator.camera.lens.camera_model import Camera
@@ -104,9 +104,8 @@ class _Craft:
 
 def _made(craft: _Craft, camera: Camera, method: str) -> Estimator:
     try:
-        return estimator_by_name(
-            board_model(craft.target), CameraIntrinsics.from_dict(msgspec.to_builtins(camera)), method
-        )
+        intrinsics = CameraIntrinsics.from_dict(msgspec.to_builtins(camera))
+        return any_estimator(board_model(craft.target), intrinsics, MethodChoice(method))
     except BoardModelError as error:
         raise UserError(str(error)) from error
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 
-from hil.board.methods import estimator_by_name
 from hil.board.svd import BoardModel, CameraIntrinsics, Estimator
 from hil.board.svd.image.noise import noise_sigma
 from hil.board.svd.model.prepared_target import PreparedTarget
+from hil.evaluate.added_estimators import any_estimator
 from hil.evaluate.failure_stage import failure_kind
 from hil.evaluate.greyscale import grey
 from hil.evaluate.method_choice import MethodChoice
@@ -39,8 +39,7 @@ class Evaluator:
         intrinsics = CameraIntrinsics.from_dict(camera)
         self.craft = PreparedTarget.prepare(model, intrinsics)
         self.estimators: dict[str, Estimator] = {
-            c.label: estimator_by_name(model, intrinsics, c.method, c.solver, c.streams, c.steps)
-            for c in choices
+            c.label: any_estimator(model, intrinsics, c) for c in choices
         }
         self._last: tuple[int, LabelRecord, NDArray[Any]] | None = None
 

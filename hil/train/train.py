@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     Report = Callable[[float, str], None]
 
 # Samples of one step.
-BATCH = 64
+BATCH = 32
 
 # Width of the wanted likelihood [steps from one class to the next].
 WIDTH_STEPS = 0.65

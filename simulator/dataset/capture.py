@@ -60,6 +60,7 @@ def capture(
     *,
     formats: tuple[str, ...] = ("native",),
     labels: tuple[str, ...] = (),
+    sensors: tuple[str, ...] = (),
     split: Ratio | None = None,
     resume: bool = False,
     workers: int = 1,
@@ -80,6 +81,7 @@ def capture(
     labels : layers beyond truth and mask, out of ``simulator.labels.request.LAYERS``.
     split : shares of training, validation and test frames; a recipe's own unless given.
     tell : is given a sentence for each format of what it leaves out, before anything is drawn.
+    sensors : of other packages, what each measures of a frame beside its picture (docs/plugins.md).
     workers : processes that draw, check and encode, each with a renderer of its own; the bytes do not depend on it.
 
     Raises
@@ -91,14 +93,14 @@ def capture(
     folder = Path(folder)
     labels = _possible(plan, labels)
     other = second_plan(plan)
-    for sentence in check_formats(formats, _card(plan, formats, labels, split)):
+    for sentence in check_formats(formats, _card(plan, formats, labels, split, sensors)):
         tell(sentence)
     empty_folder(folder, resume=True)
     with only_writer(folder, "capture"):
         store = FolderStore(folder, frozenset({lock_name("capture")}))
         if not resume and not store.is_empty():
             empty_folder(folder, resume=False)
-        planned = _card(plan, formats, labels, split)
+        planned = _card(plan, formats, labels, split, sensors)
         summary = _capture(plan, store, planned, workers, device_index, progress, resume=resume)
         if other is None:
             return summary
@@ -107,6 +109,7 @@ def capture(
             folder / SECOND_FOLDER,
             formats=formats,
             labels=labels,
+            sensors=sensors,
             split=split,
             resume=resume,
             workers=workers,
@@ -210,7 +213,11 @@ def _request(plan: CapturePlan, k: int, labels: tuple[str, ...]) -> LabelRequest
 
 
 def _card(
-    plan: CapturePlan, formats: tuple[str, ...], labels: tuple[str, ...], split: Ratio | None
+    plan: CapturePlan,
+    formats: tuple[str, ...],
+    labels: tuple[str, ...],
+    split: Ratio | None,
+    sensors: tuple[str, ...],
 ) -> DatasetCard:
     """The card as planned, before it is known what draws."""
     return DatasetCard(
@@ -222,6 +229,7 @@ def _card(
         complete=False,
         formats=tuple(dict.fromkeys(("native", *formats))),
         labels=labels,
+        sensors=sensors,
         split=split or _own_split(plan),
         camera=plan.camera,
         target=CardTarget(

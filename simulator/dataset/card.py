@@ -102,6 +102,7 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
     quarantined: tuple[CardQuarantine, ...] = ()
     formats: tuple[str, ...]
     labels: tuple[str, ...] = ()
+    sensors: tuple[str, ...] = ()
     split: tuple[int, int, int] | None = None
     camera: Camera
     target: CardTarget
@@ -111,6 +112,7 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
     record_fields: dict[str, str] = msgspec.field(default_factory=lambda: dict(RECORD_FIELDS))
     layout: str = (
         "images/NNNNNN.png image, images/NNNNNN.mask.png mask, images/NNNNNN.LAYER.png or .exr layers, "
+        "images/NNNNNN.SENSOR.npz of sensors, "
         "images/NNNNNN.json truth, FORMAT/ each of formats; split.json frames of each split, where there is one"
     )
     licence: str = (

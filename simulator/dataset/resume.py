@@ -61,7 +61,7 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
         raise UserError(
             f"{store.title}: cannot read {CARD_NAME} ({error.strerror or error}); name a new folder with -o"
         ) from error
-    for field in ("scenario", "seed", "every_s", "camera", "target", "labels"):
+    for field in ("scenario", "seed", "every_s", "camera", "target", "labels", "sensors"):
         if getattr(old, field) != getattr(card, field):
             which = "another " + field
             if field == "labels":

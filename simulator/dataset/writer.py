@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Self
 
 import msgspec
@@ -14,6 +14,7 @@ from simulator.dataset.card import CARD_NAME, CardQuarantine, DatasetCard, card_
 from simulator.dataset.check.verify import check_frame
 from simulator.dataset.clipping import Clipping, measure_clipping
 from simulator.dataset.formats.native import EncodedFrame, encode_frame, frame_files
+from simulator.dataset.sensors import measurements
 from simulator.dataset.storage.batches import FrameBatches, FrameFiles
 from simulator.dataset.storage.manifest import manifest_lines, sort_manifest
 from simulator.targets.model import Target
@@ -67,8 +68,8 @@ class CheckAndEncode:
                 frame.number, frame.truth, frame.image, frame.mask, self.card, target, frame.layers
             )
             files = encoding.result()
+        files = replace(files, sensors=measurements(frame, self.card.sensors))
         sample = frame.scene.sample
-        files = encode_frame(frame)
         return CheckedFrame(
             frame.number,
             files,

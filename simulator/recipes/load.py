@@ -12,6 +12,7 @@ from simulator.errors import UserError, near_names
 from simulator.recipes.checks import check_recipe
 from simulator.recipes.file import Recipe
 from simulator.recipes.vary_file import check_vary
+from simulator.runtime.plugins import plugins
 from simulator.runtime.untrusted_files import find_beside, read_regular
 from simulator.runtime.validation_errors import explain
 from simulator.scenario.load import MOST_BYTES, check_detector, resolve_camera, toml_table
@@ -28,9 +29,10 @@ _NOT_INHERITED = ("base", "name", "members")
 
 
 def list_recipes() -> tuple[str, ...]:
-    """Names of the built-in recipes."""
+    """Names of the built-in recipes, then of those that other packages add."""
     folder = files("assets").joinpath("recipes")
-    return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
+    built_in = sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
+    return (*built_in, *(name for name in plugins("recipe") if name not in built_in))
 
 
 def is_recipe(name_or_path: str) -> bool:
@@ -54,7 +56,15 @@ def recipe_text(name: str) -> str:
     """
     if name not in list_recipes():
         raise UserError(_no_such_recipe(name))
-    return files("assets").joinpath("recipes", f"{name}.toml").read_text(encoding="utf-8")
+    built_in = files("assets").joinpath("recipes", f"{name}.toml")
+    if built_in.is_file():
+        return built_in.read_text(encoding="utf-8")
+    plugin = plugins("recipe")[name]
+    file = plugin.load()
+    try:
+        return str(file.read_text(encoding="utf-8"))
+    except (AttributeError, OSError, ValueError) as error:
+        raise plugin.wrong(f"is no file that can be read ({error})") from error
 
 
 def load_recipe(name_or_path: str | Path) -> Recipe:

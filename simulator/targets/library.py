@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from simulator.errors import UserError, near_names
 from simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
+from simulator.runtime.plugins import Plugin, plugins
 from simulator.runtime.prebuilt import prebuilt_bytes
 from simulator.targets.glb.read import load_glb, target_from
 from simulator.targets.installed import user_file, user_targets
@@ -83,9 +84,10 @@ ENTRIES = (
 
 
 def list_targets() -> tuple[str, ...]:
-    """Names of the built-in targets, then of those the user added."""
+    """Names of the built-in targets, then of those the user added, then of those that other packages add."""
     built_in = built_in_targets()
-    return (*built_in, *(n for n in user_targets() if n not in built_in))
+    users = [n for n in user_targets() if n not in built_in]
+    return (*built_in, *users, *(n for n in plugins("target") if n not in {*built_in, *users}))
 
 
 def built_in_targets() -> tuple[str, ...]:
@@ -113,6 +115,8 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
         return _built_in(entry, detail if name == text else level)
     if text in user_targets():
         return load_glb(user_file(text))
+    if text in plugins("target"):
+        return _added(plugins("target")[text])
     path = Path(name_or_path)
     if path.suffix.lower() == ".glb" or path.is_file():
         return load_glb(path)
@@ -121,6 +125,29 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
         f"unknown target {text!r}: name one of {', '.join(near)}, or another that "
         "`flyaround targets` lists (with @medium or @low for fewer triangles), or give the path of a .glb target file"
     )
+
+
+def _added(plugin: Plugin) -> Target:
+    """A target of another package: a function that builds it, or the path of a target file.
+
+    Raises
+    ------
+    UserError
+        If it cannot be imported, fails, or is none.
+    """
+    given = plugin.load()
+    if isinstance(given, str | Path):
+        built = load_glb(Path(given))
+    else:
+        try:
+            built = given()
+        except UserError:
+            raise
+        except Exception as error:
+            raise plugin.wrong(f"cannot be built ({type(error).__name__}: {error})") from error
+    if getattr(built, "name", None) != plugin.name:
+        raise plugin.wrong(f"is no Target called {plugin.name}")
+    return built
 
 
 @functools.lru_cache(maxsize=_MOST_IN_USE)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -156,12 +156,13 @@ def read_layer(folder: Path, stem: str, name: str) -> NDArray[Any]:
 
 @dataclass(frozen=True, eq=False)
 class EncodedFrame:
-    """A frame as the bytes of its files: image, mask and record, and layers by name."""
+    """A frame as the bytes of its files: image, mask and record, layers by name, and what other sensors say."""
 
     image: bytes
     mask: bytes
     truth: bytes
     layers: dict[str, bytes]
+    sensors: dict[str, bytes] = field(default_factory=dict)
 
 
 def encode_frame(frame: Frame) -> EncodedFrame:
@@ -183,7 +184,8 @@ def frame_files(k: int, files: EncodedFrame) -> list[tuple[str, bytes]]:
     """Names within the data set and bytes of frame k's files; its truth record last: a record means a whole frame."""
     paths = frame_paths(Path(), k)
     layers = {layer_path(Path("images"), f"{k:06d}", name): data for name, data in files.layers.items()}
-    named = {paths.image: files.image, paths.mask: files.mask, **layers, paths.truth: files.truth}
+    beside = {Path("images") / f"{k:06d}.{name}": data for name, data in files.sensors.items()}
+    named = {paths.image: files.image, paths.mask: files.mask, **layers, **beside, paths.truth: files.truth}
     return [(path.as_posix(), data) for path, data in named.items()]
 
 

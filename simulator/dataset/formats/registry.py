@@ -17,6 +17,7 @@ from simulator.dataset.formats.urso import URSO
 from simulator.dataset.formats.web_shards import WEBDATASET
 from simulator.dataset.formats.yolo import YOLO
 from simulator.errors import UserError, near_names
+from simulator.runtime.plugins import Plugin, plugins
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -32,7 +33,22 @@ _BUILT_IN = (SPEED, SPEEDPLUS, SHIRT, URSO, SPARK, BOP, COCO, YOLO, WEBDATASET, 
 
 def formats() -> dict[str, DatasetFormat]:
     """All formats besides the native layout, by name."""
-    return {form.name: form for form in _BUILT_IN}
+    added = {name: _added(plugin) for name, plugin in plugins("format").items()}
+    return {**added, **{form.name: form for form in _BUILT_IN}}
+
+
+def _added(plugin: Plugin) -> DatasetFormat:
+    """A format of another package.
+
+    Raises
+    ------
+    UserError
+        If it cannot be imported, or is none.
+    """
+    form = plugin.load()
+    if not isinstance(form, DatasetFormat) or form.name != plugin.name:
+        raise plugin.wrong(f"is no DatasetFormat called {plugin.name}")
+    return form
 
 
 def readable() -> tuple[str, ...]:

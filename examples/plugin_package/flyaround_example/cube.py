@@ -1,0 +1,10 @@
+"""A target: the CubeSat of one unit under another name."""
+
+from dataclasses import replace
+
+import flyaround as fa
+
+
+def build() -> fa.Target:
+    """The target, called as its entry point is."""
+    return replace(fa.load_target("cubesat-1u"), name="example-cube", title="The example's cube")

@@ -1,0 +1,28 @@
+"""A format: one text file with a line for each frame: number, quaternion, position."""
+
+from simulator.dataset.formats.base import DatasetFormat
+
+
+class PoseListWriter:
+    """Keeps a line of each frame, and writes them in the end."""
+
+    def __init__(self, output, card) -> None:
+        self._output, self._lines = output, [f"# {card.scenario_name}: frame, q wxyz, t [m]"]
+
+    def write(self, frame) -> None:
+        """Take one frame."""
+        pose = (*frame.truth.q_camera_from_target_wxyz, *frame.truth.t_camera_from_target_m)
+        self._lines.append(" ".join([str(frame.number), *(repr(x) for x in pose)]))
+
+    def finish(self) -> None:
+        """Write the list."""
+        self._output.write("poses.txt", "\n".join([*self._lines, ""]).encode())
+
+
+FORMAT = DatasetFormat(
+    name="pose-list",
+    title="A line for each frame",
+    carries="poses",
+    lacks="images and every other label",
+    writer=PoseListWriter,
+)

@@ -1,0 +1,40 @@
+"""plugins: what other packages add, and whether it can be imported."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+import typer
+from rich.table import Column, Table
+
+from flyaround.commands.terminal import say, terminal
+from simulator.errors import UserError
+from simulator.runtime.plugins import GROUPS, Plugin
+from simulator.runtime.plugins import plugins as plugins_of
+
+
+def plugins(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
+    """Sensors, formats, recipes, estimators and targets that installed packages add (docs/plugins.md)."""
+    found = [plugin for kind in GROUPS for plugin in plugins_of(kind).values()]
+    rows = [(plugin, _state(plugin)) for plugin in found]
+    if as_json:
+        fields = ("kind", "name", "package", "version")
+        typer.echo(json.dumps([{**{f: getattr(p, f) for f in fields}, "problem": why} for p, why in rows]))
+        return
+    if not rows:
+        say(f"no installed package has entry points of {', '.join(GROUPS.values())}")
+        return
+    table = Table("kind", "name", "package", Column("state", overflow="fold"))
+    for plugin, why in rows:
+        table.add_row(plugin.kind, plugin.name, f"{plugin.package} {plugin.version}", why or "ready")
+    terminal().print(table)
+
+
+def _state(plugin: Plugin) -> str:
+    """Why one cannot be used; empty where it can."""
+    try:
+        plugin.load()
+    except UserError as error:
+        return str(error)
+    return ""

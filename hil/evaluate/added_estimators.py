@@ -1,0 +1,88 @@
+"""Estimators of other packages, beside the board's own: by name, as any of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from hil.board.methods import check_method_name, estimator_by_name
+from hil.board.svd import BoardModel, CameraIntrinsics, Estimator, PoseResult
+from simulator.runtime.plugins import Plugin, plugins
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.board.svd.image.observation import Observation
+    from hil.evaluate.method_choice import MethodChoice
+
+
+class AddedEstimator(Estimator):
+    """An estimator of another package, refusing unusable pictures and never raising, as all do.
+
+    Parameters
+    ----------
+    inner : has ``estimate(image)`` of an (H, W) picture, whose result is as `hil.board.answering.Estimate`.
+    """
+
+    def __init__(self, name: str, inner: Any, model: BoardModel, camera: CameraIntrinsics) -> None:  # noqa: ANN401 - a package's own
+        super().__init__(model, camera)
+        self.method, self._inner = name, inner
+
+    def _estimate(self, frame: Observation) -> PoseResult:
+        result = self._inner.estimate(frame.image)
+        frame.mark(self.method)
+        return PoseResult(
+            bool(result.accepted),
+            str(result.reason),
+            result.q_camera_from_target_wxyz,
+            result.t_camera_from_target_m,
+            float(result.confidence),
+            frame.stages_ms,
+            covariance=getattr(result, "covariance", None),
+            method=self.method,
+        )
+
+
+def check_any_method(method: str) -> None:
+    """Refuse a name that neither the board's own estimators have nor those of other packages.
+
+    Raises
+    ------
+    BoardModelError
+        With the methods there are.
+    UserError
+        If its package cannot be imported.
+    """
+    if method in plugins("estimator"):
+        _function(plugins("estimator")[method])
+    else:
+        check_method_name(method)
+
+
+def any_estimator(model: BoardModel, camera: CameraIntrinsics, choice: MethodChoice) -> Estimator:
+    """The estimator of a choice, whoever brings it.
+
+    Raises
+    ------
+    BoardModelError
+        As of ``estimator_by_name``.
+    UserError
+        If its package cannot be imported, or cannot make one.
+    """
+    plugin = plugins("estimator").get(choice.method)
+    if plugin is None:
+        return estimator_by_name(model, camera, choice.method, choice.solver, choice.streams, choice.steps)
+    make = _function(plugin)
+    try:
+        inner = make(model, camera)
+    except Exception as error:
+        raise plugin.wrong(f"cannot be made ({type(error).__name__}: {error})") from error
+    if not callable(getattr(inner, "estimate", None)):
+        raise plugin.wrong("has no method estimate")
+    return AddedEstimator(choice.method, inner, model, camera)
+
+
+def _function(plugin: Plugin) -> Callable[[BoardModel, CameraIntrinsics], Any]:
+    make: Callable[[BoardModel, CameraIntrinsics], Any] = plugin.load()
+    if not callable(make):
+        raise plugin.wrong("cannot be called")
+    return make

@@ -1,0 +1,69 @@
+"""Sensors of other packages: what else is measured in a frame's instant, a file beside its picture."""
+
+from __future__ import annotations
+
+import io
+import zlib
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.runtime.plugins import plugins
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from simulator.frame import Frame
+
+
+def parse_sensors(text: str) -> tuple[str, ...]:
+    """Sensors of a comma-separated list, each imported.
+
+    Raises
+    ------
+    UserError
+        If there is none of a name, or its package cannot be imported.
+    """
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    known = plugins("sensor")
+    for name in names:
+        if name not in known:
+            there = ", ".join(known) or "none: they come with packages, see docs/plugins.md"
+            raise UserError(f"unknown sensor '{name}' in --sensors; installed are {there}")
+        if not callable(known[name].load()):
+            raise known[name].wrong("cannot be called")
+    return names
+
+
+def measurements(frame: Frame, names: Iterable[str]) -> dict[str, bytes]:
+    """What each sensor says of a frame, as the bytes of an NPZ file.
+
+    Its random numbers depend on the frame's seed and number and on the sensor's name alone.
+
+    Raises
+    ------
+    UserError
+        If one fails, or gives anything but arrays by name.
+    """
+    return {f"{name}.npz": _measured(frame, name) for name in names}
+
+
+def _measured(frame: Frame, name: str) -> bytes:
+    plugin = plugins("sensor").get(name)
+    if plugin is None:
+        raise UserError(f"sensor {name} is not installed any more; install its package again")
+    key = (frame.scene.frame_index, zlib.crc32(name.encode()))
+    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence(frame.scene.seed, spawn_key=key)))
+    try:
+        given: Any = plugin.load()(frame, rng)
+        arrays = {str(k): np.asarray(v) for k, v in given.items()}
+    except UserError:
+        raise
+    except Exception as error:
+        raise plugin.wrong(f"failed on frame {frame.number} ({type(error).__name__}: {error})") from error
+    if any(a.dtype.hasobject for a in arrays.values()):
+        raise plugin.wrong("gives objects, which no file holds: give arrays of numbers")
+    data = io.BytesIO()
+    np.savez_compressed(data, allow_pickle=False, **arrays)
+    return data.getvalue()
