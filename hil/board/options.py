@@ -99,16 +99,15 @@ def make_agent(
             raise LinkError(f"--{name} {given[name]:g} cannot be: give seconds above 0")
     if not 1 <= given["window"] <= MOST_WINDOW:
         raise LinkError(f"--window {given['window']} cannot be: give 1 to {MOST_WINDOW} frames")
+    names = ("make_estimator", "model_name", "model_sha256")
     return BoardAgent(
         url,
         model_path,
         given["method"],
-        make_estimator=None if own is None else own[0],
-        model_name="" if own is None else own[1],
-        model_sha256="" if own is None else own[2],
         connect_timeout_s=given["timeout"],
         window=given["window"],
         key=None if given["key"] is None else read_key(given["key"]),
         watchdog_s=math.inf if given["watchdog"] is None else given["watchdog"],
         silence_s=given["silence"],
+        **({} if own is None else dict(zip(names, own))),  # noqa: B905 - Python 3.9 has no strict=
     )
