@@ -100,6 +100,7 @@ def make_agent(
     if not 1 <= given["window"] <= MOST_WINDOW:
         raise LinkError(f"--window {given['window']} cannot be: give 1 to {MOST_WINDOW} frames")
     names = ("make_estimator", "model_name", "model_sha256")
+    more: Dict[str, Any] = {} if own is None else dict(zip(names, own))  # noqa: B905 - Python 3.9 has no strict=
     return BoardAgent(
         url,
         model_path,
@@ -109,5 +110,5 @@ def make_agent(
         key=None if given["key"] is None else read_key(given["key"]),
         watchdog_s=math.inf if given["watchdog"] is None else given["watchdog"],
         silence_s=given["silence"],
-        **({} if own is None else dict(zip(names, own))),  # noqa: B905 - Python 3.9 has no strict=
+        **more,
     )
