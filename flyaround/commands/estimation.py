@@ -177,6 +177,8 @@ def evaluate(
         else MethodChoice(m)
         for m in chosen
     )
+    if len({c.label for c in choices}) < len(choices):
+        raise UserError("two networks in --method have files of one name; rename one")
     if (solver or streams or steps) and not any(m in PUBLISHED for m in chosen):
         raise UserError(
             f"--solver, --streams and --steps belong to {' and '.join(PUBLISHED)}; leave them out for {chosen[0]}"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from hil.board.methods import NETWORK
 from hil.board.svd import BoardModel
 from simulator.targets.board_model.write import write_board_model
 
@@ -36,7 +37,9 @@ class MethodChoice(msgspec.Struct, frozen=True):
             *(self.streams or ()),
             *(f"+{s}" for s in self.steps),
         ]
-        return " ".join([self.method, *extra])
+        # of a network the file alone: names of files are made of this
+        method = NETWORK + Path(self.method).name if self.method.startswith(NETWORK) else self.method
+        return " ".join([method, *extra])
 
 
 def board_model(target: Target) -> BoardModel:
