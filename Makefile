@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow test-train soak test-portable test-mutants test-starts test-formats lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
+.PHONY: demo test test-slow test-train soak test-portable test-mutants test-starts test-formats test-scale proof-datasets lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -29,6 +29,16 @@ test-portable: $(STAMP) system
 test-train: $(STAMP) system
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[train]'
 	$(BIN)/pytest -q tests/hil/train tests/docs/test_own_network.py tests/hil/board/svd/test_learned_proposal.py
+
+# A Ray cluster of local nodes, one of them killed, and an S3 server of the tests' own.
+test-scale: $(STAMP) system
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[scale-test]'
+	$(BIN)/pytest -q tests/simulator/dataset/test_ray_frames.py tests/simulator/dataset/storage
+
+# Labels of IMAGES of every recipe by check and by rays on the exported mesh. Hours; goes on where it was stopped.
+IMAGES ?= 400
+proof-datasets: $(STAMP) system
+	$(BIN)/python -m tools.validation.datasets -n $(IMAGES)
 
 # Data sets in other formats, read by the libraries that people use.
 test-formats: $(STAMP) system

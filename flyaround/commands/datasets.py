@@ -20,6 +20,7 @@ from simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
 from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.clipping import ClippingSummary
 from simulator.dataset.formats.registry import parse_formats, writable
+from simulator.dataset.ray_frames import RayCluster
 from simulator.dataset.sensors import parse_sensors
 from simulator.dataset.split import parse_split
 from simulator.errors import UserError
@@ -37,7 +38,14 @@ from simulator.scene.state import Quality
 
 def capture(
     scenario: Annotated[str, typer.Argument(help="Built-in scenario or recipe, or a TOML file.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the data set: new or empty.")],
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Folder of the data set, new or empty; or a URL of fsspec: s3://bucket/set.",
+        ),
+    ],
     n: Annotated[
         int | None,
         typer.Option(
@@ -89,12 +97,25 @@ def capture(
         ),
     ] = False,
     workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that draw; same bytes.")] = 1,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            "--ray", help="Draw on a Ray cluster instead: auto, HOST:PORT or ray://HOST:PORT; same bytes."
+        ),
+    ] = None,
+    gpu_share: Annotated[
+        float,
+        typer.Option(
+            "--gpu-share", min=0.0, max=1.0, help="Part of a GPU for each of Ray's drawing processes."
+        ),
+    ] = 0.0,
     gpu: Device = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
     """Take labelled images of a flight or a recipe; every frame's labels are checked as it is written."""
     if n is not None and every_s is not None:
         raise UserError("capture takes -n or --every, not both; leave one out")
+    cluster = _cluster(ray, gpu_share, workers)
     names = parse_formats(formats)
     bands: Bands | None = "rgb" if rgb else None
     plans = _choose_plans(
@@ -110,19 +131,21 @@ def capture(
     )
     shares = None if split is None else parse_split(split)
     ranges = None if vary is None else load_vary(vary)
+    place = output.rstrip("/") or output
     summaries = {}
     for member, plan in plans.items():
         wanted = ",".join(plan.labels) if labels is None else labels
         with progress_bar(member or "capture", quiet=as_json) as progress:
             summaries[member] = capture_plan(
                 varied_plan(plan, ranges),
-                output / member,
+                place if not member else f"{place}/{member}",
                 formats=names,
                 labels=parse_labels(wanted),
                 sensors=parse_sensors(sensors),
                 split=shares,
                 resume=resume,
                 workers=workers,
+                cluster=cluster,
                 device_index=gpu,
                 progress=progress,
                 tell=lambda sentence: say(sentence, stderr=True),
@@ -134,6 +157,19 @@ def capture(
         typer.echo(json.dumps(reports.get("", {"members": reports})))
     if any(s.quarantined or (s.second and s.second.quarantined) for s in summaries.values()):
         raise typer.Exit(1)
+
+
+def _cluster(address: str | None, gpu_share: float, workers: int) -> RayCluster | None:
+    """Where Ray draws; None where it does not."""
+    if address is None:
+        if gpu_share:
+            raise UserError(
+                "--gpu-share is of a Ray cluster's processes; add --ray, or choose a GPU with --gpu"
+            )
+        return None
+    if workers != 1:
+        raise UserError("--workers draw here and --ray draws on a cluster; leave one out")
+    return RayCluster(address, gpu_share)
 
 
 def _report(summary: CaptureSummary) -> dict[str, Any]:

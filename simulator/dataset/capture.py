@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from pathlib import Path
@@ -11,6 +12,7 @@ import msgspec
 
 from simulator.dataset.card import CARD_NAME, CardTarget, DatasetCard, describe_machine
 from simulator.dataset.clipping import ClippingSummary, summarise_clipping
+from simulator.dataset.drawing import Drawing
 from simulator.dataset.exports import ExportSink
 from simulator.dataset.formats.registry import check_formats
 from simulator.dataset.resume import WhatIsThere, card_to_resume, look_at_frames
@@ -18,20 +20,22 @@ from simulator.dataset.split import Ratio, lowest_terms
 from simulator.dataset.stereo import FOLDER as SECOND_FOLDER
 from simulator.dataset.stereo import second_plan, stereo_card
 from simulator.dataset.storage.space import frame_bytes, refuse_without_room
-from simulator.dataset.storage.store import FolderStore
-from simulator.dataset.writer import CheckAndEncode, DatasetWriter
+from simulator.dataset.storage.store import FolderStore, Store
+from simulator.dataset.storage.url_store import UrlStore, is_url
+from simulator.dataset.writer import DatasetWriter
 from simulator.errors import UserError
 from simulator.labels.part_classes import part_class
 from simulator.labels.request import LAYERS, LabelRequest
 from simulator.labels.truth import FlowLabel
-from simulator.loop import open_frames, run_frames
+from simulator.loop import run_frames
 from simulator.runtime.files import empty_folder
 from simulator.runtime.folder_lock import lock_name, only_writer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from simulator.dataset.capture_plan import CapturePlan
+    from simulator.dataset.ray_frames import RayCluster
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ class CaptureSummary:
     ``second``: of the second camera's data set, where the plan has one.
     """
 
-    folder: Path
+    folder: Path | str
     n_written: int
     n_kept: int
     n_feasible: int
@@ -64,6 +68,7 @@ def capture(
     split: Ratio | None = None,
     resume: bool = False,
     workers: int = 1,
+    cluster: RayCluster | None = None,
     device_index: int | None = None,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
     tell: Callable[[str], None] = lambda _sentence: None,
@@ -77,12 +82,14 @@ def capture(
 
     Parameters
     ----------
+    folder : or the URL of one that fsspec knows, as ``s3://bucket/set``.
     formats : written beside the native layout, frame by frame, out of ``simulator.dataset.formats.registry``.
     labels : layers beyond truth and mask, out of ``simulator.labels.request.LAYERS``.
     split : shares of training, validation and test frames; a recipe's own unless given.
     tell : is given a sentence for each format of what it leaves out, before anything is drawn.
     sensors : of other packages, what each measures of a frame beside its picture (docs/plugins.md).
     workers : processes that draw, check and encode, each with a renderer of its own; the bytes do not depend on it.
+    cluster : Ray cluster that does so instead; its frames come back here and are written here.
 
     Raises
     ------
@@ -90,41 +97,56 @@ def capture(
         If the folder is not empty (without ``resume``), belongs to another plan, cannot be written, has too little
         room, another capture is writing into it, or a format cannot hold such frames.
     """
-    folder = Path(folder)
     labels = _possible(plan, labels)
     other = second_plan(plan)
-    for sentence in check_formats(formats, _card(plan, formats, labels, split, sensors)):
+    planned = capture_card(plan, formats, labels, split, sensors)
+    for sentence in check_formats(formats, planned):
         tell(sentence)
-    empty_folder(folder, resume=True)
-    with only_writer(folder, "capture"):
-        store = FolderStore(folder, frozenset({lock_name("capture")}))
-        if not resume and not store.is_empty():
-            empty_folder(folder, resume=False)
-        planned = _card(plan, formats, labels, split, sensors)
-        summary = _capture(plan, store, planned, workers, device_index, progress, resume=resume)
+    with _store_for(folder, resume=resume) as store:
+        drawing = Drawing(workers, device_index, cluster)
+        summary = _capture(plan, store, planned, drawing, progress, resume=resume)
         if other is None:
             return summary
         second = capture(
             other,
-            folder / SECOND_FOLDER,
+            f"{folder}/{SECOND_FOLDER}",
             formats=formats,
             labels=labels,
             sensors=sensors,
             split=split,
             resume=resume,
             workers=workers,
+            cluster=cluster,
             device_index=device_index,
             progress=progress,
         )
         return replace(summary, second=second)
 
 
+@contextmanager
+def _store_for(place: str | Path, *, resume: bool) -> Iterator[Store]:
+    """The store of a new data set, or of one to go on with; a folder is this capture's alone."""
+    if is_url(place):
+        with closing(UrlStore(str(place))) as remote:
+            if not resume and not remote.is_empty():
+                raise UserError(
+                    f"{place} is not empty; name a new place with -o, or continue it with --resume"
+                )
+            yield remote
+        return
+    folder = empty_folder(Path(place), resume=True)
+    with only_writer(folder, "capture"):
+        store = FolderStore(folder, frozenset({lock_name("capture")}))
+        if not resume and not store.is_empty():
+            empty_folder(folder, resume=False)
+        yield store
+
+
 def _capture(
     plan: CapturePlan,
-    store: FolderStore,
+    store: Store,
     planned: DatasetCard,
-    workers: int,
-    device_index: int | None,
+    drawing: Drawing,
     progress: Callable[[int, int], None],
     *,
     resume: bool,
@@ -135,14 +157,7 @@ def _capture(
         resume and store.exists(CARD_NAME)
     ):  # what is there is counted once it is known to be the same plan
         _refuse_without_room(store, plan, labels, formats, plan.n_frames)
-    with open_frames(
-        CheckAndEncode(planned, plan.target if workers == 1 else None),
-        # one draws here; more have each a renderer of their own
-        processes=workers if workers > 1 else 0,
-        device_index=device_index,
-        first=plan.scene(0),
-        target=plan.target,
-    ) as producer:
+    with drawing.open(plan, planned) as producer:
         info = producer.info
         card = msgspec.structs.replace(
             planned, machine=describe_machine(info.vendor, info.renderer, info.version)
@@ -167,7 +182,7 @@ def _capture(
     n_written = len(missing) - len(writer.quarantined)
     clipping = summarise_clipping(writer.clipping, plan.scenario_document)
     return CaptureSummary(
-        store.folder,
+        store.folder if isinstance(store, FolderStore) else store.title,
         n_written,
         len(there.kept),
         writer.n_feasible,
@@ -179,7 +194,7 @@ def _capture(
 
 
 def _refuse_without_room(
-    store: FolderStore, plan: CapturePlan, labels: tuple[str, ...], formats: tuple[str, ...], n_frames: int
+    store: Store, plan: CapturePlan, labels: tuple[str, ...], formats: tuple[str, ...], n_frames: int
 ) -> None:
     exports = len([name for name in formats if name != "native"])
     refuse_without_room(store, n_frames, frame_bytes(plan.scene(0), labels, exports))
@@ -212,7 +227,7 @@ def _request(plan: CapturePlan, k: int, labels: tuple[str, ...]) -> LabelRequest
     return LabelRequest(layers=labels, flow=flow)
 
 
-def _card(
+def capture_card(
     plan: CapturePlan,
     formats: tuple[str, ...],
     labels: tuple[str, ...],

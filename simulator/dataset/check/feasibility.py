@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.dataset.check.geometry import cut_for_the_lens, fill_triangles, in_lens, project_with_opencv
+from simulator.dataset.check.geometry import (
+    cut_for_the_lens,
+    fill_triangles,
+    in_lens,
+    project_with_opencv,
+    shown_triangles,
+)
 from simulator.imaging.image_formation import noise_sigma
 from simulator.labels.wireframe import view_edges
 from simulator.targets.joined_mesh import mesh_of
@@ -59,11 +65,14 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
         return []
     if not in_lens(camera, in_camera).all():
         return []  # further out than the lens is known for, OpenCV's series folds
-    corners_m = mesh.positions_m[mesh.triangles]
-    if not camera.distortion.is_none:
-        corners_m = cut_for_the_lens(camera, corners_m, R, t)
-    points = corners_m.reshape(-1, 3)
-    corners_px = project_with_opencv(camera, points, truth.q_camera_from_target_wxyz, t).reshape(-1, 3, 2)
+    q = truth.q_camera_from_target_wxyz
+    if camera.distortion.is_none:
+        corners_px = project_with_opencv(camera, mesh.positions_m, q, t)[mesh.triangles]
+        # of a closed shell what faces the camera covers all that the shell does
+        corners_px = corners_px[shown_triangles(mesh, corners_px)]
+    else:
+        points = cut_for_the_lens(camera, mesh.positions_m[mesh.triangles], R, t).reshape(-1, 3)
+        corners_px = project_with_opencv(camera, points, q, t).reshape(-1, 3, 2)
     low, high = corners_px.min(axis=(0, 1)), corners_px.max(axis=(0, 1))
     size = np.array([camera.width_px, camera.height_px])
     if np.all(low >= 0) and np.all(high <= size - 1):

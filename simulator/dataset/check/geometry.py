@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from simulator.labels.truth import Truth
     from simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
     from simulator.scene.state import SceneState
+    from simulator.targets.joined_mesh import JoinedMesh
     from simulator.targets.model import Target
 
 # Exported pixels carry float64 through JSON: only rounding in the projection may differ.
@@ -213,10 +214,8 @@ def doubtful_pixels(
         return _at_their_rows(truth, pixels, points_m) - origin_px
 
     corners_px, triangles = on_image(mesh.positions_m)[mesh.triangles], mesh.triangles
-    if mesh.in_shell is not None:
-        # of a closed shell what faces the camera covers all that the shell does
-        shown = ~mesh.in_shell | (_twice_area(corners_px) <= 0)
-        corners_px, triangles = corners_px[shown], triangles[shown]
+    shown = shown_triangles(mesh, corners_px)
+    corners_px, triangles = corners_px[shown], triangles[shown]
     if not truth.camera.distortion.is_none:
         corners_m = cut_for_the_lens(truth.camera, mesh.positions_m[triangles], R, t)
         corners_px = on_image(corners_m.reshape(-1, 3)).reshape(-1, 3, 2)
@@ -230,6 +229,16 @@ def doubtful_pixels(
     missing = (np.asarray(cv2.erode(inner, reach, borderValue=0)) > 0) & (mask == 0)
     first = np.array([around[1].start, around[0].start])
     return np.asarray(lit_pixels((extra | missing).view(np.uint8)) + first)
+
+
+def shown_triangles(mesh: JoinedMesh, corners_px: FloatArray) -> BoolArray:
+    """(M,) which projected triangles (M, 3, 2) a silhouette needs: of a closed shell those that face the camera.
+
+    They cover all that the shell does.
+    """
+    if mesh.in_shell is None:
+        return np.ones(len(corners_px), bool)
+    return np.asarray(~mesh.in_shell | (_twice_area(corners_px) <= 0))
 
 
 def _twice_area(corners_px: FloatArray) -> FloatArray:

@@ -3,16 +3,17 @@
 import errno
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
 
 from simulator.dataset import capture as capturing
 from simulator.errors import UserError
+from simulator.recipes.plan import plan_recipe
 from simulator.runtime import folder_lock
 from simulator.runtime.folder_lock import lock_name, only_writer
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs locks of files")
+PLAN = plan_recipe("eval-black", 1, target="tango@low")
 HOLD = """
 import sys, time
 from pathlib import Path
@@ -28,7 +29,7 @@ def test_a_second_capture_into_a_folder_is_refused_in_one_sentence_and_a_dead_on
         assert first.stdout.readline() == "locked\n"
         for resume in (False, True):
             with pytest.raises(UserError, match="another capture is writing into"):
-                capturing.capture(SimpleNamespace(), tmp_path, resume=resume)
+                capturing.capture(PLAN, tmp_path, resume=resume)
         first.kill()
     assert (tmp_path / lock_name("capture")).exists()  # as a killed one leaves it
     with only_writer(tmp_path, "capture"):
@@ -39,10 +40,10 @@ def test_a_second_capture_into_a_folder_is_refused_in_one_sentence_and_a_dead_on
 def test_what_a_killed_capture_left_alone_is_an_empty_folder(tmp_path, monkeypatch):
     (tmp_path / lock_name("capture")).write_text("")
     monkeypatch.setattr(capturing, "_capture", lambda *_, **__: "drawn")
-    assert capturing.capture(SimpleNamespace(), tmp_path) == "drawn"
+    assert capturing.capture(PLAN, tmp_path) == "drawn"
     (tmp_path / "mine.txt").write_text("")
     with pytest.raises(UserError, match="not empty"):
-        capturing.capture(SimpleNamespace(), tmp_path)
+        capturing.capture(PLAN, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 

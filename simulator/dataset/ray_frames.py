@@ -1,0 +1,315 @@
+"""Frames drawn by a Ray cluster: shards of them as tasks, on whichever nodes there are; a node that is lost is no loss.
+
+A task is a pure function of its shard, so Ray may run it anywhere and again. What comes back is written here, by
+the one writer that every capture has: the bytes are those of one process.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections import deque
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import islice
+from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar, cast
+from urllib.parse import urlsplit
+
+from simulator.errors import UserError
+from simulator.frame import Frame
+from simulator.loop import FrameProducer, FrameRequest, OpenRenderer, draw_request
+from simulator.runtime.memory import keep_freed_memory
+from simulator.runtime.threads import usable_processors
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from simulator.render.gl.context import GlInfo
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+MOST_IN_SHARD = 8
+"""Frames of a task: a varied craft's light is worked out once for its neighbours, and a lost node costs little."""
+
+MOST_RETRIES = 3
+_ANSWER_S, _WAIT_S = 5.0, 120.0
+
+Taken = TypeVar("Taken")
+
+
+@dataclass(frozen=True)
+class RayCluster:
+    """Where to draw.
+
+    Parameters
+    ----------
+    address : ``auto`` for the cluster that this machine is a node of, ``HOST:PORT`` of its head, or ``ray://HOST:PORT``.
+    gpu_share : part of a GPU that each drawing process takes, so that several share one; 0 for nodes without.
+    """
+
+    address: str
+    gpu_share: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Kit(Generic[Taken]):
+    """What every task needs, sent to each node once."""
+
+    stage: Callable[[Frame], Taken]
+    first: SceneState
+    target: Target
+
+
+@dataclass(frozen=True, eq=False)
+class _Shard(Generic[Taken]):
+    """What a task hands back, and who drew it."""
+
+    node: str
+    info: GlInfo
+    taken: list[Taken]
+
+
+class RayFrames(FrameProducer[Taken]):
+    """Takes frames on a cluster's nodes. Every node needs the same version of Flyaround and the same GL renderer.
+
+    Parameters
+    ----------
+    stage : what is made of each frame where it is drawn.
+    first : the first scene to come. target : what scenes show; it travels to the nodes. n_frames : that will be
+        asked for.
+
+    Raises
+    ------
+    UserError
+        If Ray is not installed, no cluster answers, it has no such GPUs, or its nodes do not draw alike.
+    """
+
+    def __init__(
+        self,
+        stage: Callable[[Frame], Taken],
+        cluster: RayCluster,
+        *,
+        first: SceneState,
+        target: Target,
+        n_frames: int,
+    ) -> None:
+        self._ray = _import_ray()
+        self._cluster = cluster
+        self._mine = not self._ray.is_initialized()
+        if self._mine:
+            _connect(self._ray, cluster.address)
+        self._sent: deque[tuple[Any, int]] = deque()
+        self._ready: deque[Taken] = deque()
+        self._info: GlInfo | None = None
+        self._node = ""
+        try:
+            self._refuse_without_gpus()
+            self._kit = self._ray.put(_Kit(stage, first, target))
+            self._task = self._ray.remote(
+                num_cpus=1,
+                num_gpus=cluster.gpu_share,
+                max_retries=MOST_RETRIES,
+                max_calls=0,  # a process keeps its renderer for the next task, with GPUs too
+                scheduling_strategy="SPREAD",
+            )(_draw_shard)
+            self._shard = max(1, min(MOST_IN_SHARD, n_frames // (4 * self._slots())))
+        except BaseException:
+            self.close()
+            raise
+
+    def _slots(self) -> int:
+        """Tasks that the cluster can run at once, as it is now."""
+        there = self._ray.cluster_resources()
+        slots = there.get("CPU", 0.0)
+        if self._cluster.gpu_share > 0:
+            slots = min(slots, there.get("GPU", 0.0) / self._cluster.gpu_share)
+        return max(int(slots), 1)
+
+    def _refuse_without_gpus(self) -> None:
+        there = self._ray.cluster_resources()
+        if there.get("GPU", 0.0) < self._cluster.gpu_share:
+            raise UserError(
+                f"--gpu-share {self._cluster.gpu_share:g} asks for GPUs, and the Ray cluster {self._cluster.address} "
+                f"has {there.get('GPU', 0.0):g}; leave it out, or start its nodes with --num-gpus"
+            )
+
+    @property
+    def info(self) -> GlInfo:
+        """What draws; waits until the first node is up."""
+        if self._info is None:
+            self._sent.appendleft((self._send([]), 0))
+            self._collect()
+        return cast("GlInfo", self._info)
+
+    @property
+    def has_room(self) -> bool:
+        """Whether `submit` would be accepted."""
+        return len(self._sent) < 2 * self._slots()
+
+    @property
+    def in_flight(self) -> int:
+        """Frames asked for and not collected yet."""
+        return len(self._ready) + sum(n for _, n in self._sent)
+
+    def submit(self, request: FrameRequest) -> bool:
+        """Ask for one frame, as a task of its own."""
+        if not self.has_room:
+            return False
+        self._sent.append((self._send([request]), 1))
+        return True
+
+    def ready(self) -> bool:
+        """Whether `result` would return at once."""
+        return bool(self._ready) or (
+            bool(self._sent) and bool(self._ray.wait([self._sent[0][0]], timeout=0)[0])
+        )
+
+    def result(self) -> Taken:
+        """The oldest frame under way; waits for it."""
+        if not self.in_flight:
+            raise RuntimeError("no frame is under way")
+        while not self._ready:
+            self._collect()
+        return self._ready.popleft()
+
+    def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Taken]:
+        """One frame for each request, in order, drawn by shards."""
+        if self.in_flight > 0:
+            raise RuntimeError("frames of a run that was broken off are under way; open another producer")
+        coming = iter(requests)
+        while shard := list(islice(coming, self._shard)):
+            while not self.has_room:
+                yield self.result()
+                yield from self._all_ready()
+            self._sent.append((self._send(shard), len(shard)))
+        while self.in_flight > 0:
+            yield self.result()
+
+    def _all_ready(self) -> Iterator[Taken]:
+        while self._ready:
+            yield self._ready.popleft()
+
+    def _send(self, shard: list[FrameRequest]) -> Any:  # noqa: ANN401 - Ray's own reference
+        # within a tuple the reference stays one: a process that has the kit need not read it again
+        return self._task.remote((self._kit,), shard)
+
+    def _collect(self) -> None:
+        """Wait for the oldest shard."""
+        reference, _ = self._sent[0]
+        while not self._ray.wait([reference], timeout=_WAIT_S)[0]:
+            if self._ray.cluster_resources().get("CPU", 0.0) < 1:
+                raise UserError(
+                    f"the Ray cluster {self._cluster.address} has no node left that draws; start one, and go on with "
+                    "--resume"
+                )
+        try:
+            shard: _Shard[Taken] = self._ray.get(reference)
+        except self._ray.exceptions.RayError as error:
+            self._refuse(error)
+        self._sent.popleft()
+        if self._info is None:
+            self._info, self._node = shard.info, shard.node
+        elif (shard.info.renderer, shard.info.version) != (self._info.renderer, self._info.version):
+            raise UserError(
+                f"the nodes of the Ray cluster draw by different renderers, so their bytes would differ: "
+                f"{self._node} by {self._info.renderer} ({self._info.version}), {shard.node} by {shard.info.renderer} "
+                f"({shard.info.version}); use nodes that are alike"
+            )
+        self._ready.extend(shard.taken)
+
+    def _refuse(self, error: Exception) -> NoReturn:
+        """Say what a task or the cluster died of."""
+        cause = getattr(error, "cause", None)
+        if isinstance(cause, UserError):
+            raise cause from error
+        if isinstance(cause, ImportError):
+            raise UserError(
+                f"a node of the Ray cluster cannot import {cause.name or cause}; install the same version of flyaround "
+                "on every node"
+            ) from error
+        if cause is not None:
+            raise RuntimeError(f"a task of the Ray cluster failed: {error}") from error
+        first = " ".join(str(error).split())[:200]
+        raise UserError(
+            f"the Ray cluster lost frames that were being drawn, {MOST_RETRIES + 1} times in a row: {first}; look at "
+            "its nodes, and go on with --resume"
+        ) from error
+
+    def close(self) -> None:
+        """Leave the cluster; tasks under way are given up."""
+        for reference, _ in self._sent:
+            self._ray.cancel(reference, force=False)
+        self._sent.clear()
+        self._ready.clear()
+        if self._mine:
+            self._ray.shutdown()
+
+
+def _import_ray() -> Any:  # noqa: ANN401 - a package without types
+    # a simulator tells nobody that it is used; and a task that asks for no GPU sees those that there are
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    try:
+        import ray  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise UserError("--ray needs Ray; run: pip install 'flyaround[ray]', or use --workers") from error
+    return ray
+
+
+def _connect(ray: Any, address: str) -> None:  # noqa: ANN401 - a package without types
+    """Join a cluster.
+
+    Raises
+    ------
+    UserError
+        If none answers.
+    """
+    advice = "start one with `ray start --head`, or check --ray HOST:PORT"
+    if address != "auto":
+        _refuse_silent(address, advice)
+    try:
+        ray.init(address=address, log_to_driver=False, logging_level="ERROR", include_dashboard=None)
+    except Exception as error:  # Ray raises many kinds, some of them of gRPC
+        first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+        where = "runs on this machine" if address == "auto" else f"answers at {address}"
+        raise UserError(f"no Ray cluster {where}: {first}; {advice}") from error
+
+
+def _refuse_silent(address: str, advice: str) -> None:
+    parts = urlsplit(address if "://" in address else f"//{address}")
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host, port = None, None
+    if host is None or port is None or parts.scheme not in {"", "ray"}:
+        raise UserError(f"--ray {address} is no address; give auto, HOST:PORT or ray://HOST:PORT")
+    try:
+        socket.create_connection((host, port), timeout=_ANSWER_S).close()
+    except OSError as error:
+        raise UserError(
+            f"no Ray cluster answers at {address}: {error.strerror or error}; {advice}"
+        ) from error
+
+
+def _draw_shard(kit: tuple[Any], requests: list[FrameRequest]) -> _Shard[Any]:
+    """Draw a shard's frames: what a task does. Of no requests it opens the renderer and says what draws."""
+    import ray  # noqa: PLC0415 - of the process that Ray runs
+
+    gpus = ray.get_runtime_context().get_accelerator_ids().get("GPU", [])
+    mine, renderer, _ = _opened(kit[0], int(gpus[0]) if gpus and str(gpus[0]).isdigit() else None)
+    taken = [draw_request(renderer, request, mine.stage, mine.target) for request in requests]
+    return _Shard(socket.gethostname(), renderer.info, taken)
+
+
+@lru_cache(maxsize=1)
+def _opened(kit: Any, device_index: int | None) -> tuple[_Kit[Any], Any, ExitStack]:  # noqa: ANN401 - Ray's reference
+    """The kit and a renderer, kept in a worker's process from one task to the next."""
+    import ray  # noqa: PLC0415 - of the process that Ray runs
+
+    keep_freed_memory()
+    mine: _Kit[Any] = ray.get(kit)
+    open_here = ExitStack()
+    # a task is promised one processor: a software driver draws by the task's own thread
+    opener = OpenRenderer(device_index=device_index, first=mine.first, processes=max(usable_processors(), 2))
+    return mine, open_here.enter_context(opener()), open_here

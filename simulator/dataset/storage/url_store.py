@@ -1,0 +1,145 @@
+"""A store that fsspec knows: an object store, a server, or this process's memory."""
+
+from __future__ import annotations
+
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from simulator.dataset.storage.store import Files
+
+_APPENDED_EVERY_S = 30.0
+"""Objects have no end to add to: what is appended is kept, and the whole object written again that often."""
+
+
+def is_url(place: str | Path) -> bool:
+    """Whether a place to write to is a URL and no folder."""
+    return isinstance(place, str) and "://" in place
+
+
+class UrlStore:
+    """A folder at a URL, as ``s3://bucket/set`` or ``memory://set``; an object is whole or is not there.
+
+    Who signs in, and where the server is, fsspec's own ways tell: ``FSSPEC_S3_ENDPOINT_URL``, a configuration file, ...
+
+    Raises
+    ------
+    UserError
+        If the kind of URL is not known, its package is missing, or the store does not answer.
+    """
+
+    def __init__(self, url: str) -> None:
+        try:
+            from fsspec.core import url_to_fs  # noqa: PLC0415 - an extra: a folder needs none of it
+        except ImportError as error:
+            raise UserError(
+                f"output {url} needs fsspec; run: pip install 'flyaround[stores]', or name a folder with -o"
+            ) from error
+        self._url = url.rstrip("/")
+        self._ends: dict[str, tuple[bytearray, float]] = {}
+        try:
+            self._fs, self._root = url_to_fs(self._url)
+        except ImportError as error:
+            raise UserError(
+                f"output {url} needs a package that is missing: {error}; install it, or name a folder with -o"
+            ) from error
+        except ValueError as error:
+            raise UserError(f"output {url} cannot be used: {error}; name a folder with -o") from error
+        with self._refusals("reach"):
+            self._fs.invalidate_cache()
+            self._fs.exists(self._root)
+
+    @property
+    def title(self) -> str:
+        """The URL."""
+        return self._url
+
+    def write(self, *waves: Files) -> None:
+        """Write files, those of a wave at once where the store can."""
+        for wave in waves:
+            with self._refusals("write to"):
+                # object stores have no folders, and would make a bucket that is not there
+                if not self._fs.async_impl:
+                    for folder in {self._path(name).rpartition("/")[0] for name, _ in wave}:
+                        self._fs.makedirs(folder, exist_ok=True)
+                self._fs.pipe({self._path(name): data for name, data in wave})
+
+    def append(self, name: str, text: bytes) -> None:
+        """Add to the end of a file of text; written now and then, and by `close`."""
+        if name not in self._ends:
+            before = self.read(name, 2**32) if self.exists(name) else b""
+            self._ends[name] = (bytearray(before), time.monotonic())
+        whole, written_s = self._ends[name]
+        whole += text
+        if time.monotonic() - written_s >= _APPENDED_EVERY_S:
+            self._ends[name] = (whole, time.monotonic())
+            self._write_end(name)
+
+    def read(self, name: str, most_bytes: int) -> bytes:
+        """The bytes of a file."""
+        try:
+            size = self._fs.size(self._path(name))
+            if size is not None and size > most_bytes:
+                raise UserError(f"{self._url}/{name} has {size:,} bytes and at most {most_bytes:,} are read")
+            data: bytes = self._fs.cat_file(self._path(name))
+        except OSError:
+            raise
+        except UserError:
+            raise
+        except Exception as error:
+            raise OSError(f"{type(error).__name__}: {error}") from error
+        return data
+
+    def exists(self, name: str) -> bool:
+        """Whether there is a file of that name."""
+        with self._refusals("read"):
+            return bool(self._fs.isfile(self._path(name)))
+
+    def is_empty(self) -> bool:
+        """Whether no object lies below the URL."""
+        with self._refusals("read"):
+            return not self._fs.find(self._root, maxdepth=1) and not self._fs.find(self._root)
+
+    def remove(self, name: str) -> None:
+        """Take a file away."""
+        with self._refusals("write to"):
+            if self._fs.exists(self._path(name)):
+                self._fs.rm_file(self._path(name))
+
+    def remove_unfinished(self) -> None:
+        """There is nothing half-written."""
+
+    def free_bytes(self) -> int | None:
+        """Nobody knows."""
+        return None
+
+    def close(self) -> None:
+        """Write what was appended."""
+        for name in list(self._ends):
+            self._write_end(name)
+        self._ends.clear()
+
+    def _write_end(self, name: str) -> None:
+        self.write([(name, bytes(self._ends[name][0]))])
+
+    def _path(self, name: str) -> str:
+        return f"{self._root}/{name}"
+
+    @contextmanager
+    def _refusals(self, what: str) -> Iterator[None]:
+        """Every store has errors of its own: all are said as one sentence."""
+        try:
+            yield
+        except UserError:
+            raise
+        except Exception as error:
+            words = " ".join(str(error).split()) or type(error).__name__
+            raise UserError(
+                f"cannot {what} {self._url}: {words}; check the URL, the store and who may write there"
+            ) from error

@@ -1,0 +1,120 @@
+"""Frames drawn by a Ray cluster of local nodes: the bytes of one process, also when a node is lost."""
+
+import dataclasses
+import os
+import socket
+
+import pytest
+
+from simulator.contact_sheets.scenario_sheet import smaller
+from simulator.dataset import ray_frames
+from simulator.dataset.capture import capture
+from simulator.dataset.ray_frames import RayCluster
+from simulator.errors import UserError
+from simulator.recipes.plan import plan_recipe
+
+pytestmark = pytest.mark.gl
+
+N = 12
+
+
+def _plan(n=N):
+    made = plan_recipe("eval-black", n, target="tango@low", quality="draft")
+    return dataclasses.replace(made, camera=smaller(made.camera, 384))
+
+
+def _files(folder):
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_an_address_that_does_not_answer_is_refused_in_one_sentence(tmp_path):
+    pytest.importorskip("ray")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with pytest.raises(UserError, match=f"no Ray cluster answers at 127.0.0.1:{port}: .*; start one with"):
+        capture(_plan(), tmp_path / "set", cluster=RayCluster(f"127.0.0.1:{port}"))
+    assert list((tmp_path / "set").iterdir()) == []
+    for wrong in ("here", "http://there:80", "there:notaport"):
+        with pytest.raises(UserError, match="is no address; give auto, HOST:PORT"):
+            capture(_plan(), tmp_path / "set", cluster=RayCluster(wrong))
+
+
+def test_without_ray_it_says_how_to_get_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "ray", None)
+    with pytest.raises(UserError, match=r"pip install 'flyaround\[ray\]'"):
+        capture(_plan(), tmp_path / "set", cluster=RayCluster("auto"))
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("alone") / "set"
+    capture(_plan(), folder)
+    return folder
+
+
+@pytest.fixture
+def cluster(monkeypatch):
+    """A head that draws nothing."""
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    monkeypatch.setenv("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    monkeypatch.setenv("RAY_DISABLE_MEMORY_MONITOR", "1")
+    pytest.importorskip("ray")
+    from ray.cluster_utils import Cluster
+
+    memory = {"object_store_memory": 150_000_000}
+    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, **memory})
+    made.flyaround_node = lambda: made.add_node(num_cpus=1, **memory)
+    yield made
+    made.shutdown()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.filterwarnings("default")
+def test_four_nodes_give_the_bytes_of_one_process(cluster, alone, tmp_path):
+    for _ in range(4):
+        cluster.flyaround_node()
+    summary = capture(_plan(), tmp_path / "set", cluster=RayCluster(cluster.address))
+    assert summary.n_written == N
+    assert _files(tmp_path / "set") == _files(alone)
+    with pytest.raises(UserError, match="asks for GPUs, and the Ray cluster"):
+        capture(_plan(), tmp_path / "other", cluster=RayCluster(cluster.address, gpu_share=0.5))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.filterwarnings("default")
+def test_a_node_that_is_lost_costs_no_frame(cluster, alone, monkeypatch):
+    """Two nodes; one is killed, and what it has under way with it, after the first frames came."""
+    nodes = [cluster.flyaround_node() for _ in range(2)]
+    killed = []
+
+    def kill(done, _of):
+        if done == 2:
+            cluster.remove_node(nodes[0], allow_graceful=False)
+            killed.append(done)
+
+    url = f"memory://lost-{os.getpid()}/set"
+    monkeypatch.setattr(ray_frames, "MOST_IN_SHARD", 2)
+    summary = capture(_plan(), url, cluster=RayCluster(cluster.address), progress=kill)
+    assert killed
+    assert (summary.n_written, summary.quarantined) == (N, ())
+    fsspec = pytest.importorskip("fsspec")
+    memory = fsspec.filesystem("memory")
+    root = url.removeprefix("memory:/")
+    written = {path.removeprefix(root + "/"): memory.cat_file(path) for path in memory.find(root)}
+    assert written == _files(alone)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.filterwarnings("default")
+def test_a_frame_that_cannot_be_drawn_there_is_said_as_here(cluster, tmp_path):
+    cluster.flyaround_node()
+    plan = _plan(2)
+    broken = dataclasses.replace(
+        plan.scene(1), target=dataclasses.replace(plan.scene(1).target, sha256="0" * 64)
+    )
+    object.__setattr__(plan, "scene", lambda k: broken if k else type(plan).scene(plan, k))
+    with pytest.raises(UserError, match="target"):
+        capture(plan, tmp_path / "set", cluster=RayCluster(cluster.address))

@@ -1,0 +1,168 @@
+"""A ray through every pixel, cast on the exported mesh: trimesh reads the .glb, Embree casts, OpenCV knows the lens.
+
+Nothing here is shared with what draws or labels: the file is what a stranger would get; pose, camera and label images
+are the record's.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+import trimesh
+from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+from simulator.targets.glb.write import glb_bytes
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.labels.truth import Truth
+    from simulator.targets.model import Target
+
+_TURNED_BACK = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""From a glTF viewer's y up to the model's z up."""
+
+# A raster rounds corners to 1/256 px, so at outlines, cracks and rods thinner than that rays a little beside the
+# centre may say otherwise: those of three rings are asked of the pixels where the centre's ray disagrees.
+_RINGS_PX = (0.03, 0.1, 0.5)
+_DIRECTIONS = 12
+_COPLANAR_M = 2e-3  # a decal and what it lies on
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """What rays say against a frame's labels, in pixels.
+
+    Parameters
+    ----------
+    n_on : pixels of the mask. n_rays : pixels asked.
+    mask, parts : pixels whose label no ray about them gives. twice : pixels in the visible masks of two parts, or of
+        the mask and in none of them, or in one and not of the mask.
+    """
+
+    n_on: int
+    n_rays: int
+    mask: int
+    parts: int
+    twice: int
+
+
+class ExportedMesh:
+    """A target as its file has it, ready for rays.
+
+    Parameters
+    ----------
+    target : is written to a .glb in memory, which trimesh reads.
+    """
+
+    def __init__(self, target: Target) -> None:
+        scene = trimesh.load(io.BytesIO(glb_bytes(target)), file_type="glb", process=False)
+        vertices, faces, parts, first = [], [], [], 0
+        for number, mesh in enumerate(scene.geometry.values(), start=1):
+            vertices.append(mesh.vertices)
+            faces.append(mesh.faces + first)
+            parts.append(np.full(len(mesh.faces), number))
+            first += len(mesh.vertices)
+        # every node hangs on one root, which turns z up to y up: the meshes' own numbers are the model's
+        _check_root(scene)
+        self.n_parts = len(parts)
+        self._parts = np.concatenate(parts)
+        self._mesh = trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=False)
+        self._rays = RayMeshIntersector(self._mesh)
+
+    def first_parts(self, truth: Truth, pixels_px: NDArray[Any]) -> NDArray[Any]:
+        """Number of the part that the ray through each pixel (K, 2) meets first; 0 for none."""
+        origins, ways = _rays(truth, pixels_px)
+        hit = self._rays.intersects_first(origins, ways)
+        return np.where(hit >= 0, self._parts[hit], 0)
+
+    def near_parts(self, truth: Truth, pixel_px: NDArray[Any]) -> set[int]:
+        """Parts that the ray through one pixel meets first, or within a decal's height behind that; 0 for none."""
+        origins, ways = _rays(truth, pixel_px[None])
+        places, _, triangles = self._rays.intersects_location(origins, ways, multiple_hits=True)
+        if not len(places):
+            return {0}
+        far = np.linalg.norm(places - origins[0], axis=1)
+        return set(self._parts[triangles[far <= far.min() + _COPLANAR_M]].tolist())
+
+
+def _check_root(scene: Any) -> None:  # noqa: ANN401 - trimesh's own
+    name = scene.graph.nodes_geometry[0]
+    turn = scene.graph.get(name)[0]
+    if not np.allclose(_TURNED_BACK @ turn[:3, :3], np.eye(3), atol=1e-6) or np.any(turn[:3, 3]):
+        raise RuntimeError("the exported file's root is not the turn from z up to y up")
+
+
+def _rays(truth: Truth, pixels_px: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Origins and directions in the model's frame."""
+    camera = truth.camera
+    K = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
+    lens = np.array(camera.distortion.coefficients or [0.0] * 5)
+    at = np.ascontiguousarray(pixels_px, float).reshape(-1, 1, 2)
+    if camera.distortion.model == "kannala_brandt":
+        xy = cv2.fisheye.undistortPoints(at, K, lens).reshape(-1, 2)
+    else:
+        stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
+        xy = cv2.undistortPoints(at, K, lens, R=None, P=None, criteria=stop).reshape(-1, 2)
+    w, x, y, z = truth.q_camera_from_target_wxyz
+    R = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    ways = np.insert(xy, 2, 1.0, axis=1) @ R  # rows times R: by its transpose
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    return np.broadcast_to(-R.T @ np.array(truth.t_camera_from_target_m), ways.shape), ways
+
+
+def compare(
+    truth: Truth, mask: NDArray[np.uint8], parts: NDArray[np.uint16], mesh: ExportedMesh
+) -> Disagreement:
+    """Every pixel of the image about the craft against the rays."""
+    height, width = mask.shape
+    near = np.argwhere(cv2.dilate(((mask > 0) | (parts > 0)).astype(np.uint8), np.ones((17, 17), np.uint8)))
+    every = np.argwhere(np.ones((height, width), bool))[:: max(height * width // 20_000, 1)]
+    asked = np.unique(np.concatenate([near, every]), axis=0)[:, ::-1]
+    found = mesh.first_parts(truth, asked)
+    labelled, on = parts[asked[:, 1], asked[:, 0]], mask[asked[:, 1], asked[:, 0]] > 0
+    wrong_mask = [
+        p
+        for p, has in zip(asked[on != (found > 0)], on[on != (found > 0)], strict=True)
+        if not _is_seen(truth, mesh, p, bool(has))
+    ]
+    other = on & (found > 0) & (labelled != found)
+    wrong_parts = [
+        p
+        for p, part in zip(asked[other], labelled[other], strict=True)
+        if not _shows(truth, mesh, p, int(part))
+    ]
+    # a mask of each part, as formats of several objects have them
+    times = sum((parts == k).astype(np.uint8) for k in range(1, mesh.n_parts + 1))
+    twice = int(np.count_nonzero(times != (mask > 0)))
+    return Disagreement(int(np.count_nonzero(mask)), len(asked), len(wrong_mask), len(wrong_parts), twice)
+
+
+def _about(pixel: NDArray[Any]) -> NDArray[Any]:
+    angles = np.arange(_DIRECTIONS) * 2 * np.pi / _DIRECTIONS
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.concatenate([pixel + r * ring for r in _RINGS_PX])
+
+
+def _is_seen(truth: Truth, mesh: ExportedMesh, pixel: NDArray[Any], on: bool) -> bool:  # noqa: FBT001 - the label
+    """Whether a ray about a pixel's centre agrees with its mask."""
+    return bool(np.any((mesh.first_parts(truth, _about(pixel)) > 0) == on))
+
+
+def _shows(truth: Truth, mesh: ExportedMesh, pixel: NDArray[Any], part: int) -> bool:
+    """Whether the ray through a pixel's centre or one about it meets a part first, or just behind the first."""
+    if part in mesh.near_parts(truth, pixel.astype(float)) or np.any(
+        mesh.first_parts(truth, _about(pixel)) == part
+    ):
+        return True
+    return any(part in mesh.near_parts(truth, p) for p in _about(pixel))
