@@ -38,7 +38,9 @@ class MethodChoice(msgspec.Struct, frozen=True):
             *(f"+{s}" for s in self.steps),
         ]
         # of a network the file alone: names of files are made of this
-        method = NETWORK + Path(self.method).name if self.method.startswith(NETWORK) else self.method
+        method = self.method
+        if method.startswith(NETWORK):
+            method = NETWORK + Path(method.removeprefix(NETWORK)).name
         return " ".join([method, *extra])
 
 

@@ -13,7 +13,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "tutorials" / "own_network.md"
 SMALLER = {
     "-n 1500": "-n 40",
     "-n 150 ": "-n 4 ",
-    "--minutes 6 --threads 2": "--steps 4 --classes 128",
+    "--minutes 6 --threads 2 --width 96 --classes 512": "--steps 4 --classes 128",
     "-n 6 ": "-n 2 ",
 }
 
