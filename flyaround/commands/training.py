@@ -38,8 +38,13 @@ def train(
         raise UserError(f"unknown network '{network}' in --network; choose from {', '.join(ARCHITECTURES)}")
     if output.is_dir() or not output.absolute().parent.is_dir():
         raise UserError(f"-o {output}: there is no folder for such a file; make it first")
-    from hil.train.fitting import Budget  # noqa: PLC0415 - PyTorch, which a mistake need not wait for
-    from hil.train.train import train_network  # noqa: PLC0415 - the same
+    try:
+        from hil.train.fitting import Budget  # noqa: PLC0415 - PyTorch, which a mistake need not wait for
+        from hil.train.train import train_network  # noqa: PLC0415 - the same
+    except ModuleNotFoundError as error:
+        raise UserError(
+            f"training needs {error.name}, which is not installed; run: pip install 'flyaround[train]'"
+        ) from error
 
     with progress_bar("pictures", quiet=as_json) as reading:
         report = train_network(

@@ -1,5 +1,7 @@
 """Processes that are told a target's name with each frame read it once: reading took two thirds of a frame."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from simulator.dataset import writer
@@ -49,7 +51,7 @@ def test_frames_of_one_target_read_it_once(reads, renderer, monkeypatch, drawn_b
         monkeypatch.setattr(writer, "check_frame", lambda *_: [])
     stages = {
         "stream": Frame.image_and_truth,
-        "capture": writer.CheckAndEncode(card=None),
+        "capture": writer.CheckAndEncode(card=SimpleNamespace(sensors=())),
         "console": Frame.without_radiance,
     }
     for k in range(2):
