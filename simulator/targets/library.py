@@ -49,7 +49,12 @@ class TargetEntry:
 ENTRIES = (
     TargetEntry(name="tango", module="simulator.targets.tango.build", function="build_tango"),
     TargetEntry(name="tango-mli", module="simulator.targets.tango.build", function="build_tango_mli"),
-    TargetEntry(name="tango-mockup", module="simulator.targets.tango.build", function="build_tango_mockup"),
+    TargetEntry(
+        name="tango-mockup",
+        module="simulator.targets.tango.build",
+        function="build_tango_mockup",
+        version=2,
+    ),
     TargetEntry(name="dragon", module="simulator.targets.craft.dragon.crew", function="build_dragon"),
     TargetEntry(
         name="dragon-cargo", module="simulator.targets.craft.dragon.cargo", function="build_dragon_cargo"

@@ -18,7 +18,9 @@ from simulator.targets.tango.dimensions import ANTENNA_ROOTS, ANTENNA_TIPS
 from simulator.targets.tango.fittings import build_fittings
 from simulator.targets.tango.instruments import build_instruments
 from simulator.targets.tango.labels import build_keypoints, build_occluders, build_wireframe
-from simulator.targets.tango.materials import MATERIALS, MLI, MOCKUP_MATERIALS
+from simulator.targets.tango.materials import MATERIALS, MLI
+from simulator.targets.tango.mockup import MATERIALS as MOCKUP_MATERIALS
+from simulator.targets.tango.mockup import mockup_pieces
 from simulator.targets.tango.panel import build_panel
 
 NOTES = (
@@ -58,11 +60,12 @@ def build_tango(detail: Detail = "full") -> Target:
 
 
 def build_tango_mockup(detail: Detail = "full") -> Target:
-    """Tango as a mock-up in a laboratory: the same shape, other surfaces."""
+    """Tango as a mock-up in a laboratory."""
+    pieces = mockup_pieces(_pieces(detail), detail)
     return _assemble(
         "tango-mockup",
         "Tango (PRISMA), SPEED frame, a laboratory's mock-up",
-        _pieces(detail),
+        pieces,
         MOCKUP_MATERIALS,
     )
 

@@ -29,26 +29,5 @@ MATERIALS = (
 )
 """Greys in proportion to public pictures of Tango, white paint at 0.75; `tango-mli` wraps the sides."""
 
-MOCKUP_MATERIALS = (
-    Material(name="white-paint", base_color=(0.70, 0.70, 0.69), roughness=0.45),
-    Material(name="plate-edge", base_color=(0.60, 0.60, 0.60), metallic=0.3, roughness=0.35),
-    Material(name="body-grey", base_color=(0.55, 0.55, 0.55), metallic=0.9, roughness=0.2, crinkle=0.25),
-    Material(name="body-dark", base_color=(0.55, 0.55, 0.55), metallic=0.9, roughness=0.2, crinkle=0.25),
-    Material(name="panel-frame", base_color=(0.20, 0.20, 0.20), roughness=0.35),
-    Material(name="panel-substrate", base_color=(0.16, 0.16, 0.16), roughness=0.5),
-    Material(
-        name="solar-cell",
-        base_color=(0.010, 0.011, 0.018),
-        roughness=0.45,
-        clearcoat=1.0,
-        clearcoat_roughness=0.15,
-    ),
-    Material(name="interconnect", base_color=(0.75, 0.75, 0.74), metallic=0.2, roughness=0.45),
-    Material(name="antenna-grey", base_color=(0.10, 0.10, 0.10), roughness=0.4),
-    Material(name="aluminium", base_color=(0.08, 0.08, 0.08), metallic=0.2, roughness=0.4),
-    Material(name="instrument-black", base_color=(0.02, 0.02, 0.02), roughness=0.35),
-)
-"""A mock-up's in a laboratory: `tango-mockup`."""
-
 MLI = Material(name="mli", base_color=(0.83, 0.62, 0.27), metallic=0.7, roughness=0.35, crinkle=0.9)
 """Aluminised polyimide, coloured by the film; its non-metallic share stands for scattering in creases."""

@@ -1,0 +1,243 @@
+"""The light of a picture whose pose is known: boxes about the craft, their radiances by least squares.
+
+Light adds up, so the craft is drawn once under each of many boxes, small, and their radiances are the non-negative
+weights whose sum is nearest to the picture. What is clipped there asks for no more than that the sum is clipped too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import cv2
+import msgspec
+import numpy as np
+from scipy.optimize import nnls
+
+from simulator.camera.sections import read_part
+from simulator.compare.references import Reference
+from simulator.errors import UserError
+from simulator.imaging.image_formation import expose
+from simulator.labels.boxes import amodal_box
+from simulator.recipes.plan import plan_recipe
+from simulator.runtime.arrays import vec3
+from simulator.scenario.poses import scene_with_pose
+from simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+RECIPE = "lightbox"
+CANDIDATES = 48
+DISTANCE_M, SIDE_M = 2.5, 1.0
+CLIPPED_DN = 245.0
+_UNIT = 1000.0  # radiance that candidates are drawn with [W m-2 sr-1]
+_ACROSS_PX = 260  # of the craft, in the small pictures
+_ROUNDS = 8  # of what is clipped
+_LEAST_SHARE = 0.02  # of a picture's light: fainter boxes are left out
+_ALTERNATIONS = 4
+_FACTORS = (0.2, 5.0)
+_LEAST_PIXELS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class LightBasis:
+    """A picture, small, and the craft under each candidate box.
+
+    Parameters
+    ----------
+    scene : at full size, without lights. lights : (K) of radiance `_UNIT`.
+    drawn : (K, P) digital numbers above black of the craft's pixels. seen : (P,) the picture's.
+    material : (P,) index into the target's materials. inner : (P,) whether it is the neighbours' too.
+    """
+
+    scene: SceneState
+    lights: tuple[AreaLight, ...]
+    drawn: FloatArray
+    seen: FloatArray
+    material: IntArray
+    inner: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class FittedLight:
+    """Boxes of a picture, its black level, and what the sum leaves [DN rms]."""
+
+    lights: tuple[AreaLight, ...]
+    black_dn: float
+    residual_dn: float
+
+
+def scene_at_pose(reference: Reference, target: Target) -> SceneState:
+    """The laboratory's scene with the craft at a reference's pose, dark, the reference's camera.
+
+    Raises
+    ------
+    UserError
+        If the pose of the picture is not known.
+    """
+    if reference.pose is None:
+        raise UserError(f"{reference.path}: its pose is not known; give the list of poses with --poses")
+    scene = plan_recipe(RECIPE, 1, target=target.name).scene(0)
+    environment = msgspec.structs.replace(scene.environment, earth=False, atmosphere=False)
+    scene = replace(scene, camera=reference.camera, environment=environment, lights=msgspec.UNSET)
+    return scene_with_pose(scene, target, reference.pose, 0)
+
+
+def dn_per_radiance(scene: SceneState) -> float:
+    """Digital numbers above black of a unit of radiance [DN W-1 m2 sr]."""
+    sensor, detector = scene.sensor, scene.sensor.detector
+    signal = float(expose(np.ones((9, 9), np.float32), sensor, scene.exposure_s, optics=scene.optics)[4, 4])
+    return signal * (2**sensor.bits - 1 if detector is None else sensor.saturation_e / detector.gain_e_per_dn)
+
+
+def candidate_lights(
+    scene: SceneState, count: int = CANDIDATES, distance_m: float = DISTANCE_M, side_m: float = SIDE_M
+) -> list[AreaLight]:
+    """Boxes all about the craft, even in solid angle, camera axes."""
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, k * np.pi * (3 - np.sqrt(5))
+    ring = np.sqrt(1 - z * z)
+    ways = np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
+    origin = np.asarray(scene.t_camera_from_target_m)
+    return [
+        AreaLight(
+            position_m=vec3(origin + distance_m * way),
+            width_m=side_m,
+            height_m=side_m,
+            radiance_w_m2_sr=_UNIT,
+        )
+        for way in ways
+    ]
+
+
+def light_basis(
+    renderer: Renderer, reference: Reference, target: Target, lights: Sequence[AreaLight] | None = None
+) -> LightBasis:
+    """Draw the craft of a reference under each of the lights, the candidates unless given."""
+    scene = scene_at_pose(reference, target)
+    lights = candidate_lights(scene) if lights is None else lights
+    roi, binning = _window(scene, target)
+    x0, y0, width, height = roi
+    small = replace(scene, camera=read_part(scene.camera, roi, binning, str(reference.path)), quality="draft")
+    parts = renderer.surfaces(small, target, layers=True).parts
+    if parts is None or not parts.any():
+        raise UserError(f"{reference.path}: the craft is not in the picture at its pose; check --poses")
+    on = parts > 0
+    names = [m.name for m in target.materials]
+    of_part = np.array([0, *(names.index(p.material) for p in target.parts)])
+    material = of_part[parts]
+    window = reference.image[y0 : y0 + height, x0 : x0 + width].astype(np.float32)
+    seen = cv2.resize(window, on.shape[::-1], interpolation=cv2.INTER_AREA)
+    low, high = (
+        morph(np.where(on, material + 1, 0).astype(np.uint8), np.ones((3, 3), np.uint8))
+        for morph in (cv2.erode, cv2.dilate)
+    )
+    gain = dn_per_radiance(scene)
+    drawn = [renderer.render(replace(small, lights=(light,)), target).radiance[on] * gain for light in lights]
+    return LightBasis(
+        scene, tuple(lights), np.array(drawn, float), seen[on].astype(float), material[on], (low == high)[on]
+    )
+
+
+def _window(scene: SceneState, target: Target) -> tuple[tuple[int, int, int, int], int]:
+    """The part of the picture about the craft, and how many of its pixels are joined for the fit."""
+    c = scene.camera
+    box = amodal_box(scene, target)
+    if box is None:
+        return (0, 0, c.width_px, c.height_px), 1
+    x0, y0, x1, y1 = np.clip(box, 0, [c.width_px, c.height_px] * 2).astype(int)
+    binning = int(np.clip(round(max(x1 - x0, y1 - y0) / _ACROSS_PX), 1, 6))
+    step = 16 * binning
+    width, height = (max(-(-int(n) // step) * step, step) for n in (x1 - x0, y1 - y0))
+    width, height = min(width, c.width_px // step * step), min(height, c.height_px // step * step)
+    x, y = min(int(x0), c.width_px - width), min(int(y0), c.height_px - height)
+    return (max(x, 0), max(y, 0), width, height), binning
+
+
+def fit_light(basis: LightBasis, factors: FloatArray | None = None, most: int = MOST_LIGHTS) -> FittedLight:
+    """The boxes whose light is nearest to the picture.
+
+    Parameters
+    ----------
+    factors : (M,) by which each material is brighter than the target's. most : boxes.
+    """
+    scale = np.ones(len(basis.seen)) if factors is None else factors[basis.material]
+    columns = np.arange(len(basis.lights))
+    weights, black = _weights(basis.drawn * scale, basis.seen)
+    for keep in (most * 2, most):
+        light = weights * basis.drawn[columns].mean(axis=1)
+        strong = np.argsort(-light)[:keep]
+        strong = strong[light[strong] > _LEAST_SHARE * light.sum()]
+        columns = columns[np.sort(strong)]
+        weights, black = _weights(basis.drawn[columns] * scale, basis.seen)
+    model = black + weights @ (basis.drawn[columns] * scale)
+    off = np.where(basis.seen > CLIPPED_DN, np.minimum(model - basis.seen, 0), model - basis.seen)
+    lights = tuple(
+        msgspec.structs.replace(basis.lights[k], radiance_w_m2_sr=float(np.clip(w * _UNIT, 1e-3, 1e8)))
+        for k, w in zip(columns, weights, strict=True)
+        if w > 0
+    )
+    return FittedLight(lights, float(black), float(np.sqrt(np.mean(off * off))))
+
+
+def _weights(drawn: FloatArray, seen: FloatArray) -> tuple[FloatArray, float]:
+    """Non-negative weights (K,) of rows (K, P), and a constant, that give what is seen (P,) where it is not clipped."""
+    design = np.vstack([drawn, np.ones(len(seen))])
+    normal = design @ design.T
+    ridge = 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal))
+    root = np.linalg.cholesky(normal + ridge).T
+    clipped, wanted = seen > CLIPPED_DN, seen.copy()
+    weights = np.zeros(len(design))
+    for _ in range(_ROUNDS):
+        weights, _ = nnls(root, np.linalg.solve(root.T, design @ wanted))
+        wanted[clipped] = np.maximum((weights @ design)[clipped], seen[clipped])
+    return weights[:-1], float(weights[-1])
+
+
+def fit_materials(bases: Sequence[LightBasis], target: Target) -> FloatArray:
+    """(M,) factors of the materials' brightness over several pictures, by turns with their light.
+
+    The material with the most pixels that tell has a factor of one: the light's radiance holds the common scale.
+    """
+    count = len(target.materials)
+    factors = np.ones(count)
+    pixels = np.zeros(count)
+    for _ in range(_ALTERNATIONS):
+        over, under = np.full(count, 1e-9), np.full(count, 1e-9)
+        pixels[:] = 0
+        for basis in bases:
+            fit = fit_light(basis, factors)
+            rows = [basis.lights.index(_candidate(light)) for light in fit.lights]
+            light = np.array([one.radiance_w_m2_sr / _UNIT for one in fit.lights]) @ basis.drawn[rows]
+            use = basis.inner & (basis.seen < CLIPPED_DN)
+            above = basis.seen - fit.black_dn
+            over += np.bincount(basis.material[use], (light * above)[use], count)
+            under += np.bincount(basis.material[use], (light * light)[use], count)
+            pixels += np.bincount(basis.material[use], light[use] > 3.0, count)
+        told = pixels > _LEAST_PIXELS
+        factors = np.where(told, np.clip(over / under, *_FACTORS), factors)
+        factors[told] /= factors[int(np.argmax(pixels))]
+        factors = np.clip(factors, *_FACTORS)
+    return factors
+
+
+def _candidate(light: AreaLight) -> AreaLight:
+    return msgspec.structs.replace(light, radiance_w_m2_sr=_UNIT)
+
+
+def repainted(target: Target, factors: FloatArray) -> Target:
+    """The target with its materials brighter by factors (M,), no colour above 1."""
+    materials = tuple(
+        replace(m, base_color=vec3(np.minimum(np.asarray(m.base_color) * f, 1.0)))
+        for m, f in zip(target.materials, factors, strict=True)
+    )
+    # another look is another target to a renderer, which keeps what it drew by the sum of its file
+    digest = hashlib.sha256(target.sha256.encode() + np.asarray(factors, float).tobytes()).hexdigest()
+    return replace(target, materials=materials, sha256=digest)
