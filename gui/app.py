@@ -1,4 +1,4 @@
-"""The console's main loop: keys to session, session to render process, newest picture to the window."""
+"""The console's main loop: input to commands, the flight to the render process, newest picture to the window."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ from typing import TYPE_CHECKING, Any
 import cv2
 
 from gui import style
-from gui.feed import Feed, FramesOnRequest
-from gui.keys import Action
-from gui.panels import SidePanel, draw_help
-from gui.recorder import FlightRecorder
-from gui.session import Session
-from gui.telemetry import telemetry_of
-from gui.view_settings import Options, ViewSettings
-from gui.viewport import Viewport
+from gui.command_table import CommandTable
+from gui.commands.all import COMMANDS
+from gui.commands.log import save_script
+from gui.console import Console
+from gui.flight.recorder import FlightRecorder
+from gui.flight.session import Session
+from gui.flight.telemetry import telemetry_of
+from gui.layout import Layout, layout_file, panel_commands, read_layout
+from gui.picture.feed import Feed
+from gui.picture.view_settings import Options, ViewSettings
+from gui.script import Script
 from gui.window import Window, import_parts
 from simulator.dataset.single_frames import save_picture
 from simulator.errors import UserError
@@ -27,8 +30,6 @@ from simulator.runtime.files import empty_folder, write_atomic
 from simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from simulator.runtime.arrays import ByteArray
 
 log = logging.getLogger(__name__)
@@ -51,8 +52,9 @@ class Request:
     size : of the window. seed : instead of the scenario's. device_index : EGL device of the render process.
     seconds : close by itself after this long, counted from the first picture.
     screenshot : picture of the whole window at the end.
-    overlays : names of `gui.view_settings.Overlays` to switch on.
+    overlays : names of `gui.picture.view_settings.Overlays` to switch on.
     record : folder for the flight as it was flown and the scenario that replays it.
+    script : commands to be done at their times. log : file for what was done, as a script.
     """
 
     scenario: str
@@ -63,6 +65,13 @@ class Request:
     screenshot: Path | None = None
     overlays: tuple[str, ...] = ()
     record: Path | None = None
+    script: Path | None = None
+    log: Path | None = None
+
+
+def command_table() -> CommandTable:
+    """Every command of the console."""
+    return CommandTable((*COMMANDS, *panel_commands()))
 
 
 def run(request: Request) -> dict[str, Any]:
@@ -71,10 +80,12 @@ def run(request: Request) -> dict[str, Any]:
     Raises
     ------
     UserError
-        If there is no display, the optional parts are missing, or the scenario is wrong.
+        If there is no display, the optional parts are missing, or the scenario or the script is wrong.
     """
     import_parts()
     _check_screenshot(request.screenshot)
+    table = command_table()
+    script = None if request.script is None else Script.read(request.script, table)
     if request.record is not None:
         # said now, and not after the flight
         empty_folder(request.record, option="--record")
@@ -84,6 +95,7 @@ def run(request: Request) -> dict[str, Any]:
         seed=request.seed,
         recorder=None if request.record is None else recorder,
     )
+    options = options_of(session, request.overlays)
     with (
         Window(f"Flyaround - {session.plan.scenario_name}", request.size) as window,
         open_frames(
@@ -98,144 +110,157 @@ def run(request: Request) -> dict[str, Any]:
     ):
         if request.record is not None:
             recorder.keep_in(request.record, session.plan.scenario)
+        console = Console(session, Feed(producer), options, table, window_gl=window.gl_renderer)
+        if script is not None:
+            console.play(script)
         try:
-            state = Console(window, session, producer, request).run()
+            state = Loop(window, console, request).run()
         finally:
             # also when the flight ends otherwise than it should
             replay = recorder.close()
+            if request.log is not None:
+                save_script(console, request.log)
     if replay is not None:
         state["replay"] = str(replay)
     return state
 
 
-class Console:
-    """The loop over one window and one session."""
+def options_of(session: Session, overlays: tuple[str, ...] = ()) -> Options:
+    """The first settings of a flight's view.
 
-    def __init__(self, window: Window, session: Session, producer: FramesOnRequest, request: Request) -> None:
+    Raises
+    ------
+    UserError
+        If there is no such overlay.
+    """
+    options = Options(ViewSettings(bands=session.plan.bands, environment=session.scene().environment))
+    for name in overlays:
+        if not hasattr(options.overlays, name):
+            known = ", ".join(vars(options.overlays))
+            raise UserError(f"unknown overlay '{name}' in --overlays; choose from {known}")
+        setattr(options.overlays, name, True)
+    return options
+
+
+class Loop:
+    """Turns the console's wheel: wait for input, let time pass, ask for pictures, draw the window."""
+
+    def __init__(self, window: Window, console: Console, request: Request) -> None:
         self._window = window
-        self._session = session
+        self._console = console
         self._request = request
-        self._feed = Feed(producer)
-        scenario = session.plan.scenario
-        settings = ViewSettings(bands=session.plan.bands, environment=session.scene().environment)
-        self._options = Options(settings)
-        for name in request.overlays:
-            if not hasattr(self._options.overlays, name):
-                known = ", ".join(vars(self._options.overlays))
-                raise UserError(f"unknown overlay '{name}' in --overlays; choose from {known}")
-            setattr(self._options.overlays, name, True)
+        self._layout_file = layout_file()
+        saved = read_layout(self._layout_file)
+        window.font_scale = saved.font_scale
         style.apply_style(window.imgui, window.scale)
-        self._panel = SidePanel(window, session)
-        self._view = Viewport(window, session.plan.target)
-        self._scenario_name = scenario.name
+        self._layout = Layout(window, saved)
+        console.shown.update(self._layout.first_shown())
+        self._keys = sorted(console.table.keys())
         self._window_ms = 0.0
+        self._drawn_s: list[float] = []
 
     def run(self) -> dict[str, Any]:
         """Until the window is closed or the time is up."""
-        window, session, feed = self._window, self._session, self._feed
-        last = drawn = window.seconds
+        window, console = self._window, self._console
+        last_ms = 0
+        drawn = window.seconds
         first_picture: float | None = None
         changed = True
-        held: frozenset[Action] = frozenset()
-        while window.open:
+        keys: frozenset[str] = frozenset()
+        while window.open and not console.wants_close:
             changed |= window.wait(SLICE_S)
             now = window.seconds
-            session.advance(now - last if first_picture is not None else 0.0, held)
-            last = now
-            changed |= feed.update(session, self._options.settings, timed=self._options.overlays.times)
+            now_ms = round(now * 1000)
+            if first_picture is not None:
+                console.pass_time(now_ms - last_ms, keys)
+            last_ms = now_ms
+            changed |= console.feed.update(
+                console.session, console.options.settings, timed=console.options.overlays.times
+            )
             self._tell_troubles()
             # where software draws the window too, it takes half of the time at most
             least_s = max(1 / WINDOW_HZ, min(2e-3 * self._window_ms, 1 / STILL_HZ))
             if now - drawn >= (least_s if changed else 1 / STILL_HZ):
-                with window.frame():
-                    self._keys()
-                    held = window.held()
-                    self._save_finished()
-                    self._lay_out()
-                self._window_ms = 0.9 * self._window_ms + 0.1 * (window.seconds - now) * 1e3
+                keys = self._draw(first_picture is not None)
+                self._account(now)
                 drawn, changed = now, False
-            if first_picture is None and feed.newest is not None:
+            if first_picture is None and console.feed.newest is not None:
                 first_picture = now
+                last_ms = round(window.seconds * 1000)
                 log.info("first picture after %.1f s", now)
             limit = self._request.seconds
             if limit is not None and first_picture is not None and now - first_picture > limit:
-                window.close()
+                break
         if self._request.screenshot is not None:
             write_atomic(self._request.screenshot, _png(self._look_of_window()))
+        self._layout.keep(console, self._layout_file)
         return self._last_state()
+
+    def _draw(self, flying: bool) -> frozenset[str]:  # noqa: FBT001 - whether the first picture is up
+        """One look of the window, and what its keys do; the held ones are returned."""
+        window, console = self._window, self._console
+        self._layout.before_frame(console, window.size)
+        keys: frozenset[str] = frozenset()
+        with window.frame():
+            if flying:
+                console.press(console.table.pressed(window.keys_hit(self._keys), ctrl=window.ctrl))
+                keys = console.table.held(window.keys_down(self._keys))
+            self._save_finished()
+            self._layout.draw(console)
+        if console.wants_full_screen:
+            console.wants_full_screen = False
+            window.toggle_full_screen()
+        if console.clipboard:
+            window.copy(console.clipboard)
+            console.clipboard = ""
+        return keys
+
+    def _account(self, began_s: float) -> None:
+        now = self._window.seconds
+        self._window_ms = 0.9 * self._window_ms + 0.1 * (now - began_s) * 1e3
+        self._drawn_s = [t for t in self._drawn_s if now - t < 2.0] + [now]
+        span = self._drawn_s[-1] - self._drawn_s[0]
+        self._console.window_hz = (len(self._drawn_s) - 1) / span if span > 0 else 0.0
 
     def _look_of_window(self) -> ByteArray:
         """The window drawn once more, as pixels."""
         self._window.capture = True
         with self._window.frame():
-            self._lay_out()
+            self._layout.draw(self._console)
         if self._window.captured is None:
             raise RuntimeError("the window was drawn but not captured")
         return self._window.captured
 
-    def _keys(self) -> None:
-        session, options, on = self._session, self._options, self._options.overlays
-        single: dict[Action, Callable[[], object]] = {
-            Action.PAUSE: session.toggle_pause,
-            Action.STEP: session.step_once,
-            Action.FASTER: session.faster,
-            Action.SLOWER: session.slower,
-            Action.RESTART: session.restart,
-            Action.STOP: session.stop,
-            Action.TRACK: session.toggle_tracking,
-            Action.CENTRE: session.centre,
-            Action.HOLD_STEER: session.toggle_steering,
-            Action.RESET: session.reset_chaser,
-            Action.SCREENSHOT: self._feed.ask_to_save,
-            Action.FULL_SCREEN: self._window.toggle_full_screen,
-            Action.HELP: lambda: _flip(options, "help"),
-            Action.CLOSE_HELP: lambda: setattr(options, "help", False),
-            Action.PANEL: lambda: _flip(options, "panel"),
-            Action.HUD: lambda: _flip(on, "hud"),
-            Action.TIMES: lambda: _flip(on, "times"),
-            Action.CROSSHAIR: lambda: _flip(on, "crosshair"),
-            Action.KEYPOINTS: lambda: _flip(on, "keypoints"),
-            Action.BOX: lambda: _flip(on, "box"),
-            Action.AXES: lambda: _flip(on, "axes"),
-            Action.WIREFRAME: lambda: _flip(on, "wireframe"),
-        }
-        for action in self._window.pressed():
-            single[action]()
-
-    def _lay_out(self) -> None:
-        width, height = self._window.imgui.get_io().display_size
-        panel = self._panel.width if self._options.panel and width > 2 * self._panel.width else 0.0
-        self._view.draw((0.0, 0.0, width - panel, height), self._session, self._feed, self._options)
-        if panel:
-            self._panel.draw((width - panel, 0.0, panel, height), self._session, self._feed, self._options)
-        draw_help(self._window, self._options)
-
     def _save_finished(self) -> None:
-        while self._feed.saved:
-            frame = self._feed.saved.pop(0).frame
-            path = SAVE_FOLDER / f"{self._scenario_name}-{round(frame.scene.t_s * 1000):09d}ms.png"
+        console = self._console
+        while console.feed.saved:
+            frame = console.feed.saved.pop(0).frame
+            name = console.session.plan.scenario.name
+            path = SAVE_FOLDER / f"{name}-{round(frame.scene.t_s * 1000):09d}ms.png"
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 save_picture(frame, path)
-                self._panel.message = f"saved {path} and .json"
+                console.say(f"saved {path} and .json")
             except (UserError, OSError) as error:
                 # the flight goes on: a full disk must not end it
-                self._panel.message = f"not saved: {error}"
-            log.info("%s", self._panel.message)
+                console.say(f"not saved: {error}", "caution")
 
     def _tell_troubles(self) -> None:
         """What goes wrong meanwhile, once: the flight goes on."""
-        recorder = self._session.recorder
-        for trouble in (self._feed.take_trouble(), None if recorder is None else recorder.take_trouble()):
+        recorder = self._console.session.recorder
+        for trouble in (
+            self._console.feed.take_trouble(),
+            None if recorder is None else recorder.take_trouble(),
+        ):
             if trouble is not None:
-                self._panel.message = trouble
-                log.warning("%s", trouble)
+                self._console.say(trouble, "warning")
 
     def _last_state(self) -> dict[str, Any]:
-        session, feed = self._session, self._feed
+        console = self._console
+        session, feed = console.session, console.feed
         world, scene = session.moment.world, session.scene()
         return {
-            "scenario": self._scenario_name,
+            "scenario": session.plan.scenario.name,
             "mode": session.mode,
             "tracking": session.tracking,
             "paused": session.paused,
@@ -244,18 +269,17 @@ class Console:
             "q_camera_from_target_wxyz": scene.q_camera_from_target_wxyz,
             "t_camera_from_target_m": scene.t_camera_from_target_m,
             "q_camera_from_eci_wxyz": scene.q_camera_from_eci_wxyz,
+            "operator_s": console.clock_ms / 1000,
+            "commands": len(console.log.lines),
             "pictures": feed.finished,
             "drawing_restarts": feed.restarts,
             "pictures_per_s": round(feed.frames_s, 2),
             "pass_ms": {name: round(ms, 2) for name, ms in feed.pass_ms.items()},
             "picture_ms": round(feed.frame_ms, 1),
             "window_ms": round(self._window_ms, 1),
-            "window_gl": self._window.gl_renderer,
+            "window_per_s": round(console.window_hz, 1),
+            "window_gl": console.window_gl,
         }
-
-
-def _flip(what: object, name: str) -> None:
-    setattr(what, name, not getattr(what, name))
 
 
 def _check_screenshot(path: Path | None) -> None:

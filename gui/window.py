@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from gui.keys import BINDINGS, HELD, Action
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator
+
+    import moderngl
 
     from simulator.runtime.arrays import ByteArray
 
@@ -73,6 +74,9 @@ class Window:
         self.implot.create_context()
         io = self.imgui.get_io()
         io.set_ini_filename("")
+        io.config_flags |= self.imgui.ConfigFlags_.docking_enable
+        # panels are moved by their titles, so that a drag in a picture or a map is the picture's
+        io.config_windows_move_from_title_bar_only = True
         self._backend = GlfwRenderer(self._native)
         # a key that is down when the window loses the focus must not stay down
         self._glfw.set_window_focus_callback(
@@ -83,11 +87,8 @@ class Window:
         self.capture = False
         self.captured: ByteArray | None = None
         self.text_font, self.figure_font = self._load_fonts()
-        self._texture: moderngl.Texture | None = None
-        self._picture_key: object = None
-        self._keys = {
-            b.action: [getattr(self.imgui.Key, self._key_name(k)) for k in b.keys] for b in BINDINGS
-        }
+        self.font_scale = 1.0
+        self._textures: dict[str, tuple[moderngl.Texture, object]] = {}
 
     def _open(self, title: str, size: tuple[int, int]) -> Any:  # noqa: ANN401 - a foreign handle
         glfw = self._glfw
@@ -109,15 +110,11 @@ class Window:
                 "the window system gives no OpenGL 3.3 context; install Mesa's drivers "
                 "(Debian and Ubuntu: apt-get install libgl1-mesa-dri libglx-mesa0)"
             )
-        glfw.set_window_size_limits(native, 640, 420, glfw.DONT_CARE, glfw.DONT_CARE)
+        glfw.set_window_size_limits(native, 480, 360, glfw.DONT_CARE, glfw.DONT_CARE)
         glfw.make_context_current(native)
         # the loop paces itself: waiting for the screen would hold the keys up
         glfw.swap_interval(0)
         return native
-
-    @staticmethod
-    def _key_name(name: str) -> str:
-        return f"_{name}" if name.isdigit() else name
 
     def _load_fonts(self) -> tuple[Any, Any]:
         fonts = self.imgui.get_io().fonts
@@ -148,7 +145,7 @@ class Window:
     @property
     def scale(self) -> float:
         """Size of letters and panels: the monitor's, and a little more in a large window."""
-        return self._monitor_scale * self._growth
+        return self._monitor_scale * self._growth * self.font_scale
 
     def close(self) -> None:
         """Ask the loop to end."""
@@ -166,7 +163,7 @@ class Window:
         self._backend.process_inputs()
         height = self.imgui.get_io().display_size.y
         self._growth = min(max(height / self._monitor_scale / 900.0, 1.0), 1.5)
-        self.imgui.get_style().font_scale_main = self._growth
+        self.imgui.get_style().font_scale_main = self._growth * self.font_scale
         self.imgui.new_frame()
         try:
             yield
@@ -183,19 +180,35 @@ class Window:
             self.captured = self._read_pixels()
         self._glfw.swap_buffers(self._native)
 
-    def held(self) -> frozenset[Action]:
-        """Steering keys that are down."""
-        if self.imgui.get_io().want_text_input:
-            return frozenset()
-        down = self.imgui.is_key_down
-        return frozenset(a for a in HELD if any(down(k) for k in self._keys[a]))
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height in screen units."""
+        width, height = self._glfw.get_window_size(self._native)
+        return float(width), float(height)
 
-    def pressed(self) -> list[Action]:
-        """Keys of single actions that went down since the last frame."""
+    def keys_down(self, names: Iterable[str]) -> list[str]:
+        """Which of these keys are down; none while text is typed."""
+        return self._keys_that(names, self.imgui.is_key_down)
+
+    def keys_hit(self, names: Iterable[str]) -> list[str]:
+        """Which of these keys went down since the last frame; while text is typed F1 to F12 alone."""
+        return self._keys_that(names, lambda key: self.imgui.is_key_pressed(key, False), typed=True)
+
+    def _keys_that(
+        self, names: Iterable[str], asked: Callable[[Any], bool], *, typed: bool = False
+    ) -> list[str]:
         if self.imgui.get_io().want_text_input:
-            return []
-        hit = self.imgui.is_key_pressed
-        return [a for a, keys in self._keys.items() if a not in HELD and any(hit(k, False) for k in keys)]
+            names = [n for n in names if typed and n[:1] == "f" and n[1:].isdigit()]
+        return [n for n in names if asked(getattr(self.imgui.Key, f"_{n}" if n.isdigit() else n))]
+
+    @property
+    def ctrl(self) -> bool:
+        """Whether a Ctrl key is down."""
+        return bool(self.imgui.get_io().key_ctrl)
+
+    def copy(self, text: str) -> None:
+        """Put a text on the clipboard."""
+        self.imgui.set_clipboard_text(text)
 
     def toggle_full_screen(self) -> None:
         """The whole monitor, or back to the window that was."""
@@ -216,33 +229,33 @@ class Window:
 
     # --- pixels
 
-    def show_picture(self, key: object, image: np.ndarray, bits: int) -> Any:  # noqa: ANN401 - an imgui handle
+    def show_picture(self, view: str, key: object, image: np.ndarray, bits: int) -> Any:  # noqa: ANN401 - an imgui handle
         """The picture as a texture for ``imgui.image``; uploaded when ``key`` is a new one.
 
         Parameters
         ----------
+        view : who shows it; each has a texture of its own.
         image : (H, W) or (H, W, 3) digital numbers of ``bits`` bits.
         """
-        if key is not self._picture_key:
-            self._picture_key = key
-            self._upload(image if bits == 8 else (image >> max(bits - 8, 0)).astype(np.uint8))
-        if self._texture is None:
-            raise RuntimeError("no picture was uploaded")
-        return self.imgui.ImTextureRef(self._texture.glo)
+        texture, shown = self._textures.get(view, (None, None))
+        if texture is None or key is not shown:
+            texture = self._upload(
+                texture, image if bits == 8 else (image >> max(bits - 8, 0)).astype(np.uint8)
+            )
+            self._textures[view] = (texture, key)
+        return self.imgui.ImTextureRef(texture.glo)
 
-    def _upload(self, image: ByteArray) -> None:
+    def _upload(self, texture: moderngl.Texture | None, image: ByteArray) -> moderngl.Texture:
         height, width = image.shape[:2]
         components = 1 if image.ndim == 2 else 3
-        if self._texture is None or (self._texture.size, self._texture.components) != (
-            (width, height),
-            components,
-        ):
-            if self._texture is not None:
-                self._texture.release()
-            self._texture = self.context.texture((width, height), components, alignment=1)
-            self._texture.swizzle = "RRR1" if components == 1 else "RGB1"
-            self._texture.repeat_x = self._texture.repeat_y = False
-        self._texture.write(np.ascontiguousarray(image).tobytes(), alignment=1)
+        if texture is None or (texture.size, texture.components) != ((width, height), components):
+            if texture is not None:
+                texture.release()
+            texture = self.context.texture((width, height), components, alignment=1)
+            texture.swizzle = "RRR1" if components == 1 else "RGB1"
+            texture.repeat_x = texture.repeat_y = False
+        texture.write(np.ascontiguousarray(image).tobytes(), alignment=1)
+        return texture
 
     def _read_pixels(self) -> ByteArray:
         """(H, W, 3) what was drawn, top row first."""
@@ -254,8 +267,8 @@ class Window:
 
     def release(self) -> None:
         """Close the window and free what it held."""
-        if self._texture is not None:
-            self._texture.release()
+        for texture, _ in self._textures.values():
+            texture.release()
         self._backend.shutdown()
         self.implot.destroy_context()
         self.imgui.destroy_context()

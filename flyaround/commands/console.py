@@ -32,6 +32,15 @@ def sim(
             help="Empty folder for the flight as flown and replay.toml, which flies it again; on disk while flying.",
         ),
     ] = None,
+    script: Annotated[
+        Path | None,
+        typer.Option(
+            "--script", help="Commands to do at their times, as --log and the console's log write them."
+        ),
+    ] = None,
+    log: Annotated[
+        Path | None, typer.Option("--log", help="File for what was done, as a script for --script.")
+    ] = None,
     gpu: Annotated[
         int | None, typer.Option("--gpu", help="EGL device to draw on (default: the driver's choice).")
     ] = None,
@@ -52,6 +61,8 @@ def sim(
             screenshot=screenshot,
             overlays=tuple(name for name in overlays.split(",") if name),
             record=record,
+            script=script,
+            log=log,
         )
     )
     if as_json:

@@ -40,7 +40,7 @@ def fly(
     screenshot = folder / "console.png"
     command = [sys.executable, "-m", "flyaround", "-v", "sim", "tango-flyaround", "--json"]
     command += ["--seconds", str(seconds), "--screenshot", str(screenshot)]
-    environment = {**os.environ, "DISPLAY": display}
+    environment = {**os.environ, "DISPLAY": display, "FLYAROUND_CONSOLE_LAYOUT": str(folder / "layout.json")}
     with subprocess.Popen(
         command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as console:
@@ -109,7 +109,11 @@ def drawing_process(console: int) -> int:
 
 def test_a_killed_console_leaves_its_flight(display: str, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "flyaround", "-v", "sim", "tango-flyaround", "--record", "flown"]
-    environment = {**os.environ, "DISPLAY": display}
+    environment = {
+        **os.environ,
+        "DISPLAY": display,
+        "FLYAROUND_CONSOLE_LAYOUT": str(tmp_path / "layout.json"),
+    }
     with subprocess.Popen(
         command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
     ) as console:
@@ -139,7 +143,11 @@ def test_a_killed_console_leaves_its_flight(display: str, tmp_path: Path) -> Non
 def test_a_drawing_process_that_dies_is_started_again(display: str, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "flyaround", "-v", "sim", "tango-flyaround", "--json"]
     command += ["--seconds", "20", "--record", "flown"]
-    environment = {**os.environ, "DISPLAY": display}
+    environment = {
+        **os.environ,
+        "DISPLAY": display,
+        "FLYAROUND_CONSOLE_LAYOUT": str(tmp_path / "layout.json"),
+    }
     with subprocess.Popen(
         command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as console:

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from gui.feed import DIVISORS, Feed
-from gui.session import Session
-from gui.view_settings import ViewSettings
-from gui.viewport import shown_passes
+from gui.flight.session import Session
+from gui.picture.feed import DIVISORS, Feed
+from gui.picture.view_settings import ViewSettings
+from gui.views.camera import shown_passes
 from simulator.frame import Frame
 from simulator.loop import FrameRequest, FramesLostError
 from simulator.scenario.load import load_scenario

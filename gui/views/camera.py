@@ -1,4 +1,4 @@
-"""The picture on the screen: the newest frame, letterboxed, with truth, crosshair and telemetry drawn over it."""
+"""The chaser's camera: the newest frame, letterboxed, with truth, crosshair and figures drawn over it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gui import style
-from gui.truth_overlay import Marker, Marks, Pixel, Seen
+from gui.picture.truth_overlay import Marker, Marks, Pixel, Seen
 
 if TYPE_CHECKING:
-    from gui.feed import Feed, Picture
-    from gui.session import Session
-    from gui.view_settings import Options
+    from gui.console import Console
+    from gui.flight.session import Session
+    from gui.picture.feed import Feed, Picture
+    from gui.picture.view_settings import Options
     from gui.window import Window
     from simulator.targets.model import Target
 
@@ -48,30 +49,34 @@ class Letterbox:
         return (self.x + (pixel[0] + 0.5) * self.scale, self.y + (pixel[1] + 0.5) * self.scale)
 
 
-class Viewport:
+class CameraView:
     """Draws the picture and what is laid over it; keeps the marks of the picture that is up."""
 
-    def __init__(self, window: Window, target: Target) -> None:
+    name, title, place, shown = "camera", "Chaser's camera", "centre", True
+    bare = True
+
+    def __init__(self, window: Window) -> None:
         self._window = window
         self._imgui = window.imgui
-        self._target = target
-        self._marker = Marker(target)
+        self._target: Target | None = None
+        self._marker: Marker | None = None
         self._marks = Marks()
         self._marks_of: tuple[object, ...] = ()
 
-    def draw(
-        self, place: tuple[float, float, float, float], session: Session, feed: Feed, options: Options
-    ) -> None:
-        """Draw into ``place`` (x, y, width, height on the screen)."""
+    def draw(self, console: Console) -> None:
+        """Draw into the view that is begun."""
         imgui = self._imgui
-        draw = imgui.get_background_draw_list()
+        session, feed, options = console.session, console.feed, console.options
+        corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+        place = (corner.x, corner.y, max(free.x, 1.0), max(free.y, 1.0))
+        draw = imgui.get_window_draw_list()
         picture = feed.newest
         if picture is None:
             self._centred(draw, place, "starting the renderer ...")
             return
         image = picture.frame.image
         box = Letterbox.fit((image.shape[1], image.shape[0]), place)
-        texture = self._window.show_picture(picture, image, picture.frame.scene.sensor.bits)
+        texture = self._window.show_picture(self.name, picture, image, picture.frame.scene.sensor.bits)
         draw.add_image(
             texture, imgui.ImVec2(box.x, box.y), imgui.ImVec2(box.x + box.width, box.y + box.height)
         )
@@ -100,6 +105,9 @@ class Viewport:
         key = (picture, paused, on.keypoints, on.box, on.axes, on.wireframe)
         if key != self._marks_of:
             self._marks_of = key
+            target = picture.moment.target
+            if self._marker is None or target is not self._target:
+                self._target, self._marker = target, Marker(target)
             self._marks = self._marker.marks(picture.frame.scene, on, exact=paused)
         marks, color, vec = self._marks, self._color, self._vec
         for a, b in marks.wireframe:
@@ -108,7 +116,10 @@ class Viewport:
             x0, y0, x1, y1 = marks.box
             draw.add_rect(vec(box.at((x0, y0))), vec(box.at((x1, y1))), color((*style.WARN[:3], 0.9)))
             self._text(
-                draw, (box.at((x0, y0))[0], box.at((x0, y0))[1] - self._line), self._target.name, style.WARN
+                draw,
+                (box.at((x0, y0))[0], box.at((x0, y0))[1] - self._line),
+                picture.moment.target.name,
+                style.WARN,
             )
         for (a, b), axis, name in zip(marks.axes, style.AXIS_COLORS, "xyz", strict=False):
             draw.add_line(vec(box.at(a)), vec(box.at(b)), color(axis), 2.2)
@@ -174,10 +185,14 @@ class Viewport:
             ("PHASE", f"{r.phase_deg:10.1f} deg", style.INK),
             ("SUN", f"{100 * r.sun_visible_fraction:10.0f} %", lit),
         )
-        self._column(draw, (x + 16, y + 14), left)
-        self._column(draw, (x + 16, y + height - 14 - line * len(bottom)), bottom)
         column = imgui.calc_text_size("CLOSING +99999.999 deg").x
-        self._column(draw, (x + width - 16 - column, y + height - 14 - line * len(right)), right)
+        # in a small view the figures that matter most
+        tall, wide = height > line * (len(left) + len(right) + 3), width > 2 * column + 64
+        if tall and wide:
+            self._column(draw, (x + 16, y + 14), left)
+        self._column(draw, (x + 16, y + height - 14 - line * len(bottom)), bottom)
+        if wide:
+            self._column(draw, (x + width - 16 - column, y + height - 14 - line * len(right)), right)
         badge, color = _badge(session)
         image = picture.frame.image
         speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
@@ -187,10 +202,6 @@ class Viewport:
         self._plate(draw, (x + width - 16 - widest, y + 14), widest, 2)
         self._text(draw, (x + width - 16 - imgui.calc_text_size(badge).x, y + 14), badge, color)
         self._text(draw, (x + width - 16 - imgui.calc_text_size(speed).x, y + 14 + line), speed, style.QUIET)
-        hint = "F1 keys"
-        size = imgui.calc_text_size(hint).x
-        self._plate(draw, (x + (width - size) / 2, y + height - 14 - line), size, 1)
-        self._text(draw, (x + (width - size) / 2, y + height - 14 - line), hint, style.QUIET)
         imgui.pop_font()
 
     def _times(self, draw: Any, place: tuple[float, float, float, float], feed: Feed) -> None:  # noqa: ANN401

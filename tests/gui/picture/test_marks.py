@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gui.session import Session
-from gui.truth_overlay import AXIS_M, Marker
-from gui.view_settings import Overlays
+from gui.flight.session import Session
+from gui.picture.truth_overlay import AXIS_M, Marker
+from gui.picture.view_settings import Overlays
 from simulator.labels.keypoints import label_keypoints
 from simulator.scenario.load import load_scenario
 from simulator.scene.state import SceneState

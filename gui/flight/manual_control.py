@@ -1,4 +1,4 @@
-"""From held keys to a thrust and a turn rate: gains, rate slew, brake, and keeping the target in view."""
+"""From held commands to a thrust and a turn rate: gains, rate slew, brake, and keeping the target in view."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gui.keys import THRUST, TURN, Action
 from simulator.runtime.arrays import Vec3, vec3
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
 from simulator.world.guidance.manual_control import ChaserState, Command
@@ -16,6 +15,28 @@ if TYPE_CHECKING:
 
     from simulator.runtime.arrays import FloatArray
     from simulator.world.frames.lvlh import Lvlh
+
+# Directions along camera axes: x right, y down, z forward.
+THRUST: dict[str, Vec3] = {
+    "steer.forward": (0.0, 0.0, 1.0),
+    "steer.back": (0.0, 0.0, -1.0),
+    "steer.left": (-1.0, 0.0, 0.0),
+    "steer.right": (1.0, 0.0, 0.0),
+    "steer.up": (0.0, -1.0, 0.0),
+    "steer.down": (0.0, 1.0, 0.0),
+}
+# Right-handed turns of the camera about its axes: about +x the nose goes up, about +y it goes right.
+TURN: dict[str, Vec3] = {
+    "steer.pitch-up": (1.0, 0.0, 0.0),
+    "steer.pitch-down": (-1.0, 0.0, 0.0),
+    "steer.yaw-left": (0.0, -1.0, 0.0),
+    "steer.yaw-right": (0.0, 1.0, 0.0),
+    "steer.roll-left": (0.0, 0.0, -1.0),
+    "steer.roll-right": (0.0, 0.0, 1.0),
+}
+COARSE, FINE = "steer.coarse", "steer.fine"
+STEERING = frozenset(THRUST) | frozenset(TURN)
+HELD = STEERING | {COARSE, FINE}
 
 ACCELERATION_M_S2 = 0.05
 """Thrust per mass of one key: two seconds of it make 0.1 m/s, an inspection's pace."""
@@ -30,17 +51,17 @@ BRAKED_M_S = 1e-4
 """Below this the brake has done its work and lets go."""
 
 
-def gain(held: AbstractSet[Action]) -> float:
+def gain(held: AbstractSet[str]) -> float:
     """Factor of the held modifier keys."""
-    return (COARSE_GAIN if Action.COARSE in held else 1.0) * (FINE_GAIN if Action.FINE in held else 1.0)
+    return (COARSE_GAIN if COARSE in held else 1.0) * (FINE_GAIN if FINE in held else 1.0)
 
 
-def thrust_camera_m_s2(held: AbstractSet[Action]) -> FloatArray:
+def thrust_camera_m_s2(held: AbstractSet[str]) -> FloatArray:
     """(3,) acceleration that the held keys ask for, camera axes [m s-2]."""
     return ACCELERATION_M_S2 * gain(held) * _sum(THRUST, held)
 
 
-def turn_camera_rad_s(held: AbstractSet[Action]) -> FloatArray:
+def turn_camera_rad_s(held: AbstractSet[str]) -> FloatArray:
     """(3,) rate relative to ECI that the held keys ask for, camera axes [rad s-1]."""
     return RATE_RAD_S * gain(held) * _sum(TURN, held)
 
@@ -92,5 +113,5 @@ def command(acceleration: FloatArray, wanted_rate: FloatArray, chaser: ChaserSta
     )
 
 
-def _sum(directions: dict[Action, Vec3], held: AbstractSet[Action]) -> FloatArray:
+def _sum(directions: dict[str, Vec3], held: AbstractSet[str]) -> FloatArray:
     return np.sum([directions[a] for a in directions if a in held] or [(0.0, 0.0, 0.0)], axis=0)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gui import manual_control
-from gui.keys import STEERING, THRUST, Action
-from gui.recorder import FlightRecorder
+from gui.flight import manual_control
+from gui.flight.manual_control import STEERING, THRUST
+from gui.flight.recorder import FlightRecorder
 from simulator.runtime.arrays import Vec3, vec3
 from simulator.scenario.flight import fly
 from simulator.scenario.plan import plan_flight
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from simulator.scenario.plan import Plan
     from simulator.scenario.scenario import Scenario
     from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
     from simulator.world.flight.flight import Flight
     from simulator.world.flight.world_state import WorldState
 
@@ -55,6 +56,7 @@ class Moment:
 
     world: WorldState
     chaser: ChaserState
+    target: Target
     mode: Mode
     tracking: bool
     braking: bool
@@ -91,7 +93,7 @@ class Session:
     def _reset_state(self) -> None:
         self._t_s = 0.0
         self._owed_s = 0.0
-        self._held: frozenset[Action] = frozenset()
+        self._held: frozenset[str] = frozenset()
         self._steered: ChaserState | None = None
         self._aim: Vec3 | None = None
         self._braking = False
@@ -139,8 +141,8 @@ class Session:
         """Back to the beginning, with the guidance; pause and rate stay."""
         self._reset_state()
 
-    def advance(self, wall_s: float, held: AbstractSet[Action] = frozenset()) -> None:
-        """Let ``wall_s`` of the operator's time pass with these keys held."""
+    def advance(self, wall_s: float, held: AbstractSet[str] = frozenset()) -> None:
+        """Let ``wall_s`` of the operator's time pass with these commands held (`manual_control.HELD`)."""
         self._held = frozenset(held)
         if self._held & STEERING:
             self.take_over()
@@ -283,7 +285,9 @@ class Session:
         if self._moment is None:
             chaser = self._now()
             world = self.flight.state_with_chaser(chaser)
-            self._moment = Moment(world, chaser, self.mode, self.tracking, self._braking, self._guarded)
+            self._moment = Moment(
+                world, chaser, self.plan.target, self.mode, self.tracking, self._braking, self._guarded
+            )
         return self._moment
 
     def scene(self) -> SceneState:

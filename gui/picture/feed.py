@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Protocol
 
-from gui.telemetry import Telemetry, telemetry_of
-from gui.view_settings import apply_view_settings
+from gui.flight.telemetry import Telemetry, telemetry_of
+from gui.picture.view_settings import apply_view_settings
 from simulator.errors import UserError
 from simulator.loop import FrameRequest, FramesLostError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from gui.session import Moment, Session
-    from gui.view_settings import ViewSettings
+    from gui.flight.session import Moment, Session
+    from gui.picture.view_settings import ViewSettings
     from simulator.camera.lens.camera_model import Camera
     from simulator.frame import Frame
     from simulator.scene.state import Quality, SceneState

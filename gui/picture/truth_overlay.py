@@ -13,7 +13,7 @@ from simulator.targets.joined_mesh import JoinedMesh
 from simulator.world.frames.rotation import rotation_angle_rad
 
 if TYPE_CHECKING:
-    from gui.view_settings import Overlays
+    from gui.picture.view_settings import Overlays
     from simulator.runtime.arrays import BoolArray, FloatArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target

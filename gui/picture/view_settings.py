@@ -79,7 +79,6 @@ class Options:
     settings: ViewSettings
     overlays: Overlays = field(default_factory=Overlays)
     panel: bool = True
-    help: bool = False
 
 
 def apply_view_settings(

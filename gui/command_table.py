@@ -1,0 +1,196 @@
+"""Named commands: what an operator can do, with keys, help and arguments. One table for keys, menus, buttons, scripts.
+
+Nothing here knows the console; a command's function is given it as its first argument.
+"""
+
+from __future__ import annotations
+
+import math
+import shlex
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, Literal
+
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+Kind = Literal["number", "whole", "word", "switch"]
+Value = float | int | str | bool
+SWITCH = {"on": True, "off": False}
+CHORDS = ("ctrl+",)
+
+
+@dataclass(frozen=True)
+class Argument:
+    """One argument of a command.
+
+    Parameters
+    ----------
+    kind : ``number`` (finite), ``whole``, ``word`` (any text) or ``switch`` (on, off).
+    choices : words that are allowed; empty for any.
+    least, most : bounds of a number.
+    optional : whether it may be left out; only the last ones may.
+    """
+
+    name: str
+    kind: Kind
+    help: str
+    choices: tuple[str, ...] = ()
+    least: float = -math.inf
+    most: float = math.inf
+    optional: bool = False
+
+    def read(self, text: str, command: str) -> Value:
+        """The value of a word of a script.
+
+        Raises
+        ------
+        UserError
+            If it is none.
+        """
+        if self.kind == "switch":
+            if text not in SWITCH:
+                raise UserError(f"{command}: {self.name} is '{text}', allowed: on, off")
+            return SWITCH[text]
+        if self.kind == "word":
+            if self.choices and text not in self.choices:
+                raise UserError(
+                    f"{command}: {self.name} is '{text}', allowed: {', '.join(self.choices[:40])}"
+                )
+            return text
+        try:
+            value = int(text) if self.kind == "whole" else float(text)
+        except ValueError:
+            value = math.nan
+        if not (math.isfinite(value) and self.least <= value <= self.most):
+            bounds = f" from {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
+            raise UserError(f"{command}: {self.name} is '{text}', allowed: a {self.kind} number{bounds}")
+        return value
+
+
+STATE = Argument("state", "switch", "on or off; left out: the other one", optional=True)
+"""The argument of what is switched."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """Something that an operator can do.
+
+    Parameters
+    ----------
+    name : ``group.what``, as in scripts. title : the same for people, in menus. help : what it does, one line.
+    run : is given the console and the arguments. A held command's is given whether it begins (bool).
+    keys : as Dear ImGui names them, ``ctrl+`` before a key for both. shown : the keys for people.
+    held : whether it lasts as long as its key is held.
+    state : of what is switched: whether it is on, for the menu's tick.
+    cli : the command line that does the same, if there is one.
+    """
+
+    name: str
+    title: str
+    help: str
+    run: Callable[..., object]
+    keys: tuple[str, ...] = ()
+    shown: str = ""
+    held: bool = False
+    arguments: tuple[Argument, ...] = ()
+    state: Callable[[Any], bool] | None = None
+    cli: str = ""
+
+    @property
+    def group(self) -> str:
+        """The first part of its name."""
+        return self.name.partition(".")[0]
+
+    @property
+    def at_once(self) -> bool:
+        """Whether it needs no argument."""
+        return all(a.optional for a in self.arguments)
+
+    def read(self, words: Sequence[str]) -> tuple[Value, ...]:
+        """The arguments of a script's line.
+
+        Raises
+        ------
+        UserError
+            If there are too many or too few, or one is wrong.
+        """
+        needed = sum(not a.optional for a in self.arguments)
+        if not needed <= len(words) <= len(self.arguments):
+            form = " ".join(f"[{a.name}]" if a.optional else a.name.upper() for a in self.arguments)
+            raise UserError(f"{self.name} was given {len(words)} arguments; its form is: {self.name} {form}")
+        return tuple(a.read(w, self.name) for a, w in zip(self.arguments, words, strict=False))
+
+    def checked(self, values: Sequence[Value]) -> tuple[Value, ...]:
+        """Arguments from a button or a test, by the same rules as a script's."""
+        return self.read([word_of(v) for v in values])
+
+
+class CommandTable:
+    """All commands by name.
+
+    Raises
+    ------
+    ValueError
+        If two have one name or one key.
+    """
+
+    def __init__(self, commands: Iterable[Command]) -> None:
+        self._by_name: dict[str, Command] = {}
+        self._by_key: dict[str, Command] = {}
+        for command in commands:
+            if command.name in self._by_name:
+                raise ValueError(f"two commands are called {command.name}")
+            self._by_name[command.name] = command
+            for key in command.keys:
+                other = self._by_key.setdefault(key, command)
+                if other is not command:
+                    raise ValueError(f"key {key} is of {other.name} and of {command.name}")
+
+    def __getitem__(self, name: str) -> Command:
+        command = self._by_name.get(name)
+        if command is None:
+            raise UserError(f"there is no command '{name[:80]}'; F1 in the console lists them")
+        return command
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._by_name
+
+    def __iter__(self) -> Iterator[Command]:
+        return iter(self._by_name.values())
+
+    def groups(self) -> list[tuple[str, list[Command]]]:
+        """Commands by group, in the order they were given; one group of a name."""
+        ordered = sorted(self, key=lambda c: list(dict.fromkeys(d.group for d in self)).index(c.group))
+        return [(name, list(rows)) for name, rows in groupby(ordered, key=lambda c: c.group)]
+
+    def held(self, keys_down: Iterable[str]) -> frozenset[str]:
+        """Names of the held commands whose keys are down."""
+        return frozenset(c.name for k in keys_down if (c := self._by_key.get(k)) is not None and c.held)
+
+    def pressed(self, keys_hit: Iterable[str], *, ctrl: bool) -> list[Command]:
+        """The single commands of the keys that went down; with Ctrl a key's own command only if it has none with it."""
+        hit = []
+        for key in keys_hit:
+            command = (self._by_key.get(f"ctrl+{key}") if ctrl else None) or self._by_key.get(key)
+            if command is not None and not command.held and command not in hit:
+                hit.append(command)
+        return hit
+
+    def keys(self) -> frozenset[str]:
+        """Every key that does something, without chords."""
+        return frozenset(k.removeprefix("ctrl+") for k in self._by_key)
+
+
+def word_of(value: Value) -> str:
+    """A value as a script writes it: figures whole, so that the same value is read again."""
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def line_of(name: str, values: Sequence[Value]) -> str:
+    """A command with its arguments as a script writes it."""
+    return " ".join([name, *(shlex.quote(word_of(v)) for v in values)])

@@ -1,0 +1,1 @@
+"""What an operator can do, a file a subject; `all` lists them."""

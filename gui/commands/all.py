@@ -1,0 +1,12 @@
+"""Every command but those that open panels, which `gui.layout` adds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui.commands import display, log, steering, time
+
+if TYPE_CHECKING:
+    from gui.command_table import Command
+
+COMMANDS: tuple[Command, ...] = (*time.COMMANDS, *steering.COMMANDS, *display.COMMANDS, *log.COMMANDS)

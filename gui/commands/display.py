@@ -1,0 +1,175 @@
+"""Commands of what is seen: overlays, exposure, layers of the world, the window."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from gui.command_table import STATE, Argument, Command
+from gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from gui.console import Console
+
+OVERLAY_KEYS = {
+    "keypoints": "F2",
+    "box": "F3",
+    "axes": "F4",
+    "wireframe": "F5",
+    "crosshair": "F6",
+    "hud": "F7",
+    "times": "F8",
+}
+MOST_STOPS = 8.0
+
+
+def _overlay(name: str, console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+    on = console.options.overlays
+    setattr(on, name, not getattr(on, name) if state is None else state)
+
+
+def _layer(name: str, console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+    settings = console.options.settings
+    old = getattr(settings.environment, name)
+    change = {name: not old if state is None else state}
+    settings.environment = msgspec.structs.replace(settings.environment, **change)
+
+
+def _overlay_state(name: str) -> Callable[[Console], bool]:
+    return lambda console: getattr(console.options.overlays, name)
+
+
+def _layer_state(name: str) -> Callable[[Console], bool]:
+    return lambda console: getattr(console.options.settings.environment, name)
+
+
+def _exposure(console: Console, stops: float) -> None:
+    console.options.settings.exposure_stops = stops
+
+
+def _detail(console: Console, detail: str) -> None:
+    console.options.settings.detail = next(d for d in DETAILS if d == detail)
+
+
+def _colour(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+    settings = console.options.settings
+    on = settings.bands != "rgb" if state is None else state
+    settings.bands = "rgb" if on else "mono"
+
+
+def _noise(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+    settings = console.options.settings
+    settings.noise = not settings.noise if state is None else state
+
+
+def _save(console: Console) -> None:
+    console.feed.ask_to_save()
+
+
+def _full_screen(console: Console) -> None:
+    console.wants_full_screen = True
+
+
+def _close(console: Console) -> None:
+    console.wants_close = True
+
+
+def _first_layout(console: Console) -> None:
+    console.wants_first_layout = True
+
+
+def _acknowledge(console: Console) -> None:
+    for message in console.messages:
+        message.acknowledged = True
+
+
+def _focus(console: Console) -> None:
+    """The side panels away, or back."""
+    console.options.panel = not console.options.panel
+
+
+COMMANDS = (
+    *(
+        Command(
+            f"overlay.{name}",
+            title,
+            f"draw over the view: {title.lower()}",
+            partial(_overlay, name),
+            (OVERLAY_KEYS[name].lower(),) if name in OVERLAY_KEYS else (),
+            OVERLAY_KEYS.get(name, ""),
+            arguments=(STATE,),
+            state=_overlay_state(name),
+            cli=f"flyaround sim SCENARIO --overlays {name}",
+        )
+        for name, title in OVERLAYS
+    ),
+    Command(
+        "picture.save",
+        "Save picture and truth",
+        "PNG and JSON into out/console",
+        _save,
+        ("p", "f12"),
+        "P / F12",
+    ),
+    Command(
+        "picture.exposure",
+        "Exposure",
+        "added to the scenario's exposure, in powers of two",
+        _exposure,
+        arguments=(Argument("stops", "number", "powers of two", least=-MOST_STOPS, most=MOST_STOPS),),
+    ),
+    Command(
+        "picture.detail",
+        "Detail",
+        "resolution while time runs; a paused picture is always whole",
+        _detail,
+        arguments=(Argument("detail", "word", "how fine", DETAILS),),
+    ),
+    Command(
+        "picture.colour",
+        "Colour",
+        "three bands or one",
+        _colour,
+        arguments=(STATE,),
+        state=lambda console: console.options.settings.bands == "rgb",
+    ),
+    Command(
+        "picture.noise",
+        "Noise",
+        "the sensor's noise",
+        _noise,
+        arguments=(STATE,),
+        state=lambda console: console.options.settings.noise,
+    ),
+    *(
+        Command(
+            f"world.{name.replace('_', '-')}",
+            title,
+            f"draw or leave out: {title.lower()}",
+            partial(_layer, name),
+            arguments=(STATE,),
+            state=_layer_state(name),
+        )
+        for name, title in LAYERS
+    ),
+    Command(
+        "window.panels",
+        "Side panels",
+        "the panels beside the view, or the view alone",
+        _focus,
+        ("tab",),
+        "Tab",
+    ),
+    Command(
+        "window.first-layout", "First layout", "all panels back to where they were at first", _first_layout
+    ),
+    Command("window.full-screen", "Full screen", "full screen", _full_screen, ("f11",), "F11"),
+    Command(
+        "window.acknowledge", "Acknowledge", "cautions and warnings were seen", _acknowledge, ("f9",), "F9"
+    ),
+    Command("window.close", "Quit", "close the console", _close, ("ctrl+q",), "Ctrl+Q"),
+)

@@ -1,0 +1,56 @@
+"""Commands of the log: keep it as a script."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gui.command_table import Argument, Command
+from simulator.runtime.files import write_atomic
+
+if TYPE_CHECKING:
+    from gui.console import Console
+
+FOLDER = Path("out") / "console"
+
+
+def script_of(console: Console) -> str:
+    """The log as a script, with what it was made of."""
+    name = console.session.plan.scenario.name
+    return console.log.text((f"flyaround sim {name} --script FILE",))
+
+
+def save_script(console: Console, path: Path) -> None:
+    """Write the log as a script.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(path, script_of(console).encode())
+
+
+def _save(console: Console, path: str | None = None) -> None:
+    where = FOLDER / "commands.script" if path is None else Path(path)
+    save_script(console, where)
+    console.say(
+        f"saved {where}; flyaround sim {console.session.plan.scenario.name} --script {where} does it again"
+    )
+
+
+def _copy(console: Console) -> None:
+    console.clipboard = script_of(console)
+
+
+COMMANDS = (
+    Command(
+        "log.save",
+        "Save script",
+        "keep what was done as a script, in out/console",
+        _save,
+        arguments=(Argument("path", "word", "of the file", optional=True),),
+    ),
+    Command("log.copy", "Copy script", "what was done, to the clipboard", _copy),
+)

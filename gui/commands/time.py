@@ -1,0 +1,81 @@
+"""Commands of the clock."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui.command_table import Argument, Command
+from gui.flight.session import RATES
+
+if TYPE_CHECKING:
+    from gui.console import Console
+
+
+def _pause(console: Console) -> None:
+    console.session.toggle_pause()
+
+
+def _step(console: Console) -> None:
+    console.session.step_once()
+
+
+def _faster(console: Console) -> None:
+    console.session.faster()
+
+
+def _slower(console: Console) -> None:
+    console.session.slower()
+
+
+def _rate(console: Console, rate: str) -> None:
+    console.session.set_rate(float(rate))
+
+
+def _restart(console: Console) -> None:
+    console.session.restart()
+
+
+COMMANDS = (
+    Command(
+        "time.pause",
+        "Pause",
+        "pause or go on",
+        _pause,
+        ("space",),
+        "Space",
+        state=lambda console: console.session.paused,
+    ),
+    Command("time.step", "One frame", "one frame, then paused", _step, ("period",), "."),
+    Command(
+        "time.faster",
+        "Faster",
+        "the next rate up",
+        _faster,
+        ("equal", "keypad_add", "right_bracket"),
+        "+ / ]",
+    ),
+    Command(
+        "time.slower",
+        "Slower",
+        "the next rate down",
+        _slower,
+        ("minus", "keypad_subtract", "left_bracket"),
+        "- / [",
+    ),
+    Command(
+        "time.rate",
+        "Rate",
+        "simulated seconds per second",
+        _rate,
+        arguments=(Argument("rate", "word", "one of the rates", tuple(f"{r:g}" for r in RATES)),),
+    ),
+    Command(
+        "time.restart",
+        "Restart",
+        "back to the beginning, with the guidance",
+        _restart,
+        ("backspace",),
+        "Backspace",
+        cli="flyaround sim SCENARIO",
+    ),
+)

@@ -1,0 +1,168 @@
+"""The console without its window: the flight, the pictures, what is switched on, and how a command is done."""
+
+from __future__ import annotations
+
+import logging
+import shlex
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from gui.script import CommandLog, Line, Player, Script
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from gui.command_table import Command, CommandTable, Value
+    from gui.flight.session import Session
+    from gui.picture.feed import Feed
+    from gui.picture.view_settings import Options
+
+log = logging.getLogger(__name__)
+
+Level = Literal["note", "caution", "warning"]
+KEPT_MESSAGES = 500
+LONGEST_TICK_MS = 250
+"""Operator's time beyond this (a stalled window) is not made up for."""
+
+
+@dataclass
+class Message:
+    """Something the console says; cautions and warnings stay until they are acknowledged."""
+
+    t_ms: int
+    level: Level
+    text: str
+    acknowledged: bool = False
+
+
+@dataclass(eq=False)
+class Console:
+    """What commands, views and panels work on.
+
+    Parameters
+    ----------
+    session : the flight; replaced when another scenario is opened.
+    feed : pictures of the chaser's camera.
+    options : what the operator has switched.
+    table : every command.
+    shown : panels and views by name, whether they are open.
+    clock_ms : operator's time since the first picture; it also runs while the flight is paused.
+    window_hz, window_gl : how often the window is drawn, and by what.
+    """
+
+    session: Session
+    feed: Feed
+    options: Options
+    table: CommandTable
+    shown: dict[str, bool] = field(default_factory=dict)
+    log: CommandLog = field(default_factory=CommandLog)
+    messages: list[Message] = field(default_factory=list)
+    clock_ms: int = 0
+    window_hz: float = 0.0
+    window_gl: str = ""
+    # what the window is asked for by commands; the loop does it and takes the wish back
+    wants_close: bool = False
+    wants_full_screen: bool = False
+    wants_first_layout: bool = False
+    clipboard: str = ""
+    """Text that is to go to the clipboard."""
+    front: str = ""
+    """The panel that is to come to the front."""
+    held: frozenset[str] = frozenset()
+    on_pass_time: list[Callable[[Console], None]] = field(default_factory=list)
+    """What else is to be kept up to date, once a turn of the loop."""
+    _player: Player | None = None
+
+    # --- commands
+
+    def do(self, name: str, *arguments: Value) -> None:
+        """Do a command, as its key, its button or a script does; a mistake becomes a message.
+
+        Parameters
+        ----------
+        name : of the command. arguments : as its table says.
+        """
+        try:
+            command = self.table[name]
+            values = command.checked(arguments)
+            self.log.add(Line(self.clock_ms, "do", name, values))
+            command.run(self, *values)
+        except (UserError, OSError) as error:
+            # the flight goes on, whatever a command meets
+            self.say(str(error), "caution")
+
+    def do_line(self, line: str) -> None:
+        """Do a command as one writes it: its name, and its arguments after it."""
+        try:
+            name, *words = shlex.split(line)
+        except ValueError:
+            self.say(f"this is no command: {line[:120]}", "caution")
+            return
+        self.do(name, *words)
+
+    def press(self, commands: Sequence[Command]) -> None:
+        """Do the commands of the keys that went down."""
+        for command in commands:
+            if command.at_once:
+                self.do(command.name)
+
+    def hold(self, names: frozenset[str]) -> None:
+        """Which held commands last from now on, by the window's keys and the script."""
+        names |= frozenset(self._player.held if self._player else ())
+        for name in sorted(names - self.held):
+            self.log.add(Line(self.clock_ms, "hold", name))
+            self.table[name].run(self, True)
+        for name in sorted(self.held - names):
+            self.log.add(Line(self.clock_ms, "release", name))
+            self.table[name].run(self, False)
+        self.held = names
+
+    # --- time
+
+    def play(self, script: Script) -> None:
+        """Do a script's lines at their times from now on."""
+        self._player = Player(script)
+
+    @property
+    def playing(self) -> bool:
+        """Whether a script has lines left."""
+        return self._player is not None and not self._player.done
+
+    def pass_time(self, wall_ms: int, keys: frozenset[str] = frozenset()) -> None:
+        """Let operator's time pass, with what a script does in it at its very milliseconds.
+
+        Parameters
+        ----------
+        keys : held commands by the window's keys.
+        """
+        end = self.clock_ms + min(max(wall_ms, 0), LONGEST_TICK_MS)
+        while self._player is not None and (due := self._player.next_ms()) is not None and due <= end:
+            self._advance(max(due, self.clock_ms))
+            lines = self._player.due(self.clock_ms)
+            self.hold(keys)
+            for line in lines:
+                self.do(line.name, *line.arguments)
+        self._advance(end)
+        self.hold(keys)
+        for keep in self.on_pass_time:
+            keep(self)
+
+    def _advance(self, t_ms: int) -> None:
+        self.session.advance((t_ms - self.clock_ms) / 1000, self.held)
+        self.clock_ms = t_ms
+
+    # --- what is told
+
+    def say(self, text: str, level: Level = "note") -> None:
+        """Tell the operator; the same thing twice in a row is told once."""
+        if self.messages and self.messages[-1].text == text and not self.messages[-1].acknowledged:
+            return
+        self.messages = [*self.messages[-KEPT_MESSAGES:], Message(self.clock_ms, level, text)]
+        log.log(logging.INFO if level == "note" else logging.WARNING, "%s", text)
+
+    def open_panel(self, name: str, *, shown: bool | None = None) -> None:
+        """Open a panel or view (left out: the other of open and closed), and bring it to the front."""
+        self.shown[name] = not self.shown.get(name, False) if shown is None else shown
+        if self.shown[name]:
+            self.front = name

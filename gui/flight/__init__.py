@@ -1,0 +1,1 @@
+"""The flight an operator watches and steers; no window, no GL."""

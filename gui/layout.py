@@ -1,0 +1,318 @@
+"""The window's order: menu, status line, dockable panels; the layout is kept from one start to the next.
+
+A window narrower than 900 units has a layout of its own: the view above, everything else in one row of tabs below.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import msgspec
+import platformdirs
+
+from gui import style
+from gui.command_table import STATE, Command
+from gui.panels.all import PANELS
+from gui.widgets import Widgets
+from simulator.runtime.files import write_atomic
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.panels.all import Panel
+    from gui.window import Window
+
+log = logging.getLogger(__name__)
+
+Form = Literal["wide", "narrow"]
+NARROW = 900.0
+"""Screen units of width at scale 1 below which panels go under the view."""
+VERSION = 1
+LARGEST_BYTES = 400_000
+RIGHT, LEFT, BOTTOM = 0.27, 0.22, 0.26
+
+
+class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
+    """What is kept of a layout.
+
+    Parameters
+    ----------
+    shown : panels by name, whether they are open. docking : Dear ImGui's settings by form.
+    """
+
+    version: int = VERSION
+    shown: dict[str, bool] = {}
+    docking: dict[str, str] = {}
+    font_scale: float = 1.0
+
+
+def layout_file() -> Path:
+    """``FLYAROUND_CONSOLE_LAYOUT``, or ``console.json`` in the platform's folder for settings of Flyaround."""
+    chosen = os.environ.get("FLYAROUND_CONSOLE_LAYOUT", "")
+    return Path(chosen) if chosen else Path(platformdirs.user_config_dir("flyaround")) / "console.json"
+
+
+def read_layout(path: Path) -> SavedLayout:
+    """The kept layout, or the first one where there is none that is whole."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(LARGEST_BYTES + 1)
+        if len(data) > LARGEST_BYTES:
+            raise ValueError("too large")
+        saved = msgspec.json.decode(data, type=SavedLayout)
+        if saved.version != VERSION or not 0.5 <= saved.font_scale <= 3.0:
+            raise ValueError("of another version")
+    except FileNotFoundError:
+        return SavedLayout()
+    except (OSError, ValueError) as error:
+        # a layout is never worth a flight
+        log.warning("the console's layout in %s is not used: %s", path, error)
+        return SavedLayout()
+    return saved
+
+
+def panel_commands() -> tuple[Command, ...]:
+    """A command for each panel that opens and closes it."""
+
+    def toggle(name: str, console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+        console.open_panel(name, shown=state)
+
+    def shown(name: str, console: Console) -> bool:
+        return console.shown.get(name, False)
+
+    return tuple(
+        Command(
+            f"panel.{p.name}",
+            p.title,
+            f"open or close: {p.title}",
+            partial(toggle, p.name),
+            getattr(p, "keys", ()),
+            getattr(p, "shown_keys", ""),
+            arguments=(STATE,),
+            state=partial(shown, p.name),
+        )
+        for p in PANELS
+    )
+
+
+@dataclass
+class _Nodes:
+    """Dock nodes by place."""
+
+    by_place: dict[str, int] = field(default_factory=dict)
+
+    def of(self, place: str) -> int:
+        return self.by_place.get(place, self.by_place["centre"])
+
+
+class Layout:
+    """Draws menu, panels and status line over one window.
+
+    Parameters
+    ----------
+    window : drawn in. saved : layout of the last time.
+    """
+
+    def __init__(self, window: Window, saved: SavedLayout) -> None:
+        self._window = window
+        self._w = Widgets(window)
+        self.panels: tuple[Panel, ...] = tuple(p(window) for p in PANELS)
+        self._saved = saved
+        self._form: Form | None = None
+        self._build = False
+        self._was_shown: dict[str, bool] = {}
+        self._dockspace = 0
+
+    def first_shown(self) -> dict[str, bool]:
+        """Which panels are open at the start."""
+        return {p.name: self._saved.shown.get(p.name, p.shown and p.place != "over") for p in self.panels}
+
+    def before_frame(self, console: Console, size: tuple[float, float]) -> None:
+        """What cannot be done while a frame is laid out: another form's docking is loaded."""
+        form: Form = "narrow" if size[0] < NARROW * self._window.scale else "wide"
+        if console.wants_first_layout:
+            console.wants_first_layout = False
+            self._saved.docking.clear()
+            console.shown.update({p.name: p.shown for p in self.panels if p.place != "over"})
+            self._form = None
+        elif self._form is not None and form != self._form:
+            self._saved.docking[self._form] = self._window.imgui.save_ini_settings_to_memory()
+        if form != self._form:
+            self._form = form
+            kept = self._saved.docking.get(form, "")
+            if kept:
+                self._window.imgui.load_ini_settings_from_memory(kept)
+            self._build = not kept
+
+    def keep(self, console: Console, path: Path) -> None:
+        """Write the layout; a disk that is full is no reason to fail."""
+        if self._form is not None:
+            self._saved.docking[self._form] = self._window.imgui.save_ini_settings_to_memory()
+        over = {p.name for p in self.panels if p.place == "over"}
+        self._saved.shown = {n: s for n, s in console.shown.items() if n not in over}
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_atomic(path, msgspec.json.format(msgspec.json.encode(self._saved)))
+        except OSError as error:
+            log.warning("the console's layout could not be kept in %s: %s", path, error)
+
+    def draw(self, console: Console) -> None:
+        """Everything, into the frame that is begun."""
+        imgui = self._window.imgui
+        self._menu(console)
+        self._status(console)
+        self._dockspace = imgui.get_id("panels of the console")
+        if self._build:
+            self._build_docks()
+        imgui.dock_space_over_viewport(self._dockspace, None, imgui.DockNodeFlags_.auto_hide_tab_bar)
+        for panel in self.panels:
+            if console.shown.get(panel.name) and (console.options.panel or panel.place in {"centre", "over"}):
+                self._panel(console, panel)
+        if self._build:
+            # the first of each place is the tab that is up
+            self._build = False
+            for place in {p.place for p in self.panels} - {"over"}:
+                first = next((p for p in self.panels if p.place == place and console.shown.get(p.name)), None)
+                if first is not None:
+                    imgui.set_window_focus(_window_name(first))
+        self._was_shown = dict(console.shown)
+
+    def _panel(self, console: Console, panel: Panel) -> None:
+        imgui, w = self._window.imgui, self._w
+        bare = getattr(panel, "bare", False)
+        flags = imgui.WindowFlags_.no_collapse
+        if panel.place == "over":
+            screen = imgui.get_main_viewport()
+            scale = self._window.scale
+            size = w.vec(
+                min(760 * scale, 0.94 * screen.work_size.x), min(620 * scale, 0.9 * screen.work_size.y)
+            )
+            imgui.set_next_window_size(size, imgui.Cond_.appearing)
+            imgui.set_next_window_pos(screen.get_center(), imgui.Cond_.appearing, w.vec(0.5, 0.5))
+            flags |= imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_saved_settings
+        elif not self._was_shown.get(panel.name):
+            imgui.set_next_window_dock_id(self._dock_of(panel), imgui.Cond_.first_use_ever)
+        over = panel.place == "over"
+        if bare:
+            imgui.push_style_var(imgui.StyleVar_.window_padding, w.vec(0, 0))
+        if over:
+            imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
+        if console.front == panel.name:
+            imgui.set_next_window_focus()
+            console.front = ""
+        visible, stays = imgui.begin(_window_name(panel), True, flags)
+        if bare or over:
+            imgui.pop_style_var(bare + over)
+        if visible:
+            panel.draw(console)
+        imgui.end()
+        if not stays or (
+            panel.place == "over" and imgui.is_key_pressed(imgui.Key.escape, False) and not console.front
+        ):
+            console.do(f"panel.{panel.name}", False)
+
+    def _dock_of(self, panel: Panel) -> int:
+        """The dock of an open panel of the same place; the middle otherwise."""
+        internal = self._window.imgui.internal
+        for other in self.panels:
+            if other is panel or other.place != panel.place or not self._was_shown.get(other.name):
+                continue
+            native = internal.find_window_by_name(_window_name(other))
+            if native is not None and native.dock_id:
+                return int(native.dock_id)
+        return self._dockspace
+
+    def _build_docks(self) -> None:
+        imgui = self._window.imgui
+        internal = imgui.internal
+        screen = imgui.get_main_viewport()
+        internal.dock_builder_remove_node(self._dockspace)
+        internal.dock_builder_add_node(self._dockspace, internal.DockNodeFlagsPrivate_.dock_space)
+        internal.dock_builder_set_node_size(self._dockspace, screen.work_size)
+        nodes = _Nodes({"centre": self._dockspace})
+
+        def split(place: str, of: str, where: Any, share: float) -> None:  # noqa: ANN401 - an imgui value
+            _, nodes.by_place[place], nodes.by_place[of] = internal.dock_builder_split_node_py(
+                nodes.by_place[of], where, share
+            )
+
+        if self._form == "narrow":
+            split("bottom", "centre", imgui.Dir.down, 0.45)
+            for place in ("right", "right-upper", "right-middle", "right-low", "left"):
+                nodes.by_place[place] = nodes.by_place["bottom"]
+        else:
+            split("right", "centre", imgui.Dir.right, RIGHT)
+            split("right-upper", "right", imgui.Dir.down, 0.81)
+            split("right-middle", "right-upper", imgui.Dir.down, 0.63)
+            split("right-low", "right-middle", imgui.Dir.down, 0.5)
+            # docks whose panels are closed take no room
+            split("left", "centre", imgui.Dir.left, LEFT)
+            split("bottom", "centre", imgui.Dir.down, BOTTOM)
+        for panel in self.panels:
+            if panel.place != "over":
+                internal.dock_builder_dock_window(_window_name(panel), nodes.of(panel.place))
+        internal.dock_builder_finish(self._dockspace)
+
+    def _menu(self, console: Console) -> None:
+        imgui = self._window.imgui
+        if not imgui.begin_main_menu_bar():
+            return
+        for group, commands in console.table.groups():
+            rows = [c for c in commands if not c.held and c.at_once]
+            if rows and imgui.begin_menu(group.capitalize()):
+                for c in rows:
+                    on = c.state is not None and c.state(console)
+                    if imgui.menu_item_simple(c.title, c.shown, on):
+                        console.do(c.name)
+                    self._w.tip(c.help)
+                imgui.end_menu()
+        imgui.end_main_menu_bar()
+
+    def _status(self, console: Console) -> None:
+        """The line at the bottom: the newest message, and how often window and pictures are drawn."""
+        imgui, w = self._window.imgui, self._w
+        flags = (
+            imgui.WindowFlags_.no_scrollbar
+            | imgui.WindowFlags_.no_saved_settings
+            | imgui.WindowFlags_.menu_bar
+        )
+        height = imgui.get_frame_height()
+        if (
+            imgui.internal.begin_viewport_side_bar(
+                "status", imgui.get_main_viewport(), imgui.Dir.down, height, flags
+            )
+            and imgui.begin_menu_bar()
+        ):
+            rates = f"window {console.window_hz:.0f}/s   pictures {console.feed.frames_s:.0f}/s"
+            free = w.width - imgui.calc_text_size(rates).x - 32 * self._window.scale
+            text, colour = self._message(console)
+            if free > 40:
+                w.coloured(colour)
+                imgui.text_unformatted(w.elided(text, free))
+                imgui.pop_style_color()
+                w.tip(text)
+            imgui.same_line(
+                imgui.get_window_width() - imgui.calc_text_size(rates).x - 16 * self._window.scale
+            )
+            w.coloured(style.QUIET)
+            imgui.text_unformatted(rates)
+            imgui.pop_style_color()
+            imgui.end_menu_bar()
+        imgui.end()
+
+    @staticmethod
+    def _message(console: Console) -> tuple[str, style.Rgba]:
+        waiting = [m for m in console.messages if m.level != "note" and not m.acknowledged]
+        if waiting:
+            worst = next((m for m in reversed(waiting) if m.level == "warning"), waiting[-1])
+            more = f" ({len(waiting) - 1} more; F9: seen)" if len(waiting) > 1 else " (F9: seen)"
+            return worst.text + more, style.BAD if worst.level == "warning" else style.WARN
+        return (console.messages[-1].text if console.messages else "F1: commands and keys"), style.QUIET
+
+
+def _window_name(panel: Panel | type[Panel]) -> str:
+    return f"{panel.title}###{panel.name}"

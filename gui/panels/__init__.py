@@ -1,0 +1,1 @@
+"""Panels: figures and controls in dockable windows."""

@@ -1,0 +1,51 @@
+"""Every panel and view, in the order of the menu; `gui.layout` opens, docks and names them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, Protocol
+
+from gui.panels.chaser import ChaserPanel
+from gui.panels.key_list import KeyList, Palette
+from gui.panels.log import LogPanel
+from gui.panels.picture import PicturePanel, WorldPanel
+from gui.panels.time import TimePanel
+from gui.views.camera import CameraView
+from gui.views.trajectory import TrajectoryView
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.window import Window
+
+Place = Literal["centre", "right", "right-upper", "right-middle", "right-low", "left", "bottom", "over"]
+
+
+class Panel(Protocol):
+    """What the layout needs of a panel.
+
+    ``name`` is of its command (``panel.NAME``), ``place`` where it is docked at first (``over``: a window of its own in
+    the middle), ``shown`` whether it is open at first. Further, if it has them: ``keys`` and ``shown_keys`` of its
+    command, ``bare`` if it draws up to its edges.
+    """
+
+    name: str
+    title: str
+    place: str
+    shown: bool
+
+    def __init__(self, window: Window) -> None: ...
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+
+
+PANELS: tuple[type[Panel], ...] = (
+    CameraView,
+    TimePanel,
+    ChaserPanel,
+    TrajectoryView,
+    PicturePanel,
+    WorldPanel,
+    LogPanel,
+    KeyList,
+    Palette,
+)

@@ -1,0 +1,39 @@
+"""Who flies the chaser, and its figures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui import style
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.window import Window
+
+
+class ChaserPanel:
+    """Guidance or steering by hand; position, speeds and rates of the picture's moment."""
+
+    name, title, place, shown = "chaser", "Chaser", "right-upper", True
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w = self._w
+        w.buttons(console, ("steer.toggle", "steer.track", "steer.centre", "steer.stop", "steer.reset"), 3)
+        picture = console.feed.newest
+        w.section("State")
+        if picture is None:
+            w.text("no picture yet", style.QUIET)
+            return
+        r = picture.telemetry
+        w.row("LVLH m", r.position_lvlh_m, "{:+8.3f}", "radial, along-track, cross-track")
+        millimetres = tuple(1e3 * v for v in r.velocity_lvlh_m_s)
+        w.row("  mm/s", millimetres, "{:+8.2f}", "speed in the rotating frame")
+        w.row("Rel. °/s", r.relative_rate_deg_s, "{:+8.3f}", "target as the camera sees it, camera axes")
+        w.row("Cam. °/s", r.camera_rate_deg_s, "{:+8.3f}", "camera to the stars, camera axes")
+        w.row("Off axis", (r.off_boresight_deg,), "{:.2f}°", "boresight to the target's centre of mass")
+        w.row("Altitude", (r.altitude_km,), "{:.1f} km", "of the target")

@@ -1,0 +1,106 @@
+"""Every command with its key, and a line to find one by a few of its letters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui import style
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from gui.command_table import Command
+    from gui.console import Console
+    from gui.window import Window
+
+
+class KeyList:
+    """The commands by group; a click does one."""
+
+    name, title, place, shown = "keys", "Commands and keys", "over", False
+    keys, shown_keys = ("f1", "h"), "F1 / H"
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+        self._wanted = ""
+
+    def draw(self, console: Console) -> None:
+        """Draw into the window that is begun."""
+        w, imgui = self._w, self._w.imgui
+        imgui.set_next_item_width(-1)
+        if imgui.is_window_appearing():
+            self._wanted = ""
+        _, self._wanted = imgui.input_text_with_hint("##find", "find a command", self._wanted)
+        for group, commands in console.table.groups():
+            found = [c for c in commands if matches(c, self._wanted)]
+            if found:
+                w.section(group.capitalize())
+                self._rows(console, found)
+
+    def _rows(self, console: Console, commands: Iterable[Command]) -> None:
+        w, imgui = self._w, self._w.imgui
+        flags = imgui.TableFlags_.sizing_stretch_prop
+        if not imgui.begin_table("rows", 3, flags):
+            return
+        imgui.table_setup_column("key", imgui.TableColumnFlags_.width_stretch, 0.2)
+        imgui.table_setup_column("title", imgui.TableColumnFlags_.width_stretch, 0.3)
+        imgui.table_setup_column("help", imgui.TableColumnFlags_.width_stretch, 0.5)
+        for c in commands:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            w.text(c.shown, style.ACCENT)
+            imgui.table_next_column()
+            if c.at_once and not c.held:
+                if imgui.selectable(f"{w.elided(c.title, w.width)}##{c.name}", False)[0]:
+                    console.do(c.name)
+            else:
+                w.text(c.title)
+            w.tip(c.name)
+            imgui.table_next_column()
+            w.text(f"{c.help}{' (hold)' if c.held else ''}", style.QUIET)
+        imgui.end_table()
+
+
+class Palette:
+    """A command by its first letters, and Enter; arguments after it as in a script."""
+
+    name, title, place, shown = "palette", "Do ...", "over", False
+    keys, shown_keys = ("ctrl+p",), "Ctrl+P"
+    rows = 9
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+        self._line = ""
+
+    def draw(self, console: Console) -> None:
+        """Draw into the window that is begun."""
+        w, imgui = self._w, self._w.imgui
+        if imgui.is_window_appearing():
+            self._line = ""
+            imgui.set_keyboard_focus_here()
+        imgui.set_next_item_width(-1)
+        flags = imgui.InputTextFlags_.enter_returns_true
+        entered, self._line = imgui.input_text_with_hint(
+            "##line", "a command, for example: time.rate 10", self._line, flags
+        )
+        name, _, rest = self._line.strip().partition(" ")
+        found = [c for c in console.table if not c.held and matches(c, name)][: self.rows]
+        chosen = None
+        for c in found:
+            form = " ".join([c.name, *(f"[{a.name}]" if a.optional else a.name.upper() for a in c.arguments)])
+            if imgui.selectable(w.elided(f"{form}   {c.help}", w.width), False)[0]:
+                chosen = c.name
+            if c.arguments and c.arguments[0].choices:
+                w.tip(", ".join(c.arguments[0].choices))
+        if entered and (name in console.table or found):
+            chosen = name if name in console.table else found[0].name
+        if chosen is not None:
+            console.open_panel(self.name, shown=False)
+            console.do_line(f"{chosen} {rest}")
+
+
+def matches(command: Command, wanted: str) -> bool:
+    """Whether every word of what is looked for is in the command's name, title, help or keys."""
+    text = f"{command.name} {command.title} {command.help} {command.shown}".lower()
+    return all(word in text for word in wanted.lower().split())

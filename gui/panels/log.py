@@ -1,0 +1,44 @@
+"""What the console said, and what was done, as a script that does it again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui import style
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.window import Window
+
+SHOWN_LINES = 200
+COLOURS = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}
+
+
+class LogPanel:
+    """Messages, and the commands as a script."""
+
+    name, title, place, shown = "log", "Log", "bottom", False
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, imgui = self._w, self._w.imgui
+        if not imgui.begin_tab_bar("log"):
+            return
+        if imgui.begin_tab_item_simple("Messages"):
+            w.button(console, "window.acknowledge")
+            for message in reversed(console.messages[-SHOWN_LINES:]):
+                colour = style.QUIET if message.acknowledged else COLOURS[message.level]
+                w.text(f"{message.t_ms / 1000:9.1f} s  {message.text}", colour)
+            imgui.end_tab_item()
+        if imgui.begin_tab_item_simple("Commands"):
+            w.button(console, "log.save")
+            imgui.same_line()
+            w.button(console, "log.copy")
+            for line in reversed(console.log.lines[-SHOWN_LINES:]):
+                w.text(str(line))
+            imgui.end_tab_item()
+        imgui.end_tab_bar()

@@ -1,0 +1,74 @@
+"""How the view is drawn: exposure, detail, overlays, layers of the world."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from gui import style
+from gui.commands.display import MOST_STOPS
+from gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.window import Window
+
+
+class PicturePanel:
+    """Exposure, colour, noise, detail; save the picture."""
+
+    name, title, place, shown = "picture", "Picture", "right-low", True
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, settings = self._w, console.options.settings
+        imgui = w.imgui
+        exposure_s = console.session.plan.scenario.sensor.exposure_s * 2.0**settings.exposure_stops
+        w.text(f"Exposure {exposure_text(exposure_s)}, {settings.exposure_stops:+.1f} stops")
+        imgui.set_next_item_width(-1)
+        changed, stops = imgui.slider_float(
+            "##exposure", settings.exposure_stops, -MOST_STOPS, MOST_STOPS, ""
+        )
+        w.tip("Ctrl and click to type a figure; right click: the scenario's own")
+        if imgui.is_item_clicked(imgui.MouseButton_.right):
+            changed, stops = True, 0.0
+        if changed:
+            console.do("picture.exposure", min(max(round(stops, 2), -MOST_STOPS), MOST_STOPS))
+        imgui.set_next_item_width(min(10 * imgui.get_font_size(), w.width))
+        changed, k = imgui.combo("##detail", DETAILS.index(settings.detail), [f"{d} detail" for d in DETAILS])
+        w.tip(console.table["picture.detail"].help)
+        if changed:
+            console.do("picture.detail", DETAILS[k])
+        w.switches(console, ("picture.colour", "picture.noise"))
+        w.button(console, "picture.save", label="Saving ..." if console.feed.saving else None, width=w.width)
+        w.section("Over the view")
+        w.switches(console, [f"overlay.{name}" for name, _ in OVERLAYS])
+
+
+class WorldPanel:
+    """Layers of the world, drawn or left out."""
+
+    name, title, place, shown = "world", "World", "right-low", True
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        self._w.switches(console, [f"world.{name.replace('_', '-')}" for name, _ in LAYERS])
+        self._w.text(
+            "What is left out is left out of the console's pictures, not of the scenario.", style.QUIET
+        )
+
+
+def exposure_text(seconds: float) -> str:
+    """An exposure in the unit that gives two or three digits."""
+    unit, factor = next(
+        ((u, f) for u, f in (("us", 1e6), ("ms", 1e3), ("s", 1.0)) if seconds * f < 1000), ("s", 1.0)
+    )
+    digits = max(0, 2 - math.floor(math.log10(seconds * factor)))
+    return f"{seconds * factor:.{digits}f} {unit}"

@@ -1,0 +1,32 @@
+"""The clock: pause, one frame, restart, rates."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui.flight.session import RATES
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.window import Window
+
+
+class TimePanel:
+    """Pause, step, restart, and how fast time runs."""
+
+    name, title, place, shown = "time", "Time", "right", True
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, session = self._w, console.session
+        w.text(session.plan.scenario.title or session.plan.scenario.name)
+        w.buttons(console, ("time.pause", "time.step", "time.restart"), 3)
+        for k, rate in enumerate(RATES):
+            label = f"{rate:g}x"
+            width = w.imgui.calc_text_size(label).x + 2 * w.imgui.get_style().frame_padding.x
+            w.flow(width, first=k == 0)
+            w.button(console, "time.rate", f"{rate:g}", label=label, on=rate == session.rate)

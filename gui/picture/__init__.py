@@ -1,0 +1,1 @@
+"""Pictures asked for, and what is drawn over them; no window."""

@@ -1,0 +1,161 @@
+"""The operator's log, and the same as a script: one line a command, with the operator's time in seconds before it.
+
+``12.350 time.rate 10.0`` does what the button did; ``hold steer.forward`` and ``release steer.forward`` are a key that
+goes down and up. Time is counted in whole milliseconds, so that a log that is played again flies the same flight.
+"""
+
+from __future__ import annotations
+
+import math
+import shlex
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from gui.command_table import line_of
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from gui.command_table import CommandTable, Value
+
+Verb = Literal["do", "hold", "release"]
+LARGEST_BYTES = 4_000_000
+LARGEST_S = 1e7
+KEPT_LINES = 100_000
+"""A log beyond this forgets its first lines; a day of flying has fewer."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line: when, and what.
+
+    Parameters
+    ----------
+    t_ms : operator's time. verb : a command that is done, or a held one that begins or ends.
+    """
+
+    t_ms: int
+    verb: Verb
+    name: str
+    arguments: tuple[Value, ...] = ()
+
+    def __str__(self) -> str:
+        words = line_of(self.name, self.arguments)
+        return f"{self.t_ms / 1000:.3f} {words if self.verb == 'do' else f'{self.verb} {words}'}"
+
+
+@dataclass(frozen=True)
+class Script:
+    """Lines in the order of their times."""
+
+    lines: tuple[Line, ...]
+
+    @staticmethod
+    def read(path: Path, table: CommandTable) -> Script:
+        """A script from a file.
+
+        Raises
+        ------
+        UserError
+            If it cannot be read, is too large, or a line is wrong.
+        """
+        try:
+            with path.open("rb") as file:
+                data = file.read(LARGEST_BYTES + 1)
+        except OSError as error:
+            raise UserError(f"cannot read the script {path}: {error.strerror}") from error
+        if len(data) > LARGEST_BYTES:
+            raise UserError(f"the script {path} is larger than {LARGEST_BYTES // 1_000_000} MB")
+        return Script.of(data.decode("utf-8", errors="replace"), table, str(path))
+
+    @staticmethod
+    def of(text: str, table: CommandTable, where: str = "script") -> Script:
+        """A script from its text; empty lines and those that begin with ``#`` are passed over."""
+        lines: list[Line] = []
+        for number, raw in enumerate(text.splitlines(), 1):
+            if not raw.strip() or raw.lstrip().startswith("#"):
+                continue
+            try:
+                line = _line(raw, table)
+                if lines and line.t_ms < lines[-1].t_ms:
+                    raise UserError(f"{line.t_ms / 1000:.3f} s comes after {lines[-1].t_ms / 1000:.3f} s")
+            except UserError as error:
+                raise UserError(f"{where}, line {number}: {error}") from error
+            lines.append(line)
+        return Script(tuple(lines))
+
+
+def _line(raw: str, table: CommandTable) -> Line:
+    try:
+        words = shlex.split(raw)
+    except ValueError as error:
+        raise UserError(f"quotes do not match ({error})") from error
+    try:
+        t_s = float(words[0])
+    except ValueError:
+        t_s = math.nan
+    if not (0 <= t_s <= LARGEST_S) or len(words) < 2:
+        raise UserError("a line is: SECONDS COMMAND [ARGUMENTS], for example: 2.5 time.rate 10")
+    t_ms = round(t_s * 1000)
+    if words[1] in {"hold", "release"}:
+        if len(words) != 3 or not table[words[2]].held:
+            raise UserError(f"'{words[1]}' needs one held command, for example: {words[1]} steer.forward")
+        return Line(t_ms, "hold" if words[1] == "hold" else "release", words[2])
+    command = table[words[1]]
+    if command.held:
+        raise UserError(f"{command.name} lasts: write 'hold {command.name}' and 'release {command.name}'")
+    return Line(t_ms, "do", command.name, command.read(words[2:]))
+
+
+class CommandLog:
+    """What was done, line by line."""
+
+    def __init__(self) -> None:
+        self.lines: list[Line] = []
+
+    def add(self, line: Line) -> None:
+        """Keep a line; of very many the first are forgotten."""
+        self.lines.append(line)
+        if len(self.lines) > KEPT_LINES:
+            del self.lines[: KEPT_LINES // 10]
+
+    def text(self, header: Sequence[str] = ()) -> str:
+        """The log as a script."""
+        return "".join(f"{row}\n" for row in (*(f"# {h}" for h in header), *self.lines))
+
+
+class Player:
+    """Hands out a script's lines when they are due.
+
+    Parameters
+    ----------
+    script : to be played, from the operator's time 0 on.
+    """
+
+    def __init__(self, script: Script) -> None:
+        self._lines = list(script.lines)
+        self.held: set[str] = set()
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left."""
+        return not self._lines
+
+    def next_ms(self) -> int | None:
+        """When the next line is due, in the operator's time."""
+        return self._lines[0].t_ms if self._lines else None
+
+    def due(self, t_ms: int) -> list[Line]:
+        """The commands that are due; keys that go down and up change `held`."""
+        due: list[Line] = []
+        while self._lines and self._lines[0].t_ms <= t_ms:
+            line = self._lines.pop(0)
+            if line.verb == "hold":
+                self.held.add(line.name)
+            elif line.verb == "release":
+                self.held.discard(line.name)
+            else:
+                due.append(line)
+        return due

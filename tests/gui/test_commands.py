@@ -1,0 +1,172 @@
+"""The command table and scripts: one name and key each, arguments read and refused, a log that flies again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gui.app import command_table, options_of
+from gui.command_table import Argument, Command, CommandTable, line_of
+from gui.console import LONGEST_TICK_MS, Console
+from gui.flight.manual_control import HELD
+from gui.flight.session import Session
+from gui.panels.all import PANELS
+from gui.panels.key_list import matches
+from gui.picture.feed import Feed
+from gui.script import LARGEST_BYTES, Script
+from simulator.errors import UserError
+from simulator.scenario.load import load_scenario
+
+
+class NoRenderer:
+    """Takes no picture: the flight alone is under test."""
+
+    def submit(self, request: object) -> bool:
+        return False
+
+    def finished(self) -> tuple[()]:
+        return ()
+
+
+@pytest.fixture(scope="module")
+def table() -> CommandTable:
+    return command_table()
+
+
+def console_of(table: CommandTable) -> Console:
+    session = Session.of(load_scenario("tango-flyaround"))
+    return Console(session, Feed(NoRenderer()), options_of(session), table)
+
+
+def test_every_command_has_words_and_no_key_is_of_two(table: CommandTable) -> None:
+    # the table itself refuses two of a name or key
+    for command in table:
+        assert command.help, command.name
+        assert command.title, command.name
+        assert command.name == command.name.lower()
+        assert not (command.held and command.arguments)
+    assert frozenset(c.name for c in table if c.held) == HELD
+    assert {f"panel.{p.name}" for p in PANELS} <= {c.name for c in table}
+
+
+def test_two_commands_of_one_key_are_refused() -> None:
+    with pytest.raises(ValueError, match="key a is of"):
+        CommandTable(Command(n, n, n, print, ("a",)) for n in ("x.one", "x.two"))
+
+
+def test_a_chord_takes_the_key_from_its_letter(table: CommandTable) -> None:
+    assert [c.name for c in table.pressed(["p"], ctrl=False)] == ["picture.save"]
+    assert [c.name for c in table.pressed(["p"], ctrl=True)] == ["panel.palette"]
+    # Ctrl is a modifier of steering too, so other keys keep their meaning
+    assert [c.name for c in table.pressed(["space"], ctrl=True)] == ["time.pause"]
+
+
+def test_every_switch_switches_there_and_back(table: CommandTable) -> None:
+    console = console_of(table)
+    console.do("steer.toggle")
+    for command in table:
+        if command.state is None or not command.at_once:
+            continue
+        before = command.state(console)
+        console.do(command.name)
+        assert command.state(console) != before, command.name
+        console.do(command.name)
+        assert command.state(console) == before, command.name
+        if command.arguments:
+            console.do(command.name, True)
+            assert command.state(console), command.name
+    assert console.messages == []
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("1.0 time.rat 3", "no command"),
+        ("1.0 time.rate 3", "allowed: 0.1"),
+        ("1.0 time.rate", "its form is"),
+        ("1.0 picture.exposure nan", "allowed: a number"),
+        ("1.0 picture.exposure 1e3", "from -8 to 8"),
+        ("1.0 overlay.hud maybe", "on, off"),
+        ("nan time.pause", "a line is"),
+        ("-1 time.pause", "a line is"),
+        ("1.0", "a line is"),
+        ("1.0 steer.forward", "hold steer.forward"),
+        ("1.0 hold time.pause", "held command"),
+        ("1.0 log.save 'a", "quotes"),
+        ("0.5 time.pause", "comes after"),
+    ],
+)
+def test_a_wrong_line_is_told_with_its_number(table: CommandTable, line: str, why: str) -> None:
+    with pytest.raises(UserError, match=r"line 3: .*" + why):
+        Script.of(f"# a script\n0.9 time.pause\n{line}\n", table)
+
+
+def test_a_script_that_cannot_be_read_is_told(table: CommandTable, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="cannot read"):
+        Script.read(tmp_path / "none.script", table)
+    large = tmp_path / "large.script"
+    large.write_bytes(b"#" * (LARGEST_BYTES + 1))
+    with pytest.raises(UserError, match="larger than"):
+        Script.read(large, table)
+
+
+def test_a_log_played_again_flies_the_same_flight(table: CommandTable) -> None:
+    # uneven turns of the loop, keys and commands at odd times
+    console = console_of(table)
+    turns = [17, 33, 34, 16, 250, 8, 41] * 60
+    keys = {20: {"steer.forward"}, 90: {"steer.forward", "steer.yaw-left", "steer.fine"}, 150: set()}
+    down: frozenset[str] = frozenset()
+    for k, turn in enumerate(turns):
+        console.pass_time(turn, down)
+        down = frozenset(keys.get(k, down))
+        if k == 200:
+            console.do("time.rate", "5")
+        if k == 260:
+            console.do("steer.stop")
+        if k == 300:
+            console.do("time.pause")
+        if k == 310:
+            console.do("time.pause")
+    text = console.log.text(("flown by hand",))
+    again = console_of(table)
+    again.play(Script.of(text, table))
+    while again.clock_ms < console.clock_ms:
+        again.pass_time(min(29, console.clock_ms - again.clock_ms))
+    assert again.log.text(("flown by hand",)) == text
+    assert not again.playing
+    assert again.session.t_s == console.session.t_s
+    assert again.session.moment.world == console.session.moment.world
+
+
+def test_a_stalled_window_is_not_made_up_for(table: CommandTable) -> None:
+    console = console_of(table)
+    console.pass_time(30_000)
+    assert console.clock_ms == LONGEST_TICK_MS
+
+
+def test_a_command_that_fails_is_a_message_and_the_flight_goes_on(
+    table: CommandTable, tmp_path: Path
+) -> None:
+    console = console_of(table)
+    (tmp_path / "file").write_text("")
+    console.do("log.save", str(tmp_path / "file" / "x.script"))
+    assert [m.level for m in console.messages] == ["caution"]
+    console.do_line("log.save 'half")
+    console.do_line("nothing.at-all")
+    assert len(console.messages) == 3
+    console.pass_time(100)
+    console.do("window.acknowledge")
+    assert all(m.acknowledged for m in console.messages)
+
+
+def test_numbers_are_written_so_that_they_are_read_again() -> None:
+    argument = Argument("x", "number", "")
+    for value in (0.1 + 0.2, -1e-12, 3.0, 1 / 3):
+        _, word = line_of("a.b", (value,)).split()
+        assert argument.read(word, "a.b") == value
+
+
+def test_commands_are_found_by_words_of_their_help(table: CommandTable) -> None:
+    found = [c.name for c in table if matches(c, "brake LVLH")]
+    assert found == ["steer.stop"]

@@ -1,0 +1,31 @@
+"""What is kept of the console's layout is read with care."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from gui.layout import LARGEST_BYTES, SavedLayout, layout_file, read_layout
+
+
+def test_a_layout_is_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "console.json"
+    kept = SavedLayout(shown={"log": True}, docking={"wide": "[Window][log]\n"})
+    path.write_bytes(msgspec.json.encode(kept))
+    assert read_layout(path) == kept
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"{", b"[]", b'{"version": 99}', b'{"font_scale": 1e9}', b" " * (LARGEST_BYTES + 1)]
+)
+def test_a_damaged_layout_is_the_first_layout(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "console.json"
+    path.write_bytes(data)
+    assert read_layout(path) == SavedLayout()
+
+
+def test_no_layout_is_the_first_layout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FLYAROUND_CONSOLE_LAYOUT", str(tmp_path / "none.json"))
+    assert read_layout(layout_file()) == SavedLayout()
