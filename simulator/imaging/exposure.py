@@ -54,6 +54,8 @@ ONCE_PX, DRAWN_PX = 1.0, 5.0
 of clouds and of a city's lights depends a little on where in a pixel they fall, and is to be averaged (0.11 digital
 numbers rms above the lights of `tango-night`, 0.07 with twice as many drawings)."""
 LOW_ORBIT_M = 5e7
+FEW_PLACES, LENS_PLACES = 5, 17
+"""Places along each side of the image where the ground is looked for."""
 MAX_INSTANTS = 256
 
 
@@ -140,10 +142,11 @@ def drawings_of_ground(scene: SceneState, at: Callable[[float], SceneState] | No
     at = at or moments_of(scene)
     early, late = (at(sign * scene.exposure_s / 2) for sign in (-1, 1))
     c = scene.camera
-    across = [np.linspace(-0.5, size - 0.5, 5) for size in (c.width_px, c.height_px)]
+    # the Earth's disc is convex, and so is the image where no lens bends it; one that does bends its edges outward too
+    n = FEW_PLACES if c.distortion.is_none else LENS_PLACES
+    across = [np.linspace(-0.5, size - 0.5, n) for size in (c.width_px, c.height_px)]
     places = np.stack(np.meshgrid(*across), axis=-1).reshape(-1, 2)
-    # the Earth's disc is convex, and so is the image where no lens bends it
-    if not c.distortion.is_none or not all(_all_ground(then, places) for then in (early, scene, late)):
+    if not all(_all_ground(then, places) for then in (early, scene, late)):
         return 0
     ends = [background_px(scene, then, places) for then in (early, late)]
     way = float(np.abs(ends[1] - ends[0]).max())

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from simulator.camera.lens.files import load_camera
 from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.imaging import image_motion
 from simulator.imaging.exposure import drawings_of_ground, integrate
@@ -49,10 +50,21 @@ def test_craft_and_ground_drawn_apart_add_up_to_the_picture(renderer, plan, band
 
 
 @pytest.mark.parametrize(
-    ("exposure_s", "spin_rad_s", "bands"), [(0.3, 0.5, "mono"), (0.6, 0.0, "mono"), (0.4, 0.1, "rgb")]
+    ("exposure_s", "spin_rad_s", "bands", "lens"),
+    [
+        (0.3, 0.5, "mono", ""),
+        (0.6, 0.0, "mono", ""),
+        (0.4, 0.1, "rgb", ""),
+        (0.4, 0.1, "mono", "speedplus"),
+    ],
 )
-def test_the_smear_is_the_mean_of_four_times_the_instants(renderer, plan, exposure_s, spin_rad_s, bands):
+def test_the_smear_is_the_mean_of_four_times_the_instants(
+    renderer, plan, exposure_s, spin_rad_s, bands, lens
+):
     scene = _exposed(plan, exposure_s, bands=bands, omega_target_rad_s=(0.0, spin_rad_s, 0.0))
+    if lens:
+        bent = replace(scene.camera, distortion=load_camera(lens).distortion)
+        scene = replace(scene, camera=bent)
     assert drawings_of_ground(scene) > 0
     motion = image_motion_px(scene, plan.target, exposure_s)
     n = 4 * max(3, int(np.ceil(motion)))
@@ -94,6 +106,9 @@ def test_sky_in_view_is_drawn_instant_by_instant(plan):
     )
     # the ground goes too far
     assert drawings_of_ground(_exposed(plan, 60.0)) == 0
+    # a lens that sees past the Earth on both sides
+    wide = replace(scene, camera=load_camera("fisheye-140"))
+    assert drawings_of_ground(wide) == 0
     limb = plan_flight(load_scenario("tango-limb"), times=(30.0,)).scene(0)
     assert drawings_of_ground(replace(limb, exposure_s=0.1)) == 0
 
