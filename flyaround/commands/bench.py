@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,12 +14,14 @@ from flyaround.commands.terminal import progress_bar, terminal
 from hil.bench.estimator_time import bench_estimator
 from hil.bench.link_latency import bench_link
 from simulator.bench.combinations import bench_combinations, goals_of
+from simulator.bench.combinations_page import combinations_page
 from simulator.bench.parts import bench_capture, bench_sensor, bench_world
 from simulator.bench.scaling import bench_scaling
 from simulator.bench.scenes import BENCH_SCENES, bench_scenes
 from simulator.bench.start import bench_start
 from simulator.bench.throughput import THROUGHPUT_SCENES, bench_throughput
 from simulator.errors import UserError
+from simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,14 +50,19 @@ def bench(
             "half an hour.",
         ),
     ] = False,
+    page: Annotated[
+        Path | None, typer.Option("--page", help="With --all: also write the tables to this Markdown file.")
+    ] = None,
     gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Frame cost per scene beside a reference pass of the same run."""
     if scaling + (processes is not None) + everything > 1:
         raise UserError("--scaling, --processes and --all are three benches; ask for one of them")
+    if page is not None and not (everything and page.parent.is_dir()):
+        raise UserError(f"--page {page} goes with --all, into a folder that exists")
     if everything:
-        _bench_combinations(tuple(scene or ()), gpu, as_json=as_json)
+        _bench_combinations(tuple(scene or ()), gpu, page, as_json=as_json)
         return
     if scaling:
         _bench_scaling(gpu, as_json=as_json)
@@ -122,9 +130,14 @@ def _bench_scaling(gpu: int | None, *, as_json: bool) -> None:
         terminal().print(table)
 
 
-def _bench_combinations(scenarios: tuple[str, ...], gpu: int | None, *, as_json: bool) -> None:
+def _bench_combinations(
+    scenarios: tuple[str, ...], gpu: int | None, page: Path | None, *, as_json: bool
+) -> None:
     with progress_bar("bench", quiet=as_json) as progress:
         machine, costs = bench_combinations(scenarios, device_index=gpu, progress=progress)
+    if page is not None:
+        chosen = "".join(f" --scene {name}" for name in scenarios)
+        write_atomic(page, combinations_page(machine, costs, f"flyaround bench --all{chosen}").encode())
     goals = goals_of(costs)
     if as_json:
         document = {

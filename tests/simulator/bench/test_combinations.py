@@ -7,6 +7,8 @@ from dataclasses import replace
 import pytest
 
 from simulator.bench.combinations import CombinationCost, bench_combinations, goals_of
+from simulator.bench.combinations_page import combinations_page
+from simulator.bench.scenes import BenchMachine
 from simulator.errors import UserError
 
 BASE = CombinationCost(
@@ -52,6 +54,24 @@ def test_goals_name_the_worst_combination_and_compare_within_the_run() -> None:
     assert measured["a craft of 100,000 triangles beside Tango"] == (1.6, False)
     assert measured["captured tango-earth-10m, speed"] == (100.0, True)
     assert measured["captured tango-earth-10m, speedplus"] == (180.0, False)
+
+
+def test_the_page_has_each_time_once_and_says_what_was_missed() -> None:
+    costs = (
+        BASE,
+        replace(BASE, bands="rgb", frame_ms=84.0),
+        replace(BASE, scenario="tango-night", frame_ms=181.0),
+        replace(BASE, variant="bits 12", frame_ms=66.0),
+    )
+    page = combinations_page(
+        BenchMachine(gl_renderer="llvmpipe", gl_version="4.5", threads=2), costs, "flyaround bench --all"
+    )
+    assert "| `tango-earth-10m` | 60 | 84 | 3 | 10 | 100 | 100 | 60 | 1.00 |" in page
+    assert "| bits 12 | 66 | 3 | 10 | 100 | 1.10 |" in page
+    assert "`tango-night speed mono` | 1.7 x | 3.02 | **missed** |" in page
+    # every table's rows are as long as its head
+    tables = [line.count("|") for line in page.splitlines() if line.startswith("|")]
+    assert set(tables) == {6, 7, 10}
 
 
 def test_without_the_base_scenario_there_are_no_goals() -> None:
