@@ -145,6 +145,8 @@ class Console:
                 self.do(line.name, *line.arguments)
         self._advance(end)
         self.hold(keys)
+        for level, text in self.session.steering.take_news():
+            self.say(text, level)
         for keep in self.on_pass_time:
             keep(self)
 

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.commands import display, log, steering, time
+from gui.commands import display, docking, guidance, log, steering, time
 
 if TYPE_CHECKING:
     from gui.command_table import Command
 
-COMMANDS: tuple[Command, ...] = (*time.COMMANDS, *steering.COMMANDS, *display.COMMANDS, *log.COMMANDS)
+COMMANDS: tuple[Command, ...] = (
+    *time.COMMANDS,
+    *steering.COMMANDS,
+    *guidance.COMMANDS,
+    *docking.COMMANDS,
+    *display.COMMANDS,
+    *log.COMMANDS,
+)

@@ -23,6 +23,7 @@ OVERLAY_KEYS = {
     "crosshair": "F6",
     "hud": "F7",
     "times": "F8",
+    "docking": "F10",
 }
 MOST_STOPS = 8.0
 

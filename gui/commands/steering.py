@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.command_table import Command
+from gui.command_table import STATE, Argument, Command
+from gui.flight.manual_control import THRUST, TURN
+from gui.flight.steering import ATTITUDE_MODES
 
 if TYPE_CHECKING:
     from gui.console import Console
+
+DIRECTIONS = tuple(name.removeprefix("steer.") for name in (*THRUST, *TURN))
+
+
+def _shares(*names: str) -> tuple[Argument, ...]:
+    return tuple(Argument(name, "number", "-1 to 1", least=-1.0, most=1.0) for name in names)
 
 
 def _last(_console: Console, _begins: bool) -> None:  # noqa: FBT001 - the form of a held command
@@ -32,6 +40,47 @@ def _toggle(console: Console) -> None:
 
 def _reset(console: Console) -> None:
     console.session.reset_chaser()
+
+
+def _lvlh(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+    steering = console.session.steering
+    on = steering.axes != "lvlh" if state is None else state
+    steering.axes = "lvlh" if on else "camera"
+
+
+def _pulses(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+    steering = console.session.steering
+    on = steering.thrust != "pulse" if state is None else state
+    steering.thrust = "pulse" if on else "continuous"
+
+
+def _attitude(console: Console, mode: str | None = None) -> None:
+    now = ATTITUDE_MODES.index(console.session.steering.attitude)
+    following = ATTITUDE_MODES[(now + 1) % len(ATTITUDE_MODES)]
+    console.session.set_attitude(next((m for m in ATTITUDE_MODES if m == mode), following))
+
+
+def _pulse(console: Console, direction: str) -> None:
+    console.session.take_over()
+    console.session.steering.pulse(f"steer.{direction}")
+
+
+def _stick_thrust(console: Console, right: float, down: float, forward: float) -> None:
+    console.session.steering.stick_thrust = (right, down, forward)
+
+
+def _stick_turn(console: Console, up: float, right: float, roll: float) -> None:
+    console.session.steering.stick_turn = (up, right, roll)
+
+
+def _stick_lost(console: Console) -> None:
+    steering = console.session.steering
+    pushed = any(steering.stick_thrust) or any(steering.stick_turn)
+    steering.stick_thrust = steering.stick_turn = (0.0, 0.0, 0.0)
+    if pushed:
+        console.say("the gamepad is gone: what it pushed and turned has stopped", "warning")
+    else:
+        console.say("the gamepad is gone")
 
 
 _HELD = (
@@ -85,4 +134,56 @@ COMMANDS = (
         state=lambda console: console.session.mode == "steer",
     ),
     Command("steer.reset", "Reset", "back onto the scenario's trajectory", _reset, ("home",), "Home"),
+    Command(
+        "steer.lvlh",
+        "LVLH axes",
+        "W and S along the flight, A and D across it, R and F up and down; off: along the camera's axes",
+        _lvlh,
+        ("n",),
+        "N",
+        arguments=(STATE,),
+        state=lambda console: console.session.steering.axes == "lvlh",
+    ),
+    Command(
+        "steer.pulses",
+        "Pulses",
+        "a press of a key gives 1 cm/s or 0.2 deg; off: as long as it is held",
+        _pulses,
+        ("m",),
+        "M",
+        arguments=(STATE,),
+        state=lambda console: console.session.steering.thrust == "pulse",
+    ),
+    Command(
+        "steer.attitude",
+        "Attitude",
+        "rate: keep the rate; hold: keep the attitude (in LVLH axes: beside the target); target: keep it in view; "
+        "dock: as when docked; left out: the next of them",
+        _attitude,
+        ("y",),
+        "Y",
+        arguments=(Argument("mode", "word", "what is kept", ATTITUDE_MODES, optional=True),),
+    ),
+    Command(
+        "steer.pulse",
+        "One pulse",
+        "1 cm/s, or 0.2 deg",
+        _pulse,
+        arguments=(Argument("direction", "word", "as of the keys", DIRECTIONS),),
+    ),
+    Command(
+        "steer.stick-thrust",
+        "Stick: thrust",
+        "shares of a key's thrust, as a stick or the mouse gives them, until the next",
+        _stick_thrust,
+        arguments=_shares("right", "down", "forward"),
+    ),
+    Command(
+        "steer.stick-turn",
+        "Stick: turn",
+        "shares of a key's turn rate, as a stick or the mouse gives them, until the next",
+        _stick_turn,
+        arguments=_shares("up", "right", "roll"),
+    ),
+    Command("steer.stick-lost", "Stick: gone", "what the stick pushed and turned stops", _stick_lost),
 )

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from gui.command_table import Argument, Command
+from gui.flight.jumps import EVENTS
 from gui.flight.session import RATES
 
 if TYPE_CHECKING:
     from gui.console import Console
+    from gui.flight.jumps import Event
 
 
 def _pause(console: Console) -> None:
@@ -33,6 +36,17 @@ def _rate(console: Console, rate: str) -> None:
 
 def _restart(console: Console) -> None:
     console.session.restart()
+
+
+def _jump(event: Event, console: Console) -> None:
+    when = console.session.jump_to_event(event)
+    console.say(f"on the way to T+{when:.0f} s, when {EVENTS[event]}")
+
+
+def _jump_to_hold_point(console: Console) -> None:
+    console.session.jump_to_hold_point()
+    point = console.session.docking.hold_points.next
+    console.say("on the way to " + ("the port" if point is None else f"{point.name}, {point.axial_m:g} m"))
 
 
 COMMANDS = (
@@ -77,5 +91,20 @@ COMMANDS = (
         ("backspace",),
         "Backspace",
         cli="flyaround sim SCENARIO",
+    ),
+    *(
+        Command(
+            f"time.next-{event}",
+            f"Jump to the next {event}",
+            f"hurry to when {EVENTS[event]}, then 1x; a rate ends it",
+            partial(_jump, event),
+        )
+        for event in EVENTS
+    ),
+    Command(
+        "time.next-hold-point",
+        "Jump to the next hold point",
+        "hurry until the autopilot rests at the hold point, or has docked; then 1x",
+        _jump_to_hold_point,
     ),
 )

@@ -7,12 +7,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.runtime.arrays import Vec3, vec3
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
+from simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+)
 from simulator.world.guidance.manual_control import ChaserState, Command
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
+    from gui.flight.docking_port import DockingPort
     from simulator.runtime.arrays import FloatArray
     from simulator.world.frames.lvlh import Lvlh
 
@@ -46,6 +52,16 @@ SLEW_RAD_S2 = np.radians(10.0)
 BRAKE_M_S2 = 0.1
 TRACK_GAIN_1_S = 1.0
 COARSE_GAIN, FINE_GAIN = 5.0, 0.2
+PULSE_M_S = 0.01
+"""Delta-v of one press of a key in pulses."""
+PULSE_RAD = np.radians(0.2)
+"""Turn of one press."""
+PULSE_RAD_S = np.radians(0.2)
+"""With which it is made: a rate that the slew reaches in a step."""
+RATE_TIME_S = 1.0
+"""Where the rate is held, a key makes its own rate in this time."""
+ALIGN_RAD_S = np.radians(5.0)
+"""Largest rate with which the docked attitude is taken."""
 AT_REST_M_S = 1e-6
 BRAKED_M_S = 1e-4
 """Below this the brake has done its work and lets go."""
@@ -58,15 +74,15 @@ def gain(held: AbstractSet[str]) -> float:
 
 def thrust_camera_m_s2(held: AbstractSet[str]) -> FloatArray:
     """(3,) acceleration that the held keys ask for, camera axes [m s-2]."""
-    return ACCELERATION_M_S2 * gain(held) * _sum(THRUST, held)
+    return ACCELERATION_M_S2 * gain(held) * direction(THRUST, held)
 
 
 def turn_camera_rad_s(held: AbstractSet[str]) -> FloatArray:
     """(3,) rate relative to ECI that the held keys ask for, camera axes [rad s-1]."""
-    return RATE_RAD_S * gain(held) * _sum(TURN, held)
+    return RATE_RAD_S * gain(held) * direction(TURN, held)
 
 
-def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3) -> FloatArray:
+def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3, dt_s: float) -> FloatArray:
     """Rate that keeps the target in a direction of the camera frame [rad s-1].
 
     The line of sight's own rate, plus a turn that takes out what is left of the error.
@@ -74,14 +90,36 @@ def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3) -> FloatArray:
     Parameters
     ----------
     chaser : the state now.
-    aim_camera : unit vector where the target shall appear.
+    aim_camera : unit vector where the target shall appear. dt_s : the rate is held so long.
     """
     R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)
     los = -R_camera_from_eci @ np.array(chaser.position_eci_m)
     los_rate = -R_camera_from_eci @ np.array(chaser.velocity_eci_m_s)
     distance = float(np.linalg.norm(los))
     seen = los / distance
-    return np.cross(seen, los_rate) / distance + TRACK_GAIN_1_S * np.cross(np.array(aim_camera), seen)
+    # in a long step no more than the error itself
+    gain_1_s = min(TRACK_GAIN_1_S, 1 / dt_s)
+    return np.cross(seen, los_rate) / distance + gain_1_s * np.cross(np.array(aim_camera), seen)
+
+
+def docked_rate_rad_s(
+    chaser: ChaserState, attitude: tuple[FloatArray, FloatArray], port: DockingPort, dt_s: float
+) -> FloatArray:
+    """Rate that takes and keeps the attitude of a docked chaser [rad s-1].
+
+    Parameters
+    ----------
+    chaser : the state now. attitude : of the target, ``q_eci_from_target_wxyz`` and its rate in its axes.
+    port : of the target. dt_s : the rate is held so long.
+    """
+    q_target, omega = attitude
+    q_camera_from_target = quat_multiply(chaser.q_camera_from_eci_wxyz, q_target)
+    turned = quat_multiply(quat_conjugate(port.q_target_from_port_wxyz), quat_conjugate(q_camera_from_target))
+    sine, cosine = float(np.linalg.norm(turned[1:])), float(turned[0])
+    angle = 2 * np.arctan2(sine, abs(cosine))
+    axis = turned[1:] / max(sine, 1e-12) * (1.0 if cosine >= 0 else -1.0)
+    back = min(min(TRACK_GAIN_1_S, 1 / dt_s) * angle, ALIGN_RAD_S)
+    return matrix_from_quat(q_camera_from_target) @ omega - back * axis
 
 
 def turned_aim(aim_camera: Vec3, rate_camera_rad_s: FloatArray, dt_s: float) -> Vec3:
@@ -113,5 +151,6 @@ def command(acceleration: FloatArray, wanted_rate: FloatArray, chaser: ChaserSta
     )
 
 
-def _sum(directions: dict[str, Vec3], held: AbstractSet[str]) -> FloatArray:
+def direction(directions: dict[str, Vec3], held: AbstractSet[str]) -> FloatArray:
+    """(3,) sum of the directions of what is held."""
     return np.sum([directions[a] for a in directions if a in held] or [(0.0, 0.0, 0.0)], axis=0)

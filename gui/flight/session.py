@@ -7,24 +7,27 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gui.flight import manual_control
-from gui.flight.manual_control import STEERING, THRUST
+from gui.flight.docking_watch import Docking
+from gui.flight.hold_points import not_ready
+from gui.flight.jumps import EVENTS, next_event_s, search_s
+from gui.flight.planned_burns import predicted_path
+from gui.flight.propellant import thrusters_of
 from gui.flight.recorder import FlightRecorder
+from gui.flight.steering import BORESIGHT, Steering
+from simulator.errors import UserError
 from simulator.runtime.arrays import Vec3, vec3
 from simulator.scenario.flight import fly
 from simulator.scenario.plan import plan_flight
 from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.guidance.manual_control import (
-    ChaserState,
-    Command,
-    guarded_command,
-    predicted_drift_lvlh_m,
-    step,
-)
+from simulator.world.guidance.manual_control import ChaserState, predicted_drift_lvlh_m, step
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
+    from gui.flight.guidance_modes import LvlhState
+    from gui.flight.jumps import Event
+    from gui.flight.planned_burns import PredictedPath
+    from gui.flight.steering import AttitudeMode
     from simulator.runtime.arrays import FloatArray
     from simulator.scenario.plan import Plan
     from simulator.scenario.scenario import Scenario
@@ -35,9 +38,16 @@ if TYPE_CHECKING:
 
 Mode = Literal["guidance", "steer"]
 
-RATES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+RATES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 STEP_S = 0.02
-"""Integration step at 1x; it grows with the rate, so that the cost per second of wall time stays the same."""
+"""Step at 1x; it grows with the rate as far as what acts on the chaser allows (`gui.flight.steering`)."""
+MOST_STEPS_PER_S = 1000.0
+"""Of operator's time. Where steps must be short the clock runs slower than its rate, and the window stays alive."""
+HOLD_POINTS_EVERY_S = 0.5
+"""How often it is looked whether one was flown past."""
+JUMP_RATE = 1000.0
+LONGEST_JUMP_S = 7200.0
+"""A hold point that is not reached within this is not waited for."""
 FRAME_STEP_S = 0.1
 """What one press of the single-frame key advances at 1x."""
 LONGEST_TICK_S = 0.25
@@ -47,7 +57,8 @@ MARGIN_S = 60.0
 TRAIL_POINTS = 4000
 DRIFT_S = 600.0
 """How far ahead free drift is foretold."""
-BORESIGHT: Vec3 = (0.0, 0.0, 1.0)
+
+Jump = Literal["", "event", "hold-point"]
 
 
 @dataclass(frozen=True)
@@ -79,7 +90,6 @@ class Session:
     def __init__(self, plan: Plan, recorder: FlightRecorder | None = None) -> None:
         self.plan = plan
         self.recorder = recorder
-        self._keep_out = plan.scenario.chaser.keep_out
         self.flight: Flight = plan.flight
         self.paused = False
         self.rate = 1.0
@@ -93,11 +103,13 @@ class Session:
     def _reset_state(self) -> None:
         self._t_s = 0.0
         self._owed_s = 0.0
-        self._held: frozenset[str] = frozenset()
         self._steered: ChaserState | None = None
-        self._aim: Vec3 | None = None
-        self._braking = False
-        self._guarded = False
+        self._jump: Jump = ""
+        self._jump_until_s = 0.0
+        self._hold_points_at_s = 0.0
+        chaser = self.plan.scenario.chaser
+        self.docking = Docking(self.plan.target, self.plan.flight, chaser.keep_out)
+        self.steering = Steering(self.docking, thrusters_of(chaser.thrusters), chaser.keep_out)
         if self.recorder is not None:
             self.recorder.clear()
         self.trail: list[Vec3] = []
@@ -127,14 +139,17 @@ class Session:
         """
         if rate not in RATES:
             raise ValueError(f"rate {rate} is not one of {RATES}")
+        self.end_jump()
         self.rate = rate
 
     def faster(self) -> None:
         """The next rate up."""
+        self.end_jump()
         self.rate = RATES[min(RATES.index(self.rate) + 1, len(RATES) - 1)]
 
     def slower(self) -> None:
         """The next rate down."""
+        self.end_jump()
         self.rate = RATES[max(RATES.index(self.rate) - 1, 0)]
 
     def restart(self) -> None:
@@ -143,38 +158,76 @@ class Session:
 
     def advance(self, wall_s: float, held: AbstractSet[str] = frozenset()) -> None:
         """Let ``wall_s`` of the operator's time pass with these commands held (`manual_control.HELD`)."""
-        self._held = frozenset(held)
-        if self._held & STEERING:
+        self.steering.hold(held)
+        if self.steering.takes_over:
             self.take_over()
-            self._braking = self._braking and not self._held & frozenset(THRUST)
         if self.paused:
             return
-        self._owed_s += min(wall_s, LONGEST_TICK_S) * self.rate
-        h = STEP_S * self.rate
-        # the small term: sums of equal parts count as the whole
-        steps = int(self._owed_s / h + 1e-9)
-        self._owed_s = max(self._owed_s - steps * h, 0.0)
-        self._run(steps, h)
+        self._owed_s += min(wall_s, LONGEST_TICK_S)
+        self._run_owed()
 
     def step_once(self) -> None:
         """One frame further, paused from then on."""
         self.paused = True
-        h = STEP_S * self.rate
-        self._run(round(FRAME_STEP_S / STEP_S), h)
-
-    def _run(self, steps: int, h: float) -> None:
-        if steps == 0:
-            return
-        self._reach(self._t_s + steps * h + h)
-        for _ in range(steps):
-            self._record()
-            if self._steered is None:
-                self._t_s += h
-            else:
-                self._steered = step(self._steered, self._command(self._steered, h), h, self.flight.orbit)
-                self._t_s = self._steered.t_s
+        end = self._t_s + FRAME_STEP_S * self.rate
+        # the small term: sums of equal parts count as the whole
+        while self._t_s < end - 1e-9 * self.rate:
+            self._step(min(self._step_s(), end - self._t_s))
         self._moment = None
         self._leave_trail()
+
+    def _run_owed(self) -> None:
+        """Step for step, each paid with the operator's time that it stands for."""
+        stepped = False
+        while not self.paused:
+            h = self._step_s()
+            costs = max(h / self._rate, 1 / MOST_STEPS_PER_S)
+            # the small term: sums of equal parts count as the whole
+            if self._owed_s < costs * (1 - 1e-9):
+                break
+            self._owed_s = max(self._owed_s - costs, 0.0)
+            self._step(h)
+            stepped = True
+        if stepped:
+            self._moment = None
+            self._leave_trail()
+
+    @property
+    def _rate(self) -> float:
+        return JUMP_RATE if self._jump else self.rate
+
+    def _step_s(self) -> float:
+        wanted = STEP_S * self._rate
+        if self._steered is not None and not self.docking.docked:
+            wanted = self.steering.step_s(self._steered, wanted)
+        return min(wanted, self._jump_until_s - self._t_s) if self._jump else wanted
+
+    def _step(self, h: float) -> None:
+        self._reach(self._t_s + 2 * h)
+        self._record()
+        if self._steered is None:
+            self._t_s += h
+        elif self.docking.docked:
+            self._t_s += h
+            self._steered = self.docking.held_at(self._t_s, self.flight)
+        else:
+            self._steered = self._pushed(self._steered, h)
+            self._t_s = self._steered.t_s
+        if self._jump and self._jump_is_done():
+            self._jump, self.rate = "", 1.0
+
+    def _pushed(self, before: ChaserState, h: float) -> ChaserState:
+        """The chaser a step later, by all that acts on it, and off the target where it touched it."""
+        command = self.steering.command(before, self.flight, h)
+        moved = step(before, command, h, self.flight.orbit)
+        after, news = self.docking.after_step(before, moved, self.flight)
+        self.steering.news += news
+        if self.docking.docked:
+            self.steering.let_go()
+        elif after.t_s >= self._hold_points_at_s:
+            self._hold_points_at_s = after.t_s + HOLD_POINTS_EVERY_S
+            self.docking.hold_points.watch(self.docking.figures(after, self.flight))
+        return after
 
     def _record(self) -> None:
         if self.recorder is not None and self.recorder.wants(self._t_s):
@@ -198,24 +251,27 @@ class Session:
     @property
     def tracking(self) -> bool:
         """Whether the attitude follows the target while steering."""
-        return self._aim is not None
+        return self._steered is not None and self.steering.attitude == "target"
 
     @property
     def guarded(self) -> bool:
         """Whether the keep-out sphere overrules the keys."""
-        return self._guarded
+        return self.steering.guarded
 
     @property
     def braking(self) -> bool:
         """Whether the stop key's brake is at work."""
-        return self._braking
+        return self.steering.braking
 
     def take_over(self) -> None:
         """Steer from the state the chaser has; the attitude goes on following the target."""
         if self._steered is not None:
             return
         self._steered = self.flight.chaser(self._t_s)
-        self._aim = _target_direction(self._steered)
+        self._follow_target()
+
+    def _follow_target(self) -> None:
+        self.steering.attitude, self.steering.aim = "target", _target_direction(self._now())
         self._moment = None
 
     def toggle_steering(self) -> None:
@@ -223,14 +279,14 @@ class Session:
         if self._steered is None:
             self.take_over()
         else:
-            self._steered, self._aim, self._moment = None, None, None
-            self._braking = self._guarded = False
+            self._steered, self._moment = None, None
+            self.docking.docked = False
+            self.steering.let_go()
 
     def reset_chaser(self) -> None:
         """Back onto the scenario's trajectory at this moment, still steering if that was so."""
         if self._steered is not None:
-            self._steered = None
-            self._braking = False
+            self.toggle_steering()
             self.take_over()
 
     def toggle_tracking(self) -> None:
@@ -238,44 +294,96 @@ class Session:
 
         While tracking, a turn key moves the place in the picture where the target is kept.
         """
-        if self._steered is None:
-            self.take_over()
-        self._aim = _target_direction(self._now()) if self._aim is None else None
+        self.set_attitude("hold" if self.tracking else "target")
+
+    def set_attitude(self, mode: AttitudeMode) -> None:
+        """How the attitude is controlled: see `gui.flight.steering`."""
+        self.take_over()
+        if mode == "target":
+            self._follow_target()
+        self.steering.attitude = mode
         self._moment = None
 
     def centre(self) -> None:
         """Turn to the target and track it."""
         self.take_over()
-        self._aim = BORESIGHT
+        self.steering.attitude, self.steering.aim = "target", BORESIGHT
         self._moment = None
 
     def stop(self) -> None:
         """Brake to rest relative to the target's LVLH frame; a turn stops at once."""
         self.take_over()
-        self._braking = True
+        self.steering.brake()
         self._moment = None
+
+    def abort(self) -> None:
+        """Turn away from the target in the next step, at no more than the clock's own rate."""
+        self.take_over()
+        self.steering.abort()
+        self._jump, self.rate, self.paused = "", min(self.rate, 1.0), False
+        self._moment = None
+
+    def state_lvlh(self) -> LvlhState:
+        """Position [m] and velocity [m s-1] of the chaser now, LVLH, (3,) each."""
+        chaser = self._now()
+        p, v = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
+        return self.flight.orbit.frame(chaser.t_s).from_eci(p, v)
+
+    # --- jumps
+
+    @property
+    def jumping(self) -> bool:
+        """Whether time is hurried to a moment."""
+        return bool(self._jump)
+
+    def jump_to_event(self, event: Event) -> float:
+        """Hurry to the next event of the sky; when it is [s].
+
+        Raises
+        ------
+        UserError
+            If there is none within two orbits.
+        """
+        self._reach(self._t_s + search_s(self.flight))
+        when = next_event_s(self.flight, event, self._t_s)
+        if when is None:
+            raise UserError(f"within the next two orbits there is no moment at which {EVENTS[event]}")
+        self._jump, self._jump_until_s, self.paused = "event", when, False
+        return when
+
+    def jump_to_hold_point(self) -> None:
+        """Hurry until the autopilot rests at the next hold point, or has docked.
+
+        Raises
+        ------
+        UserError
+            If the autopilot does not fly.
+        """
+        if not self.steering.autopilot:
+            raise UserError("nothing flies to a hold point; engage the autopilot first (docking.approach)")
+        self._jump, self._jump_until_s = "hold-point", self._t_s + LONGEST_JUMP_S
+        self.paused = False
+
+    def end_jump(self) -> None:
+        """Back to 1x, at once."""
+        if self._jump:
+            self._jump, self.rate = "", 1.0
+
+    def _jump_is_done(self) -> bool:
+        if self._t_s >= self._jump_until_s - 1e-9:
+            return True
+        if self._jump != "hold-point":
+            return False
+        if not self.steering.autopilot or self._steered is None:
+            return True
+        point = self.docking.hold_points.next
+        if point is None:
+            return False
+        figures = self.docking.figures(self._steered, self.flight)
+        return not not_ready(point, figures, self.docking.limits, self.docking.corridor_deg)
 
     def _now(self) -> ChaserState:
         return self.flight.chaser(self._t_s) if self._steered is None else self._steered
-
-    def _command(self, chaser: ChaserState, h: float) -> Command:
-        acceleration = manual_control.thrust_camera_m_s2(self._held)
-        if self._braking:
-            brake, speed = manual_control.brake_camera_m_s2(chaser, self.flight.lvlh(chaser.t_s), h)
-            acceleration = acceleration + brake
-            self._braking = speed >= manual_control.BRAKED_M_S
-        wanted = manual_control.turn_camera_rad_s(self._held)
-        if self._aim is not None:
-            self._aim = manual_control.turned_aim(self._aim, wanted, h)
-            wanted = wanted + manual_control.tracking_rate_rad_s(chaser, self._aim)
-        command = manual_control.command(acceleration, wanted, chaser, h)
-        if self._keep_out is None:
-            return command
-        frame = self.flight.orbit.frame(chaser.t_s)
-        command, self._guarded = guarded_command(
-            chaser, command, h, frame, self._keep_out, manual_control.BRAKE_M_S2
-        )
-        return command
 
     # --- what is seen
 
@@ -286,7 +394,7 @@ class Session:
             chaser = self._now()
             world = self.flight.state_with_chaser(chaser)
             self._moment = Moment(
-                world, chaser, self.plan.target, self.mode, self.tracking, self._braking, self._guarded
+                world, chaser, self.plan.target, self.mode, self.tracking, self.braking, self.guarded
             )
         return self._moment
 
@@ -305,6 +413,10 @@ class Session:
     def predicted_drift_lvlh_m(self) -> FloatArray:
         """Where the chaser would drift without thrust over the next minutes, LVLH (n, 3) [m]."""
         return predicted_drift_lvlh_m(self.flight.orbit, self.moment.chaser, DRIFT_S)
+
+    def predicted_burns(self, after_s: float = DRIFT_S) -> PredictedPath:
+        """The path that follows from the planned burns, and where each of them is."""
+        return predicted_path(self.flight.orbit, self.moment.chaser, self.steering.burns, after_s)
 
     def _lvlh_position(self, chaser: ChaserState) -> Vec3:
         p, v = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)

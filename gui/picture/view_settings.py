@@ -35,6 +35,7 @@ OVERLAYS: tuple[tuple[str, str], ...] = (
     ("wireframe", "Wireframe"),
     ("crosshair", "Crosshair"),
     ("hud", "Figures"),
+    ("docking", "Docking"),
     ("times", "Pass times"),
 )
 
@@ -69,6 +70,7 @@ class Overlays:
     wireframe: bool = False
     crosshair: bool = True
     hud: bool = True
+    docking: bool = False
     times: bool = False
 
 

@@ -76,7 +76,7 @@ def test_every_switch_switches_there_and_back(table: CommandTable) -> None:
         if command.arguments:
             console.do(command.name, True)
             assert command.state(console), command.name
-    assert console.messages == []
+    assert [m for m in console.messages if m.level != "note"] == []
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,152 @@
+"""The target's docking port: the one that its model names, or the approach axis through its body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.bake.ray_cast import make_tracer
+from simulator.runtime.arrays import Quat, Vec3, quat, vec3
+from simulator.runtime.memory import cached_per_object
+from simulator.targets.joined_mesh import mesh_of
+from simulator.world.attitude.pointing import DOWN_AXES_LVLH
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from simulator.world.guidance.paths import Glideslope, Hold, RbarApproach, VbarApproach, Waypoints
+
+if TYPE_CHECKING:
+    from simulator.render.bake.ray_cast import Tracer
+    from simulator.runtime.arrays import FloatArray
+    from simulator.targets.model import Target
+    from simulator.world.flight.flight import Flight
+    from simulator.world.guidance.chaser import Chaser
+
+FRAME = "docking"
+"""Name of the frame of a target's model that is a port."""
+VBAR: Vec3 = (0.0, 1.0, 0.0)
+_LEAST_SINE = 0.2
+"""A reference nearer than this to the port's axis is no side of the port."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DockingPort:
+    """A port fixed in the target, with the axes that a docked camera has: x right, y down, z into the target.
+
+    Parameters
+    ----------
+    name : for people.
+    origin_m : middle of the port from the target's centre of mass, target axes [m].
+    q_target_from_port_wxyz : its axes.
+    """
+
+    name: str
+    origin_m: Vec3
+    q_target_from_port_wxyz: Quat
+
+    @property
+    def axis_target(self) -> FloatArray:
+        """(3,) unit vector out of the port, target axes."""
+        return -matrix_from_quat(self.q_target_from_port_wxyz)[:, 2]
+
+
+def docking_port(target: Target, flight: Flight) -> DockingPort:
+    """The port of a target at the start of a flight.
+
+    It is the frame ``docking`` of the model. A target without one is docked with where the axis of approach, which goes
+    through its centre of mass, leaves the body: the corridor's axis of the scenario, the axis of its hold point, or
+    else the velocity axis. From then on it turns with the target.
+
+    Parameters
+    ----------
+    target : the model. flight : its start gives the attitude and the side of the port that is down.
+    """
+    R_target_from_lvlh = target_from_lvlh(flight, 0.0)
+    com = np.array(target.mass.com_m)
+    if FRAME in target.frames:
+        origin, axis = (np.array(x, float) for x in target.frames[FRAME])
+        return _with_axes("docking port", origin - com, axis, R_target_from_lvlh, flight)
+    lvlh = approach_axis_lvlh(flight.guidance)
+    return port_along(target, R_target_from_lvlh @ np.array(lvlh), R_target_from_lvlh, flight)
+
+
+def port_along(
+    target: Target, axis_target: FloatArray, R_target_from_lvlh: FloatArray, flight: Flight
+) -> DockingPort:
+    """A port where an axis through the centre of mass leaves the body.
+
+    Parameters
+    ----------
+    axis_target : (3,) outward, any length. R_target_from_lvlh : (3, 3) attitude whose nadir is the port's down side.
+    """
+    axis = axis_target / np.linalg.norm(axis_target)
+    com = np.array(target.mass.com_m)
+    reach = 2 * radius_m(target)
+    way = way_to_surface_m(target, com + reach * axis, -axis)
+    # a body of which the axis meets nothing, a ring for one, ends where its farthest corner is
+    out = float(((mesh_of(target).hull_m - com) @ axis).max()) if way is None else reach - way
+    return _with_axes("approach axis", out * axis, axis, R_target_from_lvlh, flight)
+
+
+def approach_axis_lvlh(chaser: Chaser) -> Vec3:
+    """Unit vector from the target outward to where its scenario approaches from, LVLH."""
+    keep_out = chaser.keep_out
+    given: Vec3 | None = None if keep_out is None else keep_out.corridor_axis_lvlh
+    if given is None:
+        match chaser:
+            case Hold():
+                given = chaser.position_lvlh_m
+            case VbarApproach() | RbarApproach():
+                given = vec3(chaser.hold_m * np.array(chaser.axis_lvlh))
+            case Glideslope():
+                given = chaser.end_lvlh_m
+            case Waypoints():
+                given = chaser.points_lvlh_m[-1]
+            case _:
+                given = VBAR
+    length = float(np.linalg.norm(given))
+    return VBAR if length == 0.0 else vec3(np.array(given) / length)
+
+
+def target_from_lvlh(flight: Flight, t_s: float) -> FloatArray:
+    """(3, 3) rotation from LVLH to the target's axes."""
+    q, _ = flight.attitude(t_s)
+    return matrix_from_quat(q).T @ flight.orbit.frame(t_s).R_eci_from_lvlh
+
+
+@cached_per_object
+def radius_m(target: Target) -> float:
+    """Radius of the sphere about the centre of mass that holds the target [m]."""
+    com = np.array(target.mass.com_m)
+    return max(float(np.linalg.norm(part.positions_m - com, axis=1).max()) for part in target.parts)
+
+
+def way_to_surface_m(target: Target, origin_m: FloatArray, direction: FloatArray) -> float | None:
+    """Length of the ray from a point to the surface [m], or None if it misses.
+
+    Parameters
+    ----------
+    origin_m : (3,) model frame. direction : (3,) unit vector.
+    """
+    triangle, way = _tracer_of(target).first_hits(origin_m[None], direction)
+    return None if triangle[0] < 0 or not np.isfinite(way[0]) else float(way[0])
+
+
+@cached_per_object
+def _tracer_of(target: Target) -> Tracer:
+    mesh = mesh_of(target)
+    return make_tracer(mesh.positions_m[mesh.triangles])
+
+
+def _with_axes(
+    name: str, origin: FloatArray, axis: FloatArray, R_target_from_lvlh: FloatArray, flight: Flight
+) -> DockingPort:
+    z = -axis / np.linalg.norm(axis)
+    first = "nadir" if flight.pointing.down == "auto" else flight.pointing.down
+    names = [first, *(name for name in DOWN_AXES_LVLH if name != first)]
+    downs = [R_target_from_lvlh @ np.array(DOWN_AXES_LVLH[name]) for name in names]
+    down = next(d for d in downs if np.linalg.norm(np.cross(d, z)) > _LEAST_SINE)
+    y = down - (down @ z) * z
+    y /= np.linalg.norm(y)
+    axes = np.stack([np.cross(y, z), y, z], axis=1)
+    return DockingPort(name=name, origin_m=vec3(origin), q_target_from_port_wxyz=quat(quat_from_matrix(axes)))

@@ -1,0 +1,103 @@
+"""Moments that an operator jumps to: the next eclipse or end of one, and the next crossing of the terminator."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from simulator.world.frames.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from simulator.world.flight.flight import Flight
+
+Event = Literal["eclipse", "sunrise", "terminator"]
+
+EVENTS: dict[Event, str] = {
+    "eclipse": "the target begins to enter the shadow",
+    "sunrise": "the target is wholly in sunlight again",
+    "terminator": "the target flies over the line between day and night",
+}
+EXACT_S = 0.01
+_STEPS_AN_ORBIT = 200
+"""A shadow of the Earth takes a third of a low orbit, and a twentieth of a geostationary one."""
+
+
+def search_s(flight: Flight) -> float:
+    """How far ahead events are looked for: two orbits [s]."""
+    return 2 * 2 * np.pi / flight.n_rad_s
+
+
+def next_event_s(flight: Flight, event: Event, after_s: float) -> float | None:
+    """When it happens next, to a hundredth of a second, or None within the next two orbits.
+
+    Parameters
+    ----------
+    flight : must reach `search_s` beyond ``after_s``.
+    """
+    margin = margin_of(flight, event)
+    step = search_s(flight) / (2 * _STEPS_AN_ORBIT)
+    # a moment that was jumped to must not be found again
+    low_s = after_s + 2 * EXACT_S
+    low = margin(low_s)
+    for k in range(1, 2 * _STEPS_AN_ORBIT + 1):
+        high_s = min(low_s + step, after_s + search_s(flight))
+        high = margin(high_s)
+        if (low > 0) != (high > 0) and (event == "terminator" or high > 0):
+            return _crossing_s(margin, low_s, high_s)
+        low_s, low = high_s, high
+        if k * step >= search_s(flight):
+            break
+    return None
+
+
+def margin_of(flight: Flight, event: Event) -> Callable[[float], float]:
+    """A figure that is above zero once the event has happened."""
+
+    def eclipse(t_s: float) -> float:
+        return 1.0 - 1e-9 - sun_fraction(flight, t_s)
+
+    def sunrise(t_s: float) -> float:
+        return sun_fraction(flight, t_s) - (1.0 - 1e-9)
+
+    def terminator(t_s: float) -> float:
+        return sun_height(flight, t_s)
+
+    return {"eclipse": eclipse, "sunrise": sunrise, "terminator": terminator}[event]
+
+
+def sun_fraction(flight: Flight, t_s: float) -> float:
+    """Share of the Sun's disc that the target sees, 0 to 1."""
+    now = flight.epoch.plus(t_s)
+    r_body, _ = flight.body.geocentric_state(now)
+    r = r_body + flight.orbit(t_s)[0]
+    pole = matrix_from_quat(q_itrs_from_eci(now))[2]
+    return sun_fraction_past_earth_and_moon(
+        r, sun_eci_m(now.tt1, now.tt2), moon_eci_m(now.tt1, now.tt2), pole
+    )
+
+
+def sun_height(flight: Flight, t_s: float) -> float:
+    """Sine of the Sun's height over the ground below the target, which is taken for a sphere."""
+    now = flight.epoch.plus(t_s)
+    r_body, _ = flight.body.geocentric_state(now)
+    up = flight.orbit(t_s)[0]
+    to_sun = sun_eci_m(now.tt1, now.tt2) - r_body
+    return float(up @ to_sun / (np.linalg.norm(up) * np.linalg.norm(to_sun)))
+
+
+def _crossing_s(margin: Callable[[float], float], low_s: float, high_s: float) -> float:
+    """Where a margin changes its sign, just after it has."""
+    before = margin(low_s) > 0
+    while high_s - low_s > EXACT_S:
+        middle = (low_s + high_s) / 2
+        if (margin(middle) > 0) == before:
+            low_s = middle
+        else:
+            high_s = middle
+    return high_s

@@ -1,0 +1,173 @@
+"""Burns that an operator plans: when, how much along LVLH axes, what path follows, and their execution on time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.runtime.arrays import Vec3, vec3
+from simulator.world.orbit.propagation import elements_from_state
+from simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix, true_anomaly_after
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray
+    from simulator.world.guidance.manual_control import ChaserState
+    from simulator.world.orbit.propagation import OrbitTrack
+
+BURN_M_S2 = 0.05
+"""Acceleration of a burn, half of which comes before its time and half after."""
+MOST_BURNS = 8
+LARGEST_M_S = 50.0
+LONGEST_AHEAD_S = 200_000.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedBurn:
+    """A change of velocity at a time.
+
+    Parameters
+    ----------
+    t_s : of its middle, since the scenario's start. delta_v_lvlh_m_s : radial, along-track, cross-track.
+    """
+
+    t_s: float
+    delta_v_lvlh_m_s: Vec3
+
+    @property
+    def size_m_s(self) -> float:
+        """Its delta-v."""
+        return float(np.linalg.norm(self.delta_v_lvlh_m_s))
+
+    @property
+    def duration_s(self) -> float:
+        """How long the thrusters take."""
+        return self.size_m_s / BURN_M_S2
+
+    @property
+    def start_s(self) -> float:
+        """When they begin."""
+        return self.t_s - self.duration_s / 2
+
+    @property
+    def end_s(self) -> float:
+        """When they are done."""
+        return self.t_s + self.duration_s / 2
+
+
+@dataclass(frozen=True)
+class BurnPlan:
+    """The burns to come, in order of time."""
+
+    burns: tuple[PlannedBurn, ...] = ()
+
+    def with_burn(self, burn: PlannedBurn, now_s: float) -> BurnPlan:
+        """The plan with one more burn; one at the same time is replaced.
+
+        Raises
+        ------
+        UserError
+            If it would have begun already, is too large, meets another, or there are too many.
+        """
+        if not np.isfinite([burn.t_s, *burn.delta_v_lvlh_m_s]).all():
+            raise UserError("a burn's time and its three parts of delta-v must be finite numbers")
+        if burn.size_m_s == 0.0 or burn.size_m_s > LARGEST_M_S:
+            raise UserError(
+                f"a burn of {burn.size_m_s:g} m/s cannot be planned; allowed: more than 0, at most {LARGEST_M_S:g}"
+            )
+        if burn.start_s < now_s:
+            raise UserError(
+                f"the burn would begin at T+{burn.start_s:.1f} s, and it is T+{now_s:.1f} s; plan it later"
+            )
+        if burn.t_s > now_s + LONGEST_AHEAD_S:
+            raise UserError(f"the burn is more than {LONGEST_AHEAD_S:g} s ahead; plan it sooner")
+        others = tuple(b for b in self.burns if b.t_s != burn.t_s)
+        if len(others) >= MOST_BURNS:
+            raise UserError(f"{MOST_BURNS} burns are planned already; cancel one first")
+        burns = tuple(sorted((*others, burn), key=lambda b: b.t_s))
+        for a, b in pairwise(burns):
+            if a.end_s > b.start_s:
+                raise UserError(f"the burns at T+{a.t_s:.1f} s and T+{b.t_s:.1f} s overlap; move one")
+        return BurnPlan(burns)
+
+    def without(self, t_s: float | None = None) -> BurnPlan:
+        """The plan without the burn nearest to a time, or with none at all."""
+        if t_s is None or not self.burns:
+            return BurnPlan()
+        gone = min(self.burns, key=lambda b: abs(b.t_s - t_s))
+        return BurnPlan(tuple(b for b in self.burns if b is not gone))
+
+    def acceleration_lvlh_m_s2(self, start_s: float, end_s: float) -> FloatArray:
+        """(3,) what pushes all through a step that no start or end of a burn cuts."""
+        middle = (start_s + end_s) / 2
+        for burn in self.burns:
+            if burn.start_s <= middle < burn.end_s:
+                return np.array(burn.delta_v_lvlh_m_s) / burn.duration_s
+        return np.zeros(3)
+
+    def next_edge_s(self, t_s: float) -> float:
+        """When a burn next starts or ends, later than a time; infinity if none does."""
+        edges = [t for b in self.burns for t in (b.start_s, b.end_s) if t > t_s]
+        return min(edges, default=float("inf"))
+
+    def after(self, t_s: float) -> BurnPlan:
+        """What is left of it once time has come to ``t_s``."""
+        if all(b.end_s > t_s for b in self.burns):
+            return self
+        return BurnPlan(tuple(b for b in self.burns if b.end_s > t_s))
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedPath:
+    """Free flight with the planned burns as impulses.
+
+    Parameters
+    ----------
+    times_s : (n,). points_lvlh_m : (n, 3). nodes_lvlh_m : (burns, 3) where each burn is.
+    """
+
+    times_s: FloatArray
+    points_lvlh_m: FloatArray
+    nodes_lvlh_m: FloatArray
+
+
+def predicted_path(
+    orbit: OrbitTrack, chaser: ChaserState, plan: BurnPlan, after_s: float, samples: int = 60
+) -> PredictedPath:
+    """Where the chaser will go by its planned burns, to first order in the distance (Yamanaka-Ankersen).
+
+    Parameters
+    ----------
+    orbit : of the target. chaser : its state now. after_s : how long after the last burn.
+    samples : of each leg between burns.
+    """
+    mu = orbit.forces.mu_m3_s2
+    elements = elements_from_state(*orbit(chaser.t_s), mu)
+    frame = orbit.frame(chaser.t_s)
+    p, v = frame.from_eci(np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s))
+    state, now = np.concatenate([p, v]), chaser.t_s
+    times, points, nodes = [], [], []
+    burns = [b for b in plan.burns if b.t_s >= now]
+    ends = [*(b.t_s for b in burns), (burns[-1].t_s if burns else now) + after_s]
+    for k, end in enumerate(ends):
+        spans = np.linspace(0.0, end - now, samples)
+        leg = [elliptic_transition_matrix(elements, float(t), mu) @ state for t in spans]
+        times.append(now + spans)
+        points.append(np.array(leg)[:, :3])
+        state = leg[-1].copy()
+        elements = replace(elements, true_anomaly_rad=true_anomaly_after(elements, end - now, mu))
+        now = end
+        if k < len(burns):
+            nodes.append(state[:3].copy())
+            state[3:] += burns[k].delta_v_lvlh_m_s
+    return PredictedPath(np.concatenate(times), np.concatenate(points), np.array(nodes, float).reshape(-1, 3))
+
+
+def burn_of(t_s: float, radial_m_s: float, along_m_s: float, cross_m_s: float) -> PlannedBurn:
+    """A burn from the four figures of the command."""
+    return PlannedBurn(
+        t_s=float(t_s), delta_v_lvlh_m_s=vec3(np.array([radial_m_s, along_m_s, cross_m_s], float))
+    )

@@ -1,0 +1,82 @@
+"""What steering has cost: delta-v and propellant, and whether the plume strikes the target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.world.frames.rotation import matrix_from_quat
+from simulator.world.guidance.thrusters import Thrusters
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray
+    from simulator.world.guidance.manual_control import ChaserState
+
+G0_M_S2 = 9.80665
+PLUME_HALF_ANGLE_DEG = 30.0
+PLUME_RANGE_M = 20.0
+"""Beyond this from the target's hull a plume of such thrusters is taken for harmless."""
+
+
+@dataclass(frozen=True)
+class Propellant:
+    """Delta-v given and propellant burnt.
+
+    Parameters
+    ----------
+    thrusters : mass at the start and specific impulse; those of the scenario, or the defaults of its section.
+    """
+
+    thrusters: Thrusters
+    delta_v_m_s: float = 0.0
+    used_kg: float = 0.0
+
+    @property
+    def mass_kg(self) -> float:
+        """Of the chaser now."""
+        return self.thrusters.mass_kg - self.used_kg
+
+    def after(self, acceleration_camera_m_s2: FloatArray, dt_s: float) -> Propellant:
+        """What it is after a push.
+
+        Thrusters sit on the six sides of the chaser, along camera axes: a push between the axes burns what each side
+        gives, while its delta-v is that of the sum.
+
+        Parameters
+        ----------
+        acceleration_camera_m_s2 : (3,) held for ``dt_s``.
+        """
+        if not acceleration_camera_m_s2.any():
+            return self
+        force_n = self.mass_kg * float(np.abs(acceleration_camera_m_s2).sum())
+        burnt = force_n * dt_s / (self.thrusters.specific_impulse_s * G0_M_S2)
+        given = float(np.linalg.norm(acceleration_camera_m_s2)) * dt_s
+        return Propellant(self.thrusters, self.delta_v_m_s + given, self.used_kg + burnt)
+
+
+def thrusters_of(given: Thrusters | None) -> Thrusters:
+    """A scenario's thrusters, or default ones: 100 kg at the start, 220 s."""
+    return given or Thrusters()
+
+
+def plume_strikes(chaser: ChaserState, acceleration_camera_m_s2: FloatArray, target_radius_m: float) -> bool:
+    """Whether the exhaust of a push blows at the target from near.
+
+    Exhaust leaves against the push of each axis by itself, as the thrusters do.
+
+    Parameters
+    ----------
+    acceleration_camera_m_s2 : (3,) the push. target_radius_m : of the sphere about the target.
+    """
+    los = -matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ np.array(chaser.position_eci_m)
+    distance = float(np.linalg.norm(los))
+    if distance - target_radius_m > PLUME_RANGE_M:
+        return False
+    # the cone reaches whatever of the sphere it meets
+    seen = np.arcsin(min(target_radius_m / distance, 1.0))
+    widest = min(np.radians(PLUME_HALF_ANGLE_DEG) + seen, np.pi)
+    pushed = np.abs(acceleration_camera_m_s2) > 0
+    towards = -np.sign(acceleration_camera_m_s2) * los / distance
+    return bool(np.any(pushed & (towards >= np.cos(widest))))
