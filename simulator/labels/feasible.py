@@ -89,6 +89,13 @@ def wireframe_step_share(
     return float(np.mean(step >= sigma))
 
 
+def mono_signal(signal: Float32Array) -> Float32Array:
+    """(H, W) mean of a signal's bands (H, W, 3), each within the scale, as pixels are; one band is left alone."""
+    if signal.ndim == 2:
+        return signal
+    return np.asarray(np.clip(signal, 0, 1).mean(axis=2), np.float32)
+
+
 def mean_level(signal: Float32Array) -> float:
     """Mean of a signal (H, W) within the detector's scale.
 

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from simulator.labels.boxes import amodal_box, mask_box
-from simulator.labels.feasible import infeasible_reason, mean_level, wireframe_step_share
+from simulator.labels.feasible import infeasible_reason, mean_level, mono_signal, wireframe_step_share
 from simulator.labels.keypoints import label_keypoints, pixel_or_none
 from simulator.labels.layers import (
     clean_twin,
@@ -78,7 +78,7 @@ def label_picture(
     request : which layers to give beyond truth and mask.
     signal : (H, W[, 3]) noise-free signal, 1 at full scale. image : the digital numbers made of it.
     """
-    mono = signal if signal.ndim == 2 else signal.mean(axis=2)
+    mono = mono_signal(signal)
     clean = clean_twin(scene, signal) if "clean" in request.layers else None
     with ThreadPoolExecutor(1) as aside:
         level = aside.submit(mean_level, mono)

@@ -21,6 +21,7 @@ from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.errors import UserError
 from simulator.frame import take_frame
 from simulator.imaging.image_formation import expose_scene, noise_sigma
+from simulator.labels.feasible import mono_signal
 from simulator.labels.truth import read_truth
 
 if TYPE_CHECKING:
@@ -114,7 +115,7 @@ def check_drawn_again(
     again = take_frame(renderer, truth.scene, target, labels=False)
     wrong = check_same_picture(truth, image, again.image, mask)
     signal = expose_scene(truth.scene, again.radiance)
-    mono = np.asarray(signal if signal.ndim == 2 else signal.mean(axis=2), float)
+    mono = np.asarray(mono_signal(signal), float)
     # the same renderer's light is the same; another one's is another by as much as its image may be
     doubt, relative = (EXACT, 0.0) if np.array_equal(image, again.image) else (ABSOLUTE, RELATIVE)
     return wrong + check_step_share(truth, target, mono, doubt, relative)

@@ -63,3 +63,8 @@ def test_every_way_of_spoiling_is_caught(renderer):
 def test_a_point_hidden_by_less_than_a_pixel_is_asked_of_a_ray(renderer, k):
     # wings seen edge-on, and a rail's end through a steep lens: the depths of the pixels about the point do not tell
     assert check_one(renderer, 1, k)["faults"] == []
+
+
+def test_steps_of_a_picture_with_one_band_burnt_out_are_those_of_its_pixels(renderer):
+    # three bands, of which one is far beyond the scale: the mean is of what the pixels keep
+    assert check_one(renderer, 1, 124)["faults"] == []
