@@ -48,7 +48,7 @@ class Request:
 
     Parameters
     ----------
-    scenario : built-in name or TOML file.
+    scenario : built-in name or TOML file. choose : begin with the scenario chooser open.
     size : of the window. seed : instead of the scenario's. device_index : EGL device of the render process.
     seconds : close by itself after this long, counted from the first picture.
     screenshot : picture of the whole window at the end.
@@ -58,6 +58,7 @@ class Request:
     """
 
     scenario: str
+    choose: bool = False
     size: tuple[int, int] = (1280, 800)
     seed: int | None = None
     device_index: int | None = None
@@ -155,6 +156,8 @@ class Loop:
         style.apply_style(window.imgui, window.scale)
         self._layout = Layout(window, saved)
         console.shown.update(self._layout.first_shown())
+        if request.choose:
+            console.open_panel("scenarios", shown=True)
         self._keys = sorted(console.table.keys())
         self._window_ms = 0.0
         self._drawn_s: list[float] = []
@@ -240,6 +243,7 @@ class Loop:
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 save_picture(frame, path)
+                console.saved_truth = str(path.with_suffix(".json"))
                 console.say(f"saved {path} and .json")
             except (UserError, OSError) as error:
                 # the flight goes on: a full disk must not end it

@@ -7,6 +7,8 @@ import shlex
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from gui.flight.opening import ScenarioOpener
+from gui.flight.scenario_draft import ScenarioDraft
 from gui.script import CommandLog, Line, Player, Script
 from simulator.errors import UserError
 
@@ -58,6 +60,8 @@ class Console:
     shown: dict[str, bool] = field(default_factory=dict)
     log: CommandLog = field(default_factory=CommandLog)
     messages: list[Message] = field(default_factory=list)
+    opener: ScenarioOpener = field(default_factory=ScenarioOpener)
+    draft: ScenarioDraft = field(default_factory=ScenarioDraft)
     clock_ms: int = 0
     window_hz: float = 0.0
     window_gl: str = ""
@@ -65,6 +69,8 @@ class Console:
     wants_close: bool = False
     wants_full_screen: bool = False
     wants_first_layout: bool = False
+    saved_truth: str = ""
+    """Truth record of the picture that was saved last."""
     clipboard: str = ""
     """Text that is to go to the clipboard."""
     front: str = ""
@@ -132,10 +138,15 @@ class Console:
     def pass_time(self, wall_ms: int, keys: frozenset[str] = frozenset()) -> None:
         """Let operator's time pass, with what a script does in it at its very milliseconds.
 
+        While a scenario is being opened it stands, so that a log that is played again flies the same.
+
         Parameters
         ----------
         keys : held commands by the window's keys.
         """
+        self._take_opened()
+        if self.opener.is_busy():
+            return
         end = self.clock_ms + min(max(wall_ms, 0), LONGEST_TICK_MS)
         while self._player is not None and (due := self._player.next_ms()) is not None and due <= end:
             self._advance(max(due, self.clock_ms))
@@ -143,6 +154,8 @@ class Console:
             self.hold(keys)
             for line in lines:
                 self.do(line.name, *line.arguments)
+            if self.opener.is_busy():
+                return
         self._advance(end)
         self.hold(keys)
         for level, text in self.session.steering.take_news():
@@ -153,6 +166,24 @@ class Console:
     def _advance(self, t_ms: int) -> None:
         self.session.advance((t_ms - self.clock_ms) / 1000, self.held)
         self.clock_ms = t_ms
+
+    def _take_opened(self) -> None:
+        """Fly the scenario that was opened, if one was."""
+        try:
+            session = self.opener.take()
+        except UserError as error:
+            self.say(str(error), "caution")
+            return
+        if session is None:
+            return
+        recorder = self.session.recorder
+        if recorder is not None:
+            self.session.recorder = None
+            self.say("the recording ends with the scenario that was flown", "caution")
+        self.session = session
+        settings = self.options.settings
+        settings.bands, settings.environment = session.plan.bands, session.scene().environment
+        self.say(f"flying {session.plan.scenario.title or session.plan.scenario.name}")
 
     # --- what is told
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Self
 
@@ -168,7 +168,9 @@ class Window:
         try:
             yield
         except BaseException:
-            self.imgui.end_frame()
+            # a panel that failed left parts of itself open, which is not what is to be told
+            with suppress(RuntimeError):
+                self.imgui.end_frame()
             raise
         self.imgui.render()
         self.context.screen.use()

@@ -11,9 +11,14 @@ import typer
 from flyaround.commands.scenario_argument import load_flown
 from simulator.errors import UserError
 
+FIRST = "tango-flyaround"
+
 
 def sim(
-    scenario: Annotated[str, typer.Argument(help="Built-in name or TOML file.")] = "tango-flyaround",
+    scenario: Annotated[
+        str | None,
+        typer.Argument(help="Built-in name or TOML file; left out: tango-flyaround, and a chooser of all."),
+    ] = None,
     size: Annotated[str, typer.Option(help="Size of the window, WIDTHxHEIGHT.")] = "1280x800",
     seed: Annotated[
         int | None, typer.Option("--seed", help="Seed of the noise (default: the scenario's).")
@@ -47,13 +52,15 @@ def sim(
     as_json: Annotated[bool, typer.Option("--json", help="Print the last state as JSON.")] = False,
 ) -> None:
     """Fly a scenario in a window: watch it, slow it, hurry it, take the chaser over. F1 lists the keys."""
-    load_flown(scenario, "sim")  # a mistake in its name is said here, as by the other commands
+    name = FIRST if scenario is None else scenario
+    load_flown(name, "sim")  # a mistake in its name is said here, as by the other commands
     # the console's parts are an extra: only this command may need them
     from gui.app import Request, run  # noqa: PLC0415
 
     state = run(
         Request(
-            scenario=scenario,
+            scenario=name,
+            choose=scenario is None,
             size=_size(size),
             seed=seed,
             device_index=gpu,

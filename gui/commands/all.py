@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.commands import display, docking, guidance, log, steering, time
+from gui.commands import camera, display, docking, guidance, log, scenario, steering, time
 
 if TYPE_CHECKING:
     from gui.command_table import Command
 
 COMMANDS: tuple[Command, ...] = (
+    *scenario.COMMANDS,
     *time.COMMANDS,
     *steering.COMMANDS,
     *guidance.COMMANDS,
     *docking.COMMANDS,
     *display.COMMANDS,
+    *camera.COMMANDS,
     *log.COMMANDS,
 )

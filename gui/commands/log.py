@@ -44,7 +44,18 @@ def _copy(console: Console) -> None:
     console.clipboard = script_of(console)
 
 
+def _copy_text(console: Console, text: str) -> None:
+    console.clipboard = text
+
+
 COMMANDS = (
+    Command(
+        "log.copy-text",
+        "Copy",
+        "a text to the clipboard",
+        _copy_text,
+        arguments=(Argument("text", "word", "what to copy"),),
+    ),
     Command(
         "log.save",
         "Save script",

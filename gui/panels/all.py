@@ -5,9 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from gui.panels.chaser import ChaserPanel
+from gui.panels.command_line import CommandLinePanel
+from gui.panels.editor import EditorPanel
 from gui.panels.key_list import KeyList, Palette
 from gui.panels.log import LogPanel
 from gui.panels.picture import PicturePanel, WorldPanel
+from gui.panels.scenarios import ScenarioChooser
+from gui.panels.sensor import SensorPanel
+from gui.panels.target import TargetPanel
 from gui.panels.time import TimePanel
 from gui.views.camera import CameraView
 from gui.views.trajectory import TrajectoryView
@@ -40,11 +45,16 @@ class Panel(Protocol):
 
 PANELS: tuple[type[Panel], ...] = (
     CameraView,
+    ScenarioChooser,
+    EditorPanel,
     TimePanel,
     ChaserPanel,
     TrajectoryView,
     PicturePanel,
     WorldPanel,
+    SensorPanel,
+    TargetPanel,
+    CommandLinePanel,
     LogPanel,
     KeyList,
     Palette,

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+import msgspec
+
+from simulator.camera.detector.sensor import noiseless
 from simulator.scene.environments import Environment
 from simulator.scene.illumination.bands import Bands
 from simulator.scene.state import Quality
 
 if TYPE_CHECKING:
+    from simulator.camera.detector.sensor import Sensor
     from simulator.camera.lens.camera_model import Camera
+    from simulator.scene.illumination.area_light import AreaLight
     from simulator.scene.state import SceneState
 
 Detail = Literal["auto", "full", "half", "quarter"]
@@ -49,6 +54,9 @@ class ViewSettings:
     exposure_stops : added to the scenario's exposure, in powers of two.
     bands, environment : instead of the scenario's.
     noise : whether the sensor's noise is added.
+    camera : instead of the scenario's.
+    sensor_changes : fields of the sensor or its detector, by name, instead of the scenario's.
+    light_gains : factors on the radiance of the area lights, in their order; missing ones are 1.
     detail : resolution while time runs; when paused the picture is always whole.
     """
 
@@ -57,6 +65,9 @@ class ViewSettings:
     exposure_stops: float = 0.0
     noise: bool = True
     detail: Detail = "auto"
+    camera: Camera | None = None
+    sensor_changes: dict[str, float] = field(default_factory=dict)
+    light_gains: dict[int, float] = field(default_factory=dict)
 
 
 @dataclass
@@ -93,19 +104,46 @@ def apply_view_settings(
     divisor : pixels of the camera per pixel drawn, each way.
     quality : instead of the scenario's.
     """
-    sensor = scene.sensor
+    sensor = changed_sensor(scene.sensor, settings.sensor_changes)
     if not settings.noise:
-        sensor = replace(sensor, speckle_variance=0.0, gaussian_variance=0.0)
+        sensor = noiseless(sensor)
+    if settings.light_gains and scene.area_lights:
+        scene = replace(scene, lights=brightened(scene.area_lights, settings.light_gains))
     if divisor != 1:
         sensor = replace(sensor, blur_sigma_px=sensor.blur_sigma_px / divisor)
     return replace(
         scene,
-        camera=reduced_camera(scene.camera, divisor),
+        camera=reduced_camera(settings.camera or scene.camera, divisor),
         sensor=sensor,
         exposure_s=scene.exposure_s * 2.0**settings.exposure_stops,
         bands=settings.bands,
         environment=settings.environment,
         quality=scene.quality if quality is None else quality,
+    )
+
+
+def changed_sensor(sensor: Sensor, changes: dict[str, float]) -> Sensor:
+    """A sensor with some of its numbers, or its detector's, changed; names that it has not are passed over."""
+    detector = sensor.detector
+    own: dict[str, Any] = {}
+    of_detector: dict[str, Any] = {}
+    for name, value in changes.items():
+        if detector is not None and hasattr(detector, name):
+            of_detector[name] = value
+        elif hasattr(sensor, name):
+            own[name] = type(getattr(sensor, name))(value)
+    if detector is not None and of_detector:
+        own["detector"] = replace(detector, **of_detector)
+    return replace(sensor, **own)
+
+
+def brightened(lights: tuple[AreaLight, ...], gains: dict[int, float]) -> tuple[AreaLight, ...]:
+    """Area lights with factors on their radiance; one of 0 is out."""
+    kept = [(light, gains.get(k, 1.0)) for k, light in enumerate(lights)]
+    return tuple(
+        msgspec.structs.replace(light, radiance_w_m2_sr=light.radiance_w_m2_sr * gain)
+        for light, gain in kept
+        if gain > 0
     )
 
 

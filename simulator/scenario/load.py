@@ -49,7 +49,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     text = str(name_or_path)
     if text in list_scenarios():
         content = files("assets").joinpath("scenarios", f"{text}.toml").read_bytes()
-        return _parse(content, f"built-in scenario {text}", text, Path())
+        return parse_scenario(content, f"built-in scenario {text}", text, Path())
     path = Path(name_or_path)
     try:
         if not path.is_file():
@@ -57,7 +57,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         content = read_regular(path, MOST_BYTES)
     except OSError as error:
         raise UserError(f"{text} cannot be read: {error.strerror or error}") from error
-    return _parse(content, text, path.stem, path.parent)
+    return parse_scenario(content, text, path.stem, path.parent)
 
 
 def scenario_json_schema() -> dict[str, Any]:
@@ -91,7 +91,18 @@ def toml_table(content: bytes, where: str) -> dict[str, Any]:
     return _with_preset_layers(_toml_values(raw, where, ""))
 
 
-def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
+def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
+    """A scenario from a file's contents.
+
+    Parameters
+    ----------
+    where : what messages call it. stem : its name if it has none. folder : of the files that it names.
+
+    Raises
+    ------
+    UserError
+        If it has a mistake: key, value given and what is allowed.
+    """
     raw = toml_table(content, where)
     try:
         scenario = msgspec.convert(raw, Scenario)

@@ -1,0 +1,67 @@
+"""Commands of the camera, its sensor and the lights, for the console's pictures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui.command_table import Argument, Command
+from gui.picture.sensor_terms import checked_change
+from simulator.camera.lens.files import list_cameras, load_camera
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from gui.console import Console
+
+SCENARIO = "scenario"
+MOST_GAIN = 100.0
+
+
+def _use(console: Console, camera: str) -> None:
+    console.options.settings.camera = None if camera == SCENARIO else load_camera(camera)
+
+
+def _set(console: Console, name: str, value: float) -> None:
+    settings, sensor = console.options.settings, console.session.scene().sensor
+    settings.sensor_changes = checked_change(sensor, settings.sensor_changes, name, value)
+
+
+def _reset(console: Console) -> None:
+    console.options.settings.sensor_changes = {}
+
+
+def _gain(console: Console, light: int, gain: float) -> None:
+    n = len(console.session.scene().area_lights)
+    if light >= n:
+        raise UserError(f"there is no light {light}; this scenario has {n}, numbered from 0")
+    settings = console.options.settings
+    settings.light_gains = {**settings.light_gains, light: gain}
+
+
+COMMANDS = (
+    Command(
+        "camera.use",
+        "Camera",
+        "look through another built-in camera, or the scenario's own",
+        _use,
+        arguments=(Argument("camera", "word", "name of the camera", (SCENARIO, *list_cameras())),),
+        cli="flyaround cameras",
+    ),
+    Command(
+        "sensor.set",
+        "Change sensor",
+        "a number of the sensor for the console's pictures",
+        _set,
+        arguments=(Argument("name", "word", "of the number"), Argument("value", "number", "its value")),
+    ),
+    Command("sensor.reset", "Scenario's sensor", "the scenario's own numbers again", _reset),
+    Command(
+        "light.gain",
+        "Light",
+        "a factor on the radiance of an area light; 0 puts it out",
+        _gain,
+        arguments=(
+            Argument("light", "whole", "its number, from 0", least=0, most=1000),
+            Argument("gain", "number", "factor", least=0.0, most=MOST_GAIN),
+        ),
+    ),
+)

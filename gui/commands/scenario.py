@@ -1,0 +1,78 @@
+"""Commands of scenarios: open another one, edit its text, fly what was edited."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from gui.command_table import Argument, Command
+
+if TYPE_CHECKING:
+    from gui.console import Console
+
+
+def _open(console: Console, scenario: str) -> None:
+    console.opener.open(scenario)
+    console.say(f"opening {scenario} ...")
+
+
+def _edit(console: Console, scenario: str | None = None) -> None:
+    console.draft.edit(console.session.plan.scenario.name if scenario is None else scenario)
+    console.open_panel("editor", shown=True)
+
+
+def _check(console: Console) -> None:
+    scenario = console.draft.check()
+    console.say(f"{scenario.name} is right")
+
+
+def _save(console: Console, path: str) -> None:
+    console.draft.save(Path(path))
+    console.say(f"saved {path}; flyaround sim {path} flies it")
+
+
+def _fly(console: Console) -> None:
+    console.opener.open(console.draft.check())
+
+
+def _target(console: Console, target: str) -> None:
+    scenario = console.session.plan.scenario
+    console.opener.open(msgspec.structs.replace(scenario, target=target))
+
+
+COMMANDS = (
+    Command(
+        "scenario.open",
+        "Open scenario",
+        "fly another scenario: a built-in name or a TOML file",
+        _open,
+        arguments=(Argument("scenario", "word", "built-in name or TOML file"),),
+        cli="flyaround sim SCENARIO",
+    ),
+    Command(
+        "scenario.edit",
+        "Edit scenario",
+        "the text of a scenario, left out: of this one",
+        _edit,
+        arguments=(Argument("scenario", "word", "built-in name or TOML file", optional=True),),
+        cli="flyaround scenarios --show NAME",
+    ),
+    Command("scenario.check", "Check text", "whether the edited text is a scenario", _check),
+    Command(
+        "scenario.save",
+        "Save text",
+        "write the edited text, if it is right",
+        _save,
+        arguments=(Argument("path", "word", "file that ends in .toml"),),
+    ),
+    Command("scenario.fly", "Fly text", "fly what was edited, from its beginning", _fly),
+    Command(
+        "scenario.target",
+        "Another target",
+        "fly this scenario again with another craft",
+        _target,
+        arguments=(Argument("target", "word", "name of the craft, as flyaround targets lists it"),),
+    ),
+)

@@ -1,0 +1,36 @@
+"""What is on screen as a command line, to be copied."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui import style
+from gui.picture.command_line import command_lines
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.window import Window
+
+
+class CommandLinePanel:
+    """Command lines with a button to copy each."""
+
+    name, title, place, shown = "command-line", "As a command line", "bottom", False
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, imgui = self._w, self._w.imgui
+        found = command_lines(console.session, console.options, console.saved_truth)
+        for what, line in found.lines:
+            w.text(what, style.QUIET)
+            w.button(console, "log.copy-text", line, label="Copy")
+            imgui.same_line()
+            imgui.push_font(w.window.figure_font, 0.0)
+            w.text(line)
+            imgui.pop_font()
+        for text in found.left_out:
+            w.text(text, style.WARN)

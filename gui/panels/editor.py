@@ -1,0 +1,45 @@
+"""The text of a scenario: edit, check, save, fly."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui import style
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.window import Window
+
+
+class EditorPanel:
+    """A scenario's TOML with what is wrong with it."""
+
+    name, title, place, shown = "editor", "Scenario text", "left", False
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+        self._path = "mine.toml"
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, imgui, draft = self._w, self._w.imgui, console.draft
+        if not draft.text:
+            w.text("No scenario is being edited.", style.QUIET)
+            w.button(console, "scenario.edit", label="Edit the one that flies")
+            return
+        w.text(f"{draft.name}{' (changed)' if draft.changed else ''}", style.ACCENT)
+        w.buttons(console, ("scenario.check", "scenario.fly"), 2)
+        imgui.set_next_item_width(max(w.width - 8 * imgui.get_font_size(), 6 * imgui.get_font_size()))
+        _, self._path = imgui.input_text("##path", self._path)
+        w.flow(6 * imgui.get_font_size(), first=False)
+        w.button(console, "scenario.save", self._path, label="Save as")
+        w.text(draft.problem or "no mistake was found", style.BAD if draft.problem else style.QUIET)
+        imgui.push_font(w.window.figure_font, 0.0)
+        flags = imgui.InputTextFlags_.allow_tab_input
+        changed, text = imgui.input_text_multiline("##text", draft.text, w.vec(-1, -1), flags)
+        imgui.pop_font()
+        if changed:
+            draft.text, draft.changed = text, True
+        if imgui.is_item_deactivated_after_edit():
+            console.do("scenario.check")

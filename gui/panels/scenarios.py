@@ -1,0 +1,103 @@
+"""The scenarios to choose from, with a picture each; recipes apart."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from gui import style
+from gui.widgets import Widgets
+from simulator.recipes.load import list_recipes
+from simulator.scenario.load import list_scenarios, load_scenario
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.window import Window
+    from simulator.runtime.arrays import ByteArray
+
+CARD = 168.0
+"""Width of a card at scale 1."""
+
+
+class ScenarioChooser:
+    """Cards of the built-in scenarios; a click flies one."""
+
+    name, title, place, shown = "scenarios", "Scenarios", "left", False
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+        self._wanted = ""
+        self._cards: list[tuple[str, str, ByteArray]] = []
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, imgui = self._w, self._w.imgui
+        if not imgui.begin_tab_bar("scenarios"):
+            return
+        if imgui.begin_tab_item_simple("To fly"):
+            self._fly(console)
+            imgui.end_tab_item()
+        if imgui.begin_tab_item_simple("To capture"):
+            w.text("Recipes of data sets: capture draws them, nothing flies.", style.QUIET)
+            for name in list_recipes():
+                w.text(name)
+                w.tip(f"flyaround capture {name} -n 40 -o DIR; flyaround recipes --show {name}")
+            imgui.end_tab_item()
+        imgui.end_tab_bar()
+
+    def _fly(self, console: Console) -> None:
+        w, imgui = self._w, self._w.imgui
+        if console.opener.is_busy():
+            w.text(f"opening {console.opener.name} ...", style.ACCENT)
+        imgui.set_next_item_width(-1)
+        _, self._wanted = imgui.input_text_with_hint(
+            "##find", "find, or the path of a TOML file", self._wanted
+        )
+        wanted = self._wanted.strip()
+        if wanted.endswith(".toml"):
+            w.button(console, "scenario.open", wanted, label="Open this file", width=w.width)
+        if not self._cards:
+            self._cards = [(name, *_card(name)) for name in list_scenarios()]
+        spacing = imgui.get_style().item_spacing.x
+        columns = max(1, int((w.width + spacing) / (CARD * w.window.scale + spacing)))
+        width = (w.width - (columns - 1) * spacing) / columns
+        found = [c for c in self._cards if all(x in f"{c[0]} {c[1]}".lower() for x in wanted.lower().split())]
+        if wanted.endswith(".toml"):
+            found = self._cards
+        for k, (name, title, picture) in enumerate(found):
+            if k % columns:
+                imgui.same_line()
+            self._draw_card(console, name, title, picture, width)
+
+    def _draw_card(self, console: Console, name: str, title: str, picture: ByteArray, width: float) -> None:
+        w, imgui = self._w, self._w.imgui
+        imgui.begin_group()
+        texture = w.window.show_picture(f"scenario/{name}", name, picture, 8)
+        height = width * picture.shape[0] / picture.shape[1]
+        if imgui.image_button(
+            f"##{name}", texture, w.vec(width - 2 * imgui.get_style().frame_padding.x, height)
+        ):
+            console.do("scenario.open", name)
+        w.tip(f"{title}\nflyaround sim {name}")
+        here = name == console.session.plan.scenario.name
+        w.coloured(style.ACCENT if here else style.INK)
+        imgui.text_unformatted(w.elided(name.removeprefix("tango-"), width))
+        imgui.pop_style_color()
+        imgui.end_group()
+
+
+def _card(name: str) -> tuple[str, ByteArray]:
+    """A scenario's title and its picture; a grey one where none was made."""
+    scenario = load_scenario(name)
+    place = files("assets").joinpath("scenarios", f"{name}.jpg")
+    picture = (
+        cv2.imdecode(np.frombuffer(place.read_bytes(), np.uint8), cv2.IMREAD_COLOR_RGB)
+        if place.is_file()
+        else None
+    )
+    if picture is None:
+        picture = np.full((150, 240, 3), 40, np.uint8)
+    return scenario.title or name, np.asarray(picture, np.uint8)

@@ -1,0 +1,117 @@
+"""Camera and sensor: lens, every noise term, and the picture's histogram."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gui import style
+from gui.commands.camera import SCENARIO
+from gui.picture.sensor_terms import BINS, Histogram, histogram_of, terms_of
+from gui.picture.view_settings import changed_sensor
+from gui.widgets import Widgets
+from simulator.camera.lens.files import list_cameras
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.picture.feed import Picture
+    from gui.window import Window
+
+BAND_COLOURS = (style.AXIS_COLORS[0], style.AXIS_COLORS[1], style.AXIS_COLORS[2])
+
+
+class SensorPanel:
+    """Which camera, what its sensor does, and how the levels lie."""
+
+    name, title, place, shown = "sensor", "Camera and sensor", "right-low", True
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+        self._of: Picture | None = None
+        self._histogram: Histogram | None = None
+        self._camera = SCENARIO
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, settings = self._w, console.options.settings
+        self._draw_histogram(console)
+        w.section("Camera")
+        names = (SCENARIO, *list_cameras())
+        w.imgui.set_next_item_width(-1)
+        if settings.camera is None:
+            self._camera = SCENARIO
+        changed, k = w.imgui.combo("##camera", names.index(self._camera), list(names))
+        if changed:
+            self._camera = names[k]
+            console.do("camera.use", self._camera)
+        scene = console.session.scene()
+        c = settings.camera or scene.camera
+        across, up = (
+            2 * math.degrees(math.atan(size / 2 / f))
+            for size, f in ((c.width_px, c.fx_px), (c.height_px, c.fy_px))
+        )
+        lens = "no distortion" if c.distortion.is_none else c.distortion.model.replace("_", " ")
+        w.text(
+            f"{c.width_px} x {c.height_px} px, f {c.fx_px:.0f} px, {across:.1f}° x {up:.1f}° at the axis, {lens}"
+        )
+        w.section("Sensor")
+        sensor = changed_sensor(scene.sensor, settings.sensor_changes)
+        w.text(
+            f"{sensor.preset}, {sensor.bits} bit{', photon noise' if sensor.detector else ''}", style.QUIET
+        )
+        w.switch(console, "picture.noise")
+        if settings.sensor_changes:
+            w.button(console, "sensor.reset", width=w.width)
+        for name, text, value in terms_of(sensor):
+            self._term(console, name, text, value)
+
+    def _term(self, console: Console, name: str, text: str, value: float) -> None:
+        w, imgui = self._w, self._w.imgui
+        changed = name in console.options.settings.sensor_changes
+        field = min(7.5 * imgui.get_font_size(), 0.45 * w.width)
+        end = imgui.get_cursor_pos_x() + w.width
+        imgui.align_text_to_frame_padding()
+        w.coloured(style.WARN if changed else style.INK)
+        imgui.text_unformatted(w.elided(text, w.width - field - 8))
+        imgui.pop_style_color()
+        w.tip(f"sensor.set {name} VALUE: {text}")
+        imgui.same_line(end - field)
+        imgui.set_next_item_width(field)
+        flags = imgui.InputTextFlags_.enter_returns_true
+        entered, wanted = imgui.input_double(f"##{name}", value, 0.0, 0.0, "%.5g", flags)
+        if entered and wanted != value:
+            console.do("sensor.set", name, wanted)
+
+    def _draw_histogram(self, console: Console) -> None:
+        w, implot, picture = self._w, self._w.implot, console.feed.newest
+        if picture is None:
+            w.text("no picture yet", style.QUIET)
+            return
+        bits = picture.frame.scene.sensor.bits
+        if picture is not self._of or self._histogram is None:
+            self._of, self._histogram = picture, histogram_of(picture.frame.image, bits)
+        h = self._histogram
+        flags = implot.Flags_
+        quiet = flags.no_legend | flags.no_menus | flags.no_mouse_text | flags.no_title | flags.no_inputs
+        if implot.begin_plot("##histogram", w.vec(-1, 110 * w.window.scale), quiet):
+            axis = implot.AxisFlags_
+            implot.setup_axes(
+                "level [DN]", "pixels", axis.no_highlight, axis.no_tick_labels | axis.no_highlight
+            )
+            top = max(float(np.log10(1 + h.counts).max()), 1.0)
+            implot.setup_axes_limits(0, BINS * h.width_dn, 0, 1.05 * top, w.imgui.Cond_.always)
+            levels = (np.arange(BINS) + 0.5) * h.width_dn
+            for k, counts in enumerate(h.counts):
+                colour = BAND_COLOURS[k] if len(h.counts) == 3 else style.ACCENT
+                spec = implot.Spec()
+                spec.line_color = w.imgui.ImVec4(*colour)
+                spec.line_weight = 1.5
+                implot.plot_line(f"band {k}", levels, np.log10(1.0 + counts), spec)
+            implot.end_plot()
+        w.text(
+            f"levels {h.least_dn} to {h.most_dn} of {2**bits - 1}, median {h.median_dn:.0f}, "
+            f"saturated {100 * h.saturated:.2f} % (pixels on a log scale)",
+            style.WARN if h.saturated > 0.01 else style.QUIET,
+        )

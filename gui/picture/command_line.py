@@ -1,0 +1,69 @@
+"""What is on screen as command lines, and what they leave out."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gui.picture.view_settings import OVERLAYS
+
+if TYPE_CHECKING:
+    from gui.flight.session import Session
+    from gui.picture.view_settings import Options
+
+
+@dataclass(frozen=True)
+class CommandLines:
+    """Command lines that do the same, each with what it is for.
+
+    Parameters
+    ----------
+    lines : what for, and the line. left_out : what of the console they do not know.
+    """
+
+    lines: tuple[tuple[str, str], ...]
+    left_out: tuple[str, ...]
+
+
+def command_lines(session: Session, options: Options, saved: str = "") -> CommandLines:
+    """Command lines of a flight and its view.
+
+    Parameters
+    ----------
+    saved : truth record of a picture that was saved from here, if one was.
+    """
+    name, settings = session.plan.scenario.name, options.settings
+    over = [
+        field
+        for field, _ in OVERLAYS
+        if getattr(options.overlays, field) and field not in {"crosshair", "hud"}
+    ]
+    sim = ["flyaround", "sim", name, *(["--overlays", ",".join(over)] if over else [])]
+    lines = [("this console", shlex.join(sim))]
+    left_out = []
+    if session.mode == "guidance":
+        rgb = ["--rgb"] if settings.bands == "rgb" and session.plan.bands != "rgb" else []
+        render = ["flyaround", "render", name, "-t", repr(float(session.t_s)), *rgb, "-o", "frame.png"]
+        lines.append(("this picture", shlex.join(render)))
+    else:
+        left_out.append(
+            "the chaser is steered: save the picture (P), then draw it again from its truth record"
+        )
+    if saved:
+        lines.append(("the picture saved last", shlex.join(["flyaround", "render", "--from-truth", saved])))
+    lines.append(
+        ("a data set of this flight", shlex.join(["flyaround", "capture", name, "-n", "40", "-o", "out/set"]))
+    )
+    if (
+        settings.exposure_stops
+        or settings.sensor_changes
+        or settings.camera is not None
+        or settings.light_gains
+    ):
+        left_out.append(
+            "exposure, camera, sensor or lights were changed here: change them in the scenario's text"
+        )
+    if settings.environment != session.scene().environment:
+        left_out.append("layers of the world were switched here: change [environment] in the scenario's text")
+    return CommandLines(tuple(lines), tuple(left_out))

@@ -1,0 +1,62 @@
+"""The sensor's numbers in the console: listed, changed within their limits, drawn as a histogram."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gui.app import options_of
+from gui.flight.session import Session
+from gui.picture.sensor_terms import BINS, checked_change, histogram_of, terms_of
+from gui.picture.view_settings import apply_view_settings, changed_sensor
+from simulator.camera.detector.presets import sensor_preset
+from simulator.errors import UserError
+from simulator.scenario.load import load_scenario
+
+
+@pytest.mark.parametrize("preset", ["speed", "imx174"])
+def test_each_number_that_is_listed_can_be_changed(preset: str) -> None:
+    sensor = sensor_preset(preset)
+    for name, text, value in terms_of(sensor):
+        assert text
+        changes = checked_change(sensor, {}, name, value)
+        assert changed_sensor(sensor, changes) == sensor, name
+
+
+def test_a_number_out_of_its_limits_or_of_another_sensor_is_refused() -> None:
+    sensor = sensor_preset("speed")
+    with pytest.raises(UserError, match="gaussian_variance is 2"):
+        checked_change(sensor, {}, "gaussian_variance", 2.0)
+    with pytest.raises(UserError, match="has no read_noise_e"):
+        checked_change(sensor, {}, "read_noise_e", 2.0)
+
+
+def test_changes_reach_the_scene_and_no_noise_is_none() -> None:
+    session = Session.of(load_scenario("tango-flyaround"))
+    settings = options_of(session).settings
+    settings.sensor_changes = {"gaussian_variance": 0.5}
+    assert apply_view_settings(session.scene(), settings).sensor.gaussian_variance == 0.5
+    settings.noise = False
+    assert apply_view_settings(session.scene(), settings).sensor.gaussian_variance == 0.0
+    # a detector's noise too
+    counting = replace(session.scene(), sensor=sensor_preset("imx174"))
+    detector = apply_view_settings(counting, settings).sensor.detector
+    assert detector is not None
+    assert (detector.read_noise_e, detector.shot_noise) == (0.0, False)
+
+
+@pytest.mark.parametrize(("bits", "bands"), [(8, 1), (12, 1), (8, 3)])
+def test_a_histogram_counts_every_pixel_once(bits: int, bands: int) -> None:
+    full = 2**bits - 1
+    shape = (40, 50) if bands == 1 else (40, 50, bands)
+    rng = np.random.Generator(np.random.PCG64(4))
+    image = rng.integers(3, full, shape).astype(np.uint8 if bits == 8 else np.uint16)
+    image[:4] = full
+    found = histogram_of(image, bits)
+    assert found.counts.shape == (bands, BINS)
+    assert found.counts.sum() == image.size
+    assert found.saturated == pytest.approx(0.1)
+    assert (found.least_dn, found.most_dn) == (image.min(), full)
+    assert abs(found.median_dn - np.median(image)) <= 1

@@ -1,0 +1,48 @@
+"""The small pictures of the console's scenario chooser: ``python -m tools.docs.scenario_pictures``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from simulator.contact_sheets.scenario_sheet import smaller
+from simulator.loop import run_frames
+from simulator.render.renderer import Renderer
+from simulator.runtime.files import write_atomic
+from simulator.scenario.load import list_scenarios, load_scenario
+from simulator.scenario.plan import plan_flight
+
+FOLDER = Path("assets") / "scenarios"
+WIDTH_PX, JPEG_QUALITY = 240, 82
+MIDDLE = 0.4
+"""Share of the flight after which the picture is taken."""
+OTHERWISE = {"tango-eclipse-pass": 0.05}
+"""Scenarios that show more at another one."""
+
+
+def main() -> None:
+    """Write a picture of each built-in scenario beside its file."""
+    with Renderer() as renderer:
+        for name in list_scenarios():
+            scenario = load_scenario(name)
+            plan = plan_flight(
+                scenario, times=(OTHERWISE.get(name, MIDDLE) * scenario.duration_s,), bands="rgb"
+            )
+            plan = replace(plan, camera=smaller(plan.camera, 2 * WIDTH_PX))
+            frame = next(iter(run_frames(plan, renderer, labels=False)))
+            image = np.ascontiguousarray(frame.image >> (frame.scene.sensor.bits - 8), dtype=np.uint8)
+            height = round(image.shape[0] * WIDTH_PX / image.shape[1])
+            small = cv2.resize(image, (WIDTH_PX, height), interpolation=cv2.INTER_AREA)
+            ok, data = cv2.imencode(
+                ".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+            )
+            if not ok:
+                raise RuntimeError(f"the picture of {name} could not be encoded")
+            write_atomic(FOLDER / f"{name}.jpg", data.tobytes())
+
+
+if __name__ == "__main__":
+    main()
