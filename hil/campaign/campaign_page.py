@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from hil.campaign.quantities import QUANTITIES
 from hil.campaign.verdicts import in_words, worst
 from simulator.reports.markup import Markup, element, markup
-from simulator.reports.page import Page, key_figures, link, note, table
+from simulator.reports.page import Page, key_figures, link, note
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,8 +21,8 @@ STYLE = """
 a.run{display:inline-block;min-width:30px;text-align:center;margin:0 4px 4px 0;padding:1px 5px;border-radius:5px;
 text-decoration:none;font-size:13px;font-variant-numeric:tabular-nums;background:#dff1e6;color:#1d7a46}
 a.run.no{background:#f8deda;color:var(--bad)}
-ul.why{margin:2px 0 12px;padding-left:18px;font-size:13px}
-th{white-space:normal;vertical-align:bottom}
+ul.why{margin:2px 0 12px;padding-left:18px;font-size:13px;overflow-wrap:anywhere}
+table.fold th{vertical-align:bottom}td small{display:block}
 """
 
 
@@ -46,13 +46,16 @@ def write_campaign_page(path: Path, campaign: Campaign, runs: Sequence[RunVerdic
     page.section(
         "Requirements",
         note("The worst run of all: without a value, else failed, else with the least margin to the limit."),
-        table(
-            ("requirement", "quantity", "limit", "runs met", "worst", "margin", "its run", ""),
-            [_requirement_row(r, runs) for r in campaign.requirement],
-        ),
+    )
+    page.add_folding_table(
+        ("requirement", "verdict", "quantity", "limit", "runs met", "worst", "margin", "its run"),
+        [_requirement_row(r, runs) for r in campaign.requirement],
     )
     page.section("Matrix", note("Of each case the worst run's value, and how many of its runs meet it."))
-    page.add(_matrix(campaign, runs))
+    page.add_folding_table(
+        ("case", "runs passed", *map(_column, campaign.requirement)),
+        [_matrix_row(case.name, campaign, runs) for case in campaign.case],
+    )
     page.section("Runs", note("Each number is a seed and leads to its run's report."))
     for case in campaign.case:
         page.add(_runs_of(case.name, [run for run in runs if run.case == case.name]))
@@ -86,6 +89,11 @@ def _margin(verdict: Verdict) -> str:
     return in_words(verdict.margin, QUANTITIES[verdict.requirement.quantity].unit) + share
 
 
+def _of(n: int, total: int) -> str:
+    """Two counts that stay on one line."""
+    return f"{n} of {total}".replace(" ", "\N{NO-BREAK SPACE}")
+
+
 def _report(run: RunVerdict, text: str, class_: str | None = None) -> Markup:
     file = "result.json" if run.failure else "report.html"
     return element("a", text, href=f"{run.folder}/{file}", class_=class_, title=run.reason or None)
@@ -97,33 +105,42 @@ def _requirement_row(requirement: Requirement, runs: Sequence[RunVerdict]) -> li
     run = next(run for run, v in found if v is bad)
     return [
         requirement.name,
+        _sign(passed=all(v.passed for _, v in found)),
         requirement.quantity,
         f"{requirement.comparison} {in_words(requirement.limit, QUANTITIES[requirement.quantity].unit)}",
-        f"{sum(v.passed for _, v in found)} of {len(found)}",
+        _of(sum(v.passed for _, v in found), len(found)),
         _value(bad),
         _margin(bad),
         _report(run, f"{run.case}, seed {run.seed}"),
-        _sign(passed=all(v.passed for _, v in found)),
     ]
 
 
-def _matrix(campaign: Campaign, runs: Sequence[RunVerdict]) -> Markup:
-    lines = []
-    for case in campaign.case:
-        mine = [run for run in runs if run.case == case.name]
-        cells: list[Markup | str] = []
-        for requirement in campaign.requirement:
-            verdicts = [v for _, v in _verdicts(requirement, mine)]
-            if not verdicts:
-                cells.append("")
-                continue
-            n = sum(v.passed for v in verdicts)
-            value = element("span", _value(worst(verdicts)), class_="ok" if n == len(verdicts) else "no")
-            cells.append(markup(value, element("br"), element("small", f"{n} of {len(verdicts)}")))
-        n = sum(run.passed for run in mine)
-        total = element("span", f"{n} of {len(mine)}", class_="ok" if n == len(mine) else "no")
-        lines.append((case.name, total, *cells))
-    return table(("case", "runs passed", *(r.name for r in campaign.requirement)), lines)
+def _column(requirement: Requirement) -> str:
+    """A requirement's name, with the unit that its column is in."""
+    unit = QUANTITIES[requirement.quantity].unit
+    return f"{requirement.name} [{unit}]" if unit else requirement.name
+
+
+def _matrix_row(case: str, campaign: Campaign, runs: Sequence[RunVerdict]) -> list[Markup | str]:
+    mine = [run for run in runs if run.case == case]
+    n = sum(run.passed for run in mine)
+    total = element("span", _of(n, len(mine)), class_="ok" if n == len(mine) else "no")
+    row: list[Markup | str] = [case, total]
+    for requirement in campaign.requirement:
+        verdicts = [v for _, v in _verdicts(requirement, mine)]
+        if not verdicts:
+            row.append("")
+            continue
+        value = worst(verdicts).value
+        short = "\N{EN DASH}" if value is None else in_words(value, digits=3)
+        row.append(_cell(short, sum(v.passed for v in verdicts), len(verdicts)))
+    return row
+
+
+def _cell(text: str, passed: int, of: int) -> Markup:
+    """A value over how many of its runs passed."""
+    value = element("span", text, class_="ok" if passed == of else "no")
+    return element("div", value, element("small", _of(passed, of)))
 
 
 def _runs_of(case: str, runs: Sequence[RunVerdict]) -> Markup:

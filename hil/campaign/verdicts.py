@@ -115,6 +115,9 @@ def worst(verdicts: Sequence[Verdict]) -> Verdict:
     )
 
 
-def in_words(value: float | str, unit: str = "") -> str:
-    """A number to four digits with its unit; a word as it is."""
-    return value if isinstance(value, str) else f"{value:.4g} {unit}".rstrip()
+def in_words(value: float | str, unit: str = "", *, digits: int = 4) -> str:
+    """A number with its unit, thousands with all their digits; a word as it is."""
+    if isinstance(value, str):
+        return value
+    number = f"{value:.0f}" if 10**digits <= abs(value) < 1e7 else f"{value:.{digits}g}"
+    return f"{number} {unit}".rstrip()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import html
+import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -37,9 +39,14 @@ td,th{padding:6px 12px;text-align:right;border-top:1px solid var(--line);white-s
 font-variant-numeric:tabular-nums}
 td:first-child,th:first-child{text-align:left}th{border-top:0;color:var(--dim);font-weight:600;font-size:13px}
 td small{color:var(--dim)}
+table.fold{font-size:13px}table.fold td,table.fold th{padding:6px 8px;white-space:normal;vertical-align:top}
 @media(max-width:900px){.gallery{grid-template-columns:repeat(2,1fr)!important}}
 @media print{body{background:#fff}figure,.tile{break-inside:avoid}}
 """
+
+
+# A wide letter of a folding table, what a cell has beside its text, and the page beside the table.
+LETTER_PX, CELL_PX, MARGIN_PX = 8.4, 16, 64
 
 
 @dataclass
@@ -67,6 +74,24 @@ class Page:
     def section(self, heading: Content, *content: Content) -> None:
         """Append a heading of the second level and what stands under it."""
         self.add(element("h2", heading), *content)
+
+    def add_folding_table(self, head: Sequence[str], rows: Iterable[Sequence[Content]]) -> None:
+        """Append a table that, in a window too narrow for its columns, is a card for each row: nothing is cut.
+
+        Parameters
+        ----------
+        head : names of the columns; the first column names the rows, and cells of nothing are left out of a card.
+        """
+        cells = [[markup(cell) for cell in row] for row in rows]
+        widths = [max(map(_longest_word, column)) for column in zip(head, *cells, strict=True)]
+        least = round(sum(LETTER_PX * width + CELL_PX for width in widths)) + MARGIN_PX
+        name = f"fold-{self.style.count('/* fold */') + 1}"
+        self.style += _folded(f"table.{name}", least)
+        lines = [element("tr", *(element("th", text) for text in head))]
+        for row in cells:
+            named = (element("td", cell, data_head=text) for text, cell in zip(head, row, strict=True))
+            lines.append(element("tr", *named))
+        self.add(element("div", element("table", *lines, class_=f"fold {name}"), class_="scroll"))
 
     def html(self) -> str:
         """The whole document."""
@@ -96,6 +121,38 @@ class Page:
         """
         write_atomic(path, self.html().encode())
         return path
+
+
+def _longest_word(cell: str) -> int:
+    """Letters of the longest part of a cell that is not broken into lines, without its markup."""
+    text = html.unescape(re.sub(r"<[^>]*>", " ", cell))
+    return max(map(len, re.split("[ \n-]", text)))
+
+
+def _folded(table: str, least_px: int) -> str:
+    """Style of a table's cards, for windows narrower than it needs."""
+    rules = (
+        ("", "background:none;border:0"),
+        (",{t} tbody,{t} td", "display:block"),
+        (
+            " tbody",
+            "display:grid;gap:10px;grid-template-columns:repeat(auto-fill,minmax(min(300px,100%),1fr))",
+        ),
+        (
+            " tr",
+            "display:block;background:var(--card);border:1px solid var(--line);border-radius:8px;padding:6px 0",
+        ),
+        (" tr:first-child", "display:none"),
+        (
+            " td",
+            "display:flex;justify-content:space-between;gap:16px;border:0;padding:2px 12px;overflow-wrap:anywhere",
+        ),
+        (" td:first-child", "font-weight:600"),
+        (" td+td::before", "content:attr(data-head);color:var(--dim);text-align:left"),
+        (" td:empty", "display:none"),
+    )
+    css = "".join(f"{table}{where.replace('{t}', table)}{{{rule}}}\n" for where, rule in rules)
+    return f"/* fold */\n@media(max-width:{least_px}px){{\n{css}}}\n"
 
 
 def _body(main: Markup, *, dark: bool) -> Markup:

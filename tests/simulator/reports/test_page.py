@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -92,3 +93,22 @@ def test_a_plot_is_carried_in_the_page() -> None:
 @pytest.mark.parametrize("shape", [(8, 8), (8, 8, 3)])
 def test_pictures_are_jpeg_files(shape: tuple[int, ...]) -> None:
     assert jpeg(np.full(shape, 90, np.uint8)).startswith(b"\xff\xd8")
+
+
+def test_a_folding_table_becomes_cards_where_its_words_do_not_fit() -> None:
+    page = Page("t")
+    page.add_folding_table(("name", HOSTILE), [(HOSTILE, element("b", 1.5)), ("few", "")])
+    page.add_folding_table(("name", *"abcdefgh"), [("few", *["a-very-long-word 0.00611"] * 8)])
+    html = page.html()
+    reader = read(html)
+    assert "script" not in reader.seen
+    # the card's label is the column's head
+    assert html.count(f'data-head="{escape(HOSTILE)}"') == 2
+    assert '<td data-head="a">a-very-long-word 0.00611</td>' in html
+    # a break between words or at a hyphen, not within 0.00611: eight columns of it, and the first
+    few, many = (int(px) for px in re.findall(r"@media\(max-width:(\d+)px\){\ntable\.fold-", html))
+    letters = 4 + 8 * len("0.00611")
+    assert many == pytest.approx(letters * 8.4 + 9 * 16 + 64, abs=1)
+    assert few < many
+    with pytest.raises(ValueError, match="zip"):
+        page.add_folding_table(("a", "b"), [("1",)])
