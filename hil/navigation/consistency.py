@@ -17,6 +17,13 @@ def chi_square_quantile(probability: float, degrees: float) -> float:
     return float(chdtri(degrees, 1.0 - probability))
 
 
+def fisher_quantile(probability: float, degrees: float, degrees_of_size: float) -> float:
+    """Value that the ratio of two chi-square variables, each over its degrees of freedom, stays below."""
+    from scipy.special import fdtri  # noqa: PLC0415 - slow to import: who has no filter need not wait
+
+    return float(fdtri(degrees, degrees_of_size, probability))
+
+
 def nees(error: FloatArray, covariance: FloatArray) -> float:
     """Normalised estimation error squared; its mean is the number of states where the covariance is right.
 

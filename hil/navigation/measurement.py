@@ -22,17 +22,25 @@ class PoseMeasurement:
     t_s : mid-exposure, from the flight's start [s].
     q_camera_from_target_wxyz, t_camera_from_target_m : (4,), (3,) pose of the model's frame.
     q_camera_from_eci_wxyz : (4,) attitude of the camera then, which the chaser knows by its star tracker.
-    covariance : (6, 6) of what is new in this pose's error: translation along camera axes [m], turn about target axes
-        [rad].
-    remembered : (6, 6) by which six remembered errors of unit variance, alike from pose to pose, are added to it.
+    errors : (6, 6) one column for each part of the pose's error, along camera axes and as large as its standard
+        deviation: translation [m] along camera axes, turn [rad] about target axes.
+    remembered : share of each part's variance that is alike from pose to pose.
     """
 
     t_s: float
     q_camera_from_target_wxyz: FloatArray
     t_camera_from_target_m: FloatArray
     q_camera_from_eci_wxyz: FloatArray
-    covariance: FloatArray
-    remembered: FloatArray
+    errors: FloatArray
+    remembered: float
+
+    def new_errors(self, factors: FloatArray | float = 1.0) -> FloatArray:
+        """(6, 6) by which six white errors of unit variance enter; ``factors`` (6,) of the parts' sizes."""
+        return np.asarray(np.sqrt(1.0 - self.remembered) * self.errors * factors)
+
+    def remembered_errors(self, factors: FloatArray | float = 1.0) -> FloatArray:
+        """(6, 6) by which six remembered errors of unit variance enter."""
+        return np.asarray(np.sqrt(self.remembered) * self.errors * factors)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,8 +137,8 @@ class PoseNoise:
             q_camera_from_target_wxyz=q_camera_from_target_wxyz,
             t_camera_from_target_m=t_camera_from_target_m,
             q_camera_from_eci_wxyz=q_camera_from_eci_wxyz,
-            covariance=(1.0 - self.remembered) * errors @ errors.T,
-            remembered=np.sqrt(self.remembered) * errors,
+            errors=errors,
+            remembered=self.remembered,
         )
 
     @staticmethod

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hil.navigation.consistency import chi_square_quantile
+from hil.navigation.consistency import fisher_quantile
+from hil.navigation.error_scale import ErrorScale, ScaleSettings
 from hil.navigation.measurement import ErrorMemory, PoseMeasurement, rotvec_between
 from hil.navigation.relative_estimate import (
     A,
@@ -39,11 +40,11 @@ class FilterSettings:
 
     Parameters
     ----------
-    gate : share of right poses that pass the chi-square test of the innovation.
+    gate : share of right poses that pass the test of the innovation.
     found_after : poses consistent with each other that start a track. lost_after : gated in a row that end trust in it.
     displaced_after : poses consistent with each other that take a track's place, none of its own between.
     start_speed_m_s, start_rate_rad_s : sigma of what a first pose leaves open, each axis.
-    history_s : how late a pose may come. memory : of the poses' errors.
+    history_s : how late a pose may come. memory, scale : of the poses' errors.
     """
 
     gate: float = 0.9999
@@ -54,6 +55,7 @@ class FilterSettings:
     start_rate_rad_s: float = 0.1
     history_s: float = 20.0
     memory: ErrorMemory = field(default_factory=ErrorMemory)
+    scale: ScaleSettings = field(default_factory=ScaleSettings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +72,8 @@ class NavigationFilter:
     A pose is applied at its exposure; what was applied after that is applied again (Bar-Shalom's out-of-sequence
     update by reprocessing, which loses nothing). A pose whose innovation fails the gate starts a second track beside
     the first; once ``displaced_after`` poses agree with each other and none with the first, that one is followed.
+    How large the poses' errors are is learned from what is left of the innovations (`ErrorScale`); the gate is as wide
+    as its uncertainty asks for.
 
     Parameters
     ----------
@@ -92,7 +96,6 @@ class NavigationFilter:
     ) -> None:
         self.motion, self.settings = motion, settings
         self._lvlh, self._com = lvlh, np.asarray(com_target_m, float)
-        self._gate = chi_square_quantile(settings.gate, 6)
         self._track: list[_Fix] = []
         self._candidate: list[_Fix] = []
         self._thrust: list[ThrustInterval] = []
@@ -172,13 +175,17 @@ class NavigationFilter:
         if not before:
             return "too old"
         updated, distance = self.updated(self._foretold_to(before[-1], pose), pose)
-        if distance > self._gate:
+        if distance > self._gate(before[-1].after.error_scale.faded()):
             return None
         result = [*before, _Fix(pose, updated)]
         for fix in later:
             again = self._foretold_to(result[-1], fix.pose)
             result.append(_Fix(fix.pose, self.updated(again, fix.pose)[0]))
         return result
+
+    def _gate(self, scale: ErrorScale) -> float:
+        """The largest squared distance: of Student's t in six dimensions, of chi-square where the sizes are known."""
+        return 6.0 * fisher_quantile(self.settings.gate, 6, scale.degrees_of_freedom)
 
     def _foretold_to(self, fix: _Fix, pose: PoseMeasurement) -> RelativeEstimate:
         """The estimate at a later pose's exposure; of what errors remember so much is left as the view is the same."""
@@ -200,32 +207,49 @@ class NavigationFilter:
 
     def updated(self, estimate: RelativeEstimate, pose: PoseMeasurement) -> tuple[RelativeEstimate, float]:
         """The estimate with a pose of its time, and the squared Mahalanobis distance of the innovation."""
+        estimate = estimate.with_scaled_errors(estimate.error_scale.faded())
+        factors = estimate.error_scale.factors
+        new = pose.new_errors(factors)
+        H, C, R = self._sensitivity(estimate, pose, factors), estimate.joint_covariance, new @ new.T
+        innovation = self._residual(estimate, pose, factors)
+        S = H @ C @ H.T + R
+        K = np.linalg.solve(S, H @ C).T
+        distance = float(innovation @ np.linalg.solve(S, innovation))
+        # Joseph's form keeps it symmetric and positive
+        left = np.eye(18) - K @ H
+        covariance = left @ C @ left.T + K @ R @ K.T
+        after = estimate.corrected(K @ innovation, (covariance + covariance.T) / 2)
+        # what the pose's new errors were, by the estimate after it, over those of a factor of 1
+        H = self._sensitivity(after, pose, factors)
+        whiten = np.linalg.inv(pose.new_errors())
+        residual = whiten @ self._residual(after, pose, factors)
+        unknown = np.diag(whiten @ H @ after.joint_covariance @ H.T @ whiten.T)
+        scale = after.error_scale.after(residual**2 + unknown)
+        return after.with_scaled_errors(scale), distance
+
+    def _residual(self, estimate: RelativeEstimate, pose: PoseMeasurement, factors: FloatArray) -> FloatArray:
+        """(6,) pose minus what the estimate foretells of it, remembered errors included."""
         R_camera_from_eci = matrix_from_quat(pose.q_camera_from_eci_wxyz)
         R_eci_from_lvlh = self._lvlh(pose.t_s).R_eci_from_lvlh
         origin = target_origin_offset_m(estimate, self._com)
         foretold = R_camera_from_eci @ (origin - R_eci_from_lvlh @ estimate.position_lvlh_m)
         measured = quat_multiply(quat_conjugate(pose.q_camera_from_eci_wxyz), pose.q_camera_from_target_wxyz)
-        innovation = np.concatenate(
-            [
-                pose.t_camera_from_target_m - foretold,
-                rotvec_between(estimate.q_eci_from_target_wxyz, measured),
-            ]
-        )
-        innovation -= pose.remembered @ estimate.pose_bias
-        H = np.zeros((6, 18))
-        H[:3, P] = -R_camera_from_eci @ R_eci_from_lvlh
+        turn = rotvec_between(estimate.q_eci_from_target_wxyz, measured)
+        off = np.concatenate([pose.t_camera_from_target_m - foretold, turn])
+        return np.asarray(off - pose.remembered_errors(factors) @ estimate.pose_bias)
+
+    def _sensitivity(
+        self, estimate: RelativeEstimate, pose: PoseMeasurement, factors: FloatArray
+    ) -> FloatArray:
+        """(6, 18) of a pose to the errors of the estimate."""
+        R_camera_from_eci = matrix_from_quat(pose.q_camera_from_eci_wxyz)
         R_eci_from_target = matrix_from_quat(estimate.q_eci_from_target_wxyz)
+        H = np.zeros((6, 18))
+        H[:3, P] = -R_camera_from_eci @ self._lvlh(pose.t_s).R_eci_from_lvlh
         H[:3, A] = R_camera_from_eci @ R_eci_from_target @ skew(self._com)
         H[3:, A] = np.eye(3)
-        H[:, B] = pose.remembered
-        C = estimate.joint_covariance
-        S = H @ C @ H.T + pose.covariance
-        K = np.linalg.solve(S, H @ C).T
-        distance = float(innovation @ np.linalg.solve(S, innovation))
-        # Joseph's form keeps it symmetric and positive
-        left = np.eye(18) - K @ H
-        covariance = left @ C @ left.T + K @ pose.covariance @ K.T
-        return estimate.corrected(K @ innovation, (covariance + covariance.T) / 2), distance
+        H[:, B] = pose.remembered_errors(factors)
+        return H
 
     def _first_estimate(self, pose: PoseMeasurement) -> RelativeEstimate:
         """All that one pose tells; velocity and rate are zero, and open."""
@@ -240,9 +264,11 @@ class NavigationFilter:
         M[P, :3] = -R_lvlh_from_eci @ R_eci_from_camera
         M[P, 3:] = R_lvlh_from_eci @ R_eci_from_target @ skew(self._com)
         M[A, 3:] = np.eye(3)
-        of_bias = M @ pose.remembered
+        scale = ErrorScale(settings=self.settings.scale)
+        of_bias = M @ pose.remembered_errors(scale.factors)
+        of_new = M @ pose.new_errors(scale.factors)
         covariance = np.zeros((18, 18))
-        covariance[:12, :12] = M @ pose.covariance @ M.T + of_bias @ of_bias.T
+        covariance[:12, :12] = of_new @ of_new.T + of_bias @ of_bias.T
         # the pose's error is added to the estimate, so that what is missing has the other sign
         covariance[:12, B], covariance[B, :12] = -of_bias, -of_bias.T
         covariance[B, B] = np.eye(6)
@@ -255,6 +281,7 @@ class NavigationFilter:
             q_eci_from_target_wxyz=q,
             omega_target_rad_s=np.zeros(3),
             joint_covariance=covariance,
+            error_scale=scale,
         )
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.navigation.error_scale import ErrorScale
 from hil.navigation.measurement import rotvec_between
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, quat_multiply, quat_normalize
 from simulator.world.relative.clohessy_wiltshire import transition_matrix
@@ -35,6 +36,7 @@ class RelativeEstimate:
     joint_covariance : (18, 18) of the errors of position [m], velocity [m s-1], attitude (turn about target axes)
         [rad], rate [rad s-1], and of ``pose_bias``.
     pose_bias : (6,) what the poses' errors are taken to remember, each of unit variance (`PoseMeasurement`).
+    error_scale : how large those errors are taken for on this view.
     """
 
     t_s: float
@@ -44,6 +46,7 @@ class RelativeEstimate:
     omega_target_rad_s: FloatArray
     joint_covariance: FloatArray
     pose_bias: FloatArray = field(default_factory=lambda: np.zeros(6))
+    error_scale: ErrorScale = field(default_factory=ErrorScale)
 
     @property
     def covariance(self) -> FloatArray:
@@ -63,8 +66,8 @@ class RelativeEstimate:
     def corrected(self, error: FloatArray, covariance: FloatArray) -> RelativeEstimate:
         """With an estimated error (18,) taken out; the attitude's multiplies (Lefferts, Markley & Shuster 1982)."""
         turned = quat_multiply(self.q_eci_from_target_wxyz, quat_from_rotvec(error[A]))
-        return RelativeEstimate(
-            t_s=self.t_s,
+        return replace(
+            self,
             position_lvlh_m=self.position_lvlh_m + error[P],
             velocity_lvlh_m_s=self.velocity_lvlh_m_s + error[V],
             q_eci_from_target_wxyz=quat_normalize(turned),
@@ -83,6 +86,26 @@ class RelativeEstimate:
         covariance = self.joint_covariance * np.outer(keep, keep)
         covariance[B, B] += (1.0 - kept * kept) * np.eye(6)
         return replace(self, joint_covariance=covariance, pose_bias=kept * self.pose_bias)
+
+    def with_scaled_errors(self, scale: ErrorScale) -> RelativeEstimate:
+        """With poses' errors taken for as large as another belief says.
+
+        What of the estimate's own error comes from remembered ones grows with them; those keep the size [m, rad] that
+        was found.
+        """
+        ratio = scale.factors / self.error_scale.factors
+        C = self.joint_covariance
+        # the regression of the twelve states' errors on the six remembered ones
+        gain = np.linalg.solve(C[B, B], C[B, :12]).T
+        grown = np.eye(18)
+        grown[:12, B] = gain * (ratio - 1.0)
+        covariance = grown @ C @ grown.T
+        return replace(
+            self,
+            joint_covariance=(covariance + covariance.T) / 2,
+            pose_bias=self.pose_bias / ratio,
+            error_scale=scale,
+        )
 
     def error_of(
         self,
@@ -188,14 +211,14 @@ class MotionModel:
             G = np.vstack([h * h / 2 * I3, h * I3])
             Q[:6, :6] += G @ np.diag((self.thrust_sigma * push) ** 2) @ G.T
         q, w = self._turned(estimate.q_eci_from_target_wxyz, estimate.omega_target_rad_s, h)
-        return RelativeEstimate(
+        return replace(
+            estimate,
             t_s=estimate.t_s + h,
             position_lvlh_m=moved[:3],
             velocity_lvlh_m_s=moved[3:],
             q_eci_from_target_wxyz=q,
             omega_target_rad_s=w,
             joint_covariance=Phi @ estimate.joint_covariance @ Phi.T + Q,
-            pose_bias=estimate.pose_bias,
         )
 
     def _pushed(self, push: FloatArray, since_s: float, left_s: float) -> FloatArray:

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from hil.navigation.attitude_forecast import forecast_errors
-from hil.navigation.consistency import chi_square_quantile, nees, nees_band
+from hil.navigation.consistency import chi_square_quantile, fisher_quantile, nees, nees_band
+from hil.navigation.error_scale import ErrorScale, ScaleSettings
 from hil.navigation.measurement import ErrorMemory, PoseMeasurement, PoseNoise, Snapshot, rotvec_between
-from hil.navigation.pose_filter import NavigationFilter
+from hil.navigation.pose_filter import FilterSettings, NavigationFilter
 from hil.navigation.pose_sources import PoseErrors
 from hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
 from simulator.world.attitude.rigid_body import propagate_attitude
@@ -185,8 +186,7 @@ def test_errors_that_are_alike_are_not_averaged_away() -> None:
         for name, found in values.items():
             filter_ = new_filter()
             for pose in poses:
-                every = pose.covariance + pose.remembered @ pose.remembered.T
-                white = replace(pose, covariance=every, remembered=np.zeros((6, 6)))
+                white = replace(pose, remembered=0.0)
                 filter_.add(pose if name == "alike" else white)
             estimate = filter_.estimate(60.0)
             x = truth(60.0)
@@ -196,6 +196,76 @@ def test_errors_that_are_alike_are_not_averaged_away() -> None:
     assert low < float(np.mean(values["alike"])) < high
     # who takes the same errors for white believes itself far too much
     assert float(np.mean(values["white"])) > 3 * high
+
+
+# as an estimator may err on one view: along and about one axis five times, else half as much
+VIEW = np.array([0.5, 0.5, 5.0, 0.5, 5.0, 1.0])
+
+
+def measured_from_one_view(count: int, seed: int) -> list[PoseMeasurement]:
+    """Poses whose errors are `VIEW` times those that the filter is told."""
+
+    class OneView(PoseNoise):
+        def sigmas(self, range_m: float) -> np.ndarray:
+            return VIEW * super().sigmas(range_m)
+
+    errors = PoseErrors(OneView(available=1.0, wrong=0.0), np.random.default_rng(seed))
+    found = []
+    for k in range(count):
+        pose = errors.draw(snapshot(float(k)))
+        assert pose is not None
+        q, t = pose.q_camera_from_target_wxyz, pose.t_camera_from_target_m
+        found.append(NOISE.measured(pose.t_s, q, t, pose.q_camera_from_eci_wxyz))
+    return found
+
+
+def test_errors_of_a_view_where_they_are_five_times_as_large_are_learned() -> None:
+    known = FilterSettings(scale=ScaleSettings(prior_poses=1e9))
+    values, factors, used = [], [], {"learned": 0, "taken for known": 0}
+    for seed in range(20):
+        learned = new_filter()
+        fixed = NavigationFilter(MotionModel(n_rad_s=N_RAD_S, inertia_kg_m2=J), lvlh, COM, known)
+        for pose in measured_from_one_view(60, seed):
+            used["learned"] += learned.add(pose) != "gated"
+            used["taken for known"] += fixed.add(pose) not in {"gated", "starts"}
+        estimate = learned.estimate(60.0)
+        values.append(nees(error(estimate), estimate.covariance))
+        factors.append(estimate.error_scale.factors)
+    assert used["learned"] >= 0.97 * 20 * 60
+    assert used["taken for known"] < 0.7 * 20 * 60
+    found = np.median(factors, axis=0)
+    assert np.all((found > 0.6 * VIEW) & (found < 1.5 * VIEW + 0.25)), found
+    # the sizes are only estimated: a third above the band of known ones
+    low, high = nees_band(20, 12, 0.999)
+    assert low < float(np.mean(values)) < 1.33 * high
+
+
+def test_sizes_fade_to_what_was_believed_before_and_stay_within_bounds() -> None:
+    scale = ErrorScale(settings=ScaleSettings(prior_poses=4.0, kept=0.9, least=0.5, most=8.0))
+    np.testing.assert_array_equal(scale.factors, np.ones(6))
+    for _ in range(200):
+        scale = scale.faded().after(np.array([0.0, 0.04, 1.0, 4.0, 9.0, 1e6]))
+    # weighed against a prior of four poses and of ten that are remembered
+    expected = np.sqrt((4.0 + 10.0 * np.array([0.0, 0.04, 1.0, 4.0, 9.0, 1e6])) / 14.0)
+    np.testing.assert_allclose(scale.factors, np.clip(expected, 0.5, 8.0), rtol=1e-6)
+    assert scale.degrees_of_freedom == pytest.approx(14.0)
+    for _ in range(200):
+        scale = scale.faded()
+    np.testing.assert_allclose(scale.factors, np.ones(6), atol=1e-2)
+
+
+def test_an_estimate_of_larger_errors_is_what_one_pose_of_such_errors_tells() -> None:
+    """By the remembered part; there and back again changes nothing."""
+    pose = replace(measured(1)[0], remembered=1.0 - 1e-12)
+    before = ErrorScale().after(np.array([0.0, 3.0, 30.0, 8.0, 1.0, 80.0]))
+    first = new_filter()._first_estimate(pose)
+    scaled = first.with_scaled_errors(before)
+    direct = new_filter()._first_estimate(replace(pose, errors=pose.errors * before.factors))
+    np.testing.assert_allclose(scaled.joint_covariance, direct.joint_covariance, rtol=1e-6, atol=1e-12)
+    again = scaled.with_scaled_errors(ErrorScale())
+    np.testing.assert_allclose(again.joint_covariance, first.joint_covariance, rtol=1e-6, atol=1e-12)
+    biased = replace(first, pose_bias=np.ones(6)).with_scaled_errors(before)
+    np.testing.assert_allclose(before.factors * biased.pose_bias, np.ones(6))
 
 
 def test_a_bias_goes_with_the_view() -> None:
@@ -249,6 +319,9 @@ def test_a_forecast_of_a_tumble_is_good_for_a_minute() -> None:
 def test_chi_square_quantiles_are_those_of_the_tables() -> None:
     assert chi_square_quantile(0.95, 6) == pytest.approx(12.592, abs=1e-3)
     assert chi_square_quantile(0.975, 1) == pytest.approx(5.024, abs=1e-3)
+    assert fisher_quantile(0.95, 6, 4) == pytest.approx(6.163, abs=1e-3)
+    # of a size that is known
+    assert 6 * fisher_quantile(0.95, 6, 1e9) == pytest.approx(12.592, abs=1e-3)
 
 
 def test_a_pose_of_a_snapshot_is_its_label() -> None:

@@ -1,0 +1,72 @@
+"""How large the errors of poses are on the view that is seen: a factor for each part, learned as it goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScaleSettings:
+    """What is believed of the factors before a pose was seen, and how fast that changes.
+
+    Parameters
+    ----------
+    prior_poses : as many poses as the factor of 1 that it starts from weighs.
+    kept : share of what poses told that is left at the next one; the rest goes back to the start.
+    least, most : bounds of a factor.
+    """
+
+    prior_poses: float = 4.0
+    kept: float = 0.97
+    least: float = 0.5
+    most: float = 8.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ErrorScale:
+    """Belief about the squared factors of the six parts of a pose's error: an inverse gamma distribution each.
+
+    An estimator's errors are measured over many views; on the one that is flown towards they are half or five times
+    as large. The factor multiplies both the errors that poses remember and those that are new in each.
+
+    Parameters
+    ----------
+    weight : poses that the belief weighs, prior included: its degrees of freedom.
+    squares : (6,) sum of so many squared errors over the variance that they should have.
+
+    References
+    ----------
+    Sarkka & Nummenmaa (2009), Recursive noise adaptive Kalman filtering by variational Bayesian approximations, IEEE
+    Trans. Automatic Control 54(3); here with one pass, and a belief that fades to its prior.
+    """
+
+    settings: ScaleSettings = field(default_factory=ScaleSettings)
+    weight: float = 0.0
+    squares: FloatArray = field(default_factory=lambda: np.zeros(6))
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Of the errors, which are Student's t where their size is only believed."""
+        return self.settings.prior_poses + self.weight
+
+    @property
+    def factors(self) -> FloatArray:
+        """(6,) of the standard deviations, along camera axes: right, down, forward, turn about the same."""
+        prior = self.settings.prior_poses
+        squared = (prior + self.squares) / (prior + self.weight)
+        return np.clip(np.sqrt(squared), self.settings.least, self.settings.most)
+
+    def faded(self) -> ErrorScale:
+        """At the next pose, before it is looked at."""
+        kept = self.settings.kept
+        return replace(self, weight=kept * self.weight, squares=kept * self.squares)
+
+    def after(self, squares: FloatArray) -> ErrorScale:
+        """With one more pose, of such squared errors (6,) over the variance of a factor of 1."""
+        return replace(self, weight=self.weight + 1.0, squares=self.squares + squares)
