@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib import colormaps
 
 from simulator.reports.page import Page, key_figures, link, note, plot, table
 from simulator.reports.plots import INK, figure_with_axes, png
@@ -106,24 +107,36 @@ def draw_delay_map(outcome: DelayMapOutcome) -> bytes:
     latencies = (*s.latencies_s, *outcome.extended)
     figure, axes = figure_with_axes(1, len(s.drops), 0.62 * len(s.jitters_s) + 1.7, width=13.5)
     found = {(c.drops, c.jitter_s, c.latency_s): c for c in outcome.cells}
-    shown = None
+    shown, colours = None, colormaps["RdYlBu"]
     for ax, drops in zip(axes, s.drops, strict=True):
         cells = [[found[drops, jitter, latency] for latency in latencies] for jitter in s.jitters_s]
         shown = ax.imshow(
             [[c.share for c in row] for row in cells],
-            cmap="RdYlBu", vmin=0, vmax=1, origin="lower", aspect="auto", alpha=0.85,
+            cmap=colours, vmin=0, vmax=1, origin="lower", aspect="auto",
         )  # fmt: skip
         for y, row in enumerate(cells):
             for x, c in enumerate(row):
                 ink = INK if 0.15 < c.share < 0.85 else "white"
-                ax.text(x, y, f"{c.successes}", ha="center", va="center", fontsize=9, color=ink)
+                # over the line where half fail, on a patch of its cell's colour
+                patch = {"boxstyle": "round,pad=0.15", "fc": colours(c.share), "ec": "none"}
+                ax.text(
+                    x,
+                    y,
+                    f"{c.successes}",
+                    ha="center",
+                    va="center",
+                    fontsize=9,
+                    color=ink,
+                    bbox=patch,
+                    zorder=3,
+                )
         ax.grid(visible=False)
         ax.set_xticks(range(len(latencies)), [f"{x:g}" for x in latencies])
         ax.set_yticks(range(len(s.jitters_s)), [f"{x:g}" for x in s.jitters_s])
         ax.set_xlabel("latency [s]")
         ax.set_title(f"{drops:.0%} of the poses lost", loc="left", fontsize=11, color=INK, fontweight="bold")
         _mark_halves(ax, outcome, drops, latencies)
-    axes[0].set_ylabel("jitter, 0 to [s]")
+    axes[0].set_ylabel("jitter, up to [s]")
     if shown is not None:
         bar = figure.colorbar(shown, ax=axes, fraction=0.025, pad=0.01)
         bar.set_label(f"success of {s.flights} approaches")
