@@ -11,18 +11,45 @@ Rgba = tuple[float, float, float, float]
 
 INK: Rgba = (0.86, 0.89, 0.92, 1.0)
 QUIET: Rgba = (0.53, 0.58, 0.64, 1.0)
-ACCENT: Rgba = (0.33, 0.72, 0.98, 1.0)
-GOOD: Rgba = (0.38, 0.85, 0.55, 1.0)
-WARN: Rgba = (0.98, 0.72, 0.26, 1.0)
-BAD: Rgba = (0.96, 0.39, 0.37, 1.0)
 GROUND: Rgba = (0.055, 0.066, 0.082, 1.0)
 RAISED: Rgba = (0.105, 0.125, 0.152, 1.0)
 EDGE: Rgba = (0.17, 0.20, 0.24, 1.0)
-AXIS_COLORS: tuple[Rgba, Rgba, Rgba] = (
-    (0.98, 0.36, 0.36, 1.0),
-    (0.42, 0.88, 0.44, 1.0),
-    (0.42, 0.62, 1.0, 1.0),
-)
+HALO: Rgba = (0.0, 0.0, 0.0, 0.8)
+"""Dark outline of what is written over a picture, so that it reads on black and on a sunlit cloud."""
+
+# Colours that people with any of the usual colour deficiencies tell apart: Okabe & Ito (2008), Color Universal Design
+SKY_BLUE: Rgba = (0.337, 0.706, 0.914, 1.0)
+GREEN: Rgba = (0.0, 0.62, 0.451, 1.0)
+ORANGE: Rgba = (0.902, 0.624, 0.0, 1.0)
+YELLOW: Rgba = (0.941, 0.894, 0.259, 1.0)
+VERMILLION: Rgba = (0.835, 0.369, 0.0, 1.0)
+PURPLE: Rgba = (0.8, 0.475, 0.655, 1.0)
+BLUE: Rgba = (0.0, 0.447, 0.698, 1.0)
+"""Too dark for letters and thin lines on the console's ground; for areas."""
+
+ACCENT = SKY_BLUE
+GOOD, WARN, BAD = GREEN, YELLOW, VERMILLION
+AXIS_COLORS: tuple[Rgba, Rgba, Rgba] = (VERMILLION, GREEN, SKY_BLUE)
+"""x, y, z."""
+
+
+def luminance(rgba: Rgba) -> float:
+    """Relative luminance of an sRGB colour, its alpha left out (WCAG 2.1)."""
+    r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in rgba[:3])
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b
+
+
+def over(front: Rgba, back: Rgba) -> Rgba:
+    """A colour laid over an opaque one."""
+    a = front[3]
+    r, g, b = (a * f + (1 - a) * k for f, k in zip(front[:3], back[:3], strict=True))
+    return (r, g, b, 1.0)
+
+
+def contrast(front: Rgba, back: Rgba) -> float:
+    """Contrast ratio of a colour over an opaque one, from 1 to 21 (WCAG 2.1: 4.5 for text, 3 for lines)."""
+    bright, dark = sorted((luminance(over(front, back)), luminance(back)), reverse=True)
+    return (bright + 0.05) / (dark + 0.05)
 
 
 def apply_style(imgui: Any, scale: float) -> None:  # noqa: ANN401 - the binding has no types

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.commands import camera, display, docking, guidance, log, scenario, steering, time
+from gui.commands import camera, display, docking, guidance, log, scenario, steering, time, views
 
 if TYPE_CHECKING:
     from gui.command_table import Command
@@ -17,5 +17,6 @@ COMMANDS: tuple[Command, ...] = (
     *docking.COMMANDS,
     *display.COMMANDS,
     *camera.COMMANDS,
+    *views.COMMANDS,
     *log.COMMANDS,
 )

@@ -15,7 +15,7 @@ from gui.panels.sensor import SensorPanel
 from gui.panels.target import TargetPanel
 from gui.panels.time import TimePanel
 from gui.views.camera import CameraView
-from gui.views.trajectory import TrajectoryView
+from gui.views.lvlh_map import LvlhMap
 
 if TYPE_CHECKING:
     from gui.console import Console
@@ -49,7 +49,7 @@ PANELS: tuple[type[Panel], ...] = (
     EditorPanel,
     TimePanel,
     ChaserPanel,
-    TrajectoryView,
+    LvlhMap,
     PicturePanel,
     WorldPanel,
     SensorPanel,

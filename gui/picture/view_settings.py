@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
+from gui.flight.relative_map import MapLook
 from simulator.camera.detector.sensor import noiseless
 from simulator.scene.environments import Environment
 from simulator.scene.illumination.bands import Bands
@@ -92,6 +93,7 @@ class Options:
     settings: ViewSettings
     overlays: Overlays = field(default_factory=Overlays)
     panel: bool = True
+    map: MapLook = field(default_factory=MapLook)
 
 
 def apply_view_settings(

@@ -1,0 +1,196 @@
+"""What is drawn over pictures and maps: lines, marks and letters with a dark outline, in screen units."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gui import style
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from gui.window import Window
+    from simulator.runtime.arrays import FloatArray
+
+Point = tuple[float, float]
+MOST_POINTS = 600
+"""Of one line: more than a panel has pixels cost time and show nothing."""
+_AROUND = ((-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1))
+
+
+class Canvas:
+    """Draws into the window that is begun.
+
+    Parameters
+    ----------
+    window : whose fonts and scale are used.
+    """
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._imgui = window.imgui
+        self._draw = self._imgui.get_window_draw_list()
+
+    @property
+    def line(self) -> float:
+        """Height of a line of letters."""
+        return float(self._imgui.get_text_line_height_with_spacing())
+
+    def size(self, text: str) -> Point:
+        """Width and height of a text."""
+        size = self._imgui.calc_text_size(text)
+        return (float(size.x), float(size.y))
+
+    def vec(self, p: Sequence[float]) -> Any:  # noqa: ANN401 - an imgui value
+        """A point."""
+        return self._imgui.ImVec2(float(p[0]), float(p[1]))
+
+    def color(self, rgba: style.Rgba) -> int:
+        """A colour as the draw list takes it."""
+        return int(self._imgui.color_convert_float4_to_u32(self._imgui.ImVec4(*rgba)))
+
+    # --- where
+
+    def clip(self, corner: Point, size: Point) -> None:
+        """Draw inside a rectangle only, until `unclip`."""
+        end = (corner[0] + size[0], corner[1] + size[1])
+        self._draw.push_clip_rect(self.vec(corner), self.vec(end), True)
+
+    def unclip(self) -> None:
+        """As before `clip`."""
+        self._draw.pop_clip_rect()
+
+    # --- letters
+
+    def text(self, at: Point, text: str, rgba: style.Rgba = style.INK) -> None:
+        """Letters with an outline: they read on black and on white."""
+        # whole pixels: between them letters blur
+        x, y = float(round(at[0])), float(round(at[1]))
+        halo = self.color((*style.HALO[:3], style.HALO[3] * rgba[3]))
+        for dx, dy in _AROUND:
+            self._draw.add_text(self.vec((x + dx, y + dy)), halo, text)
+        self._draw.add_text(self.vec((x, y)), self.color(rgba), text)
+
+    def plain_text(self, at: Point, text: str, rgba: style.Rgba = style.INK) -> None:
+        """Letters without an outline, for a dark ground."""
+        self._draw.add_text(self.vec((round(at[0]), round(at[1]))), self.color(rgba), text)
+
+    # --- lines
+
+    def stroke(
+        self,
+        points: FloatArray | Sequence[Point],
+        rgba: style.Rgba,
+        width: float = 1.5,
+        *,
+        closed: bool = False,
+        halo: bool = True,
+        dashed: bool = False,
+    ) -> None:
+        """A line through points (n, 2), with an outline; points that are not finite break it."""
+        for run in finite_runs(thinned(np.asarray(points, float).reshape(-1, 2))):
+            ring = closed and len(run) == len(points)
+            parts = dashes(np.vstack([run, run[:1]]) if ring else run) if dashed else [run]
+            for outline in (True, False) if halo else (False,):
+                shade = (*style.HALO[:3], 0.55 * rgba[3]) if outline else rgba
+                weight = width + 2.0 if outline else width
+                for part in parts:
+                    self._polyline(part, shade, weight, closed=ring and not dashed)
+
+    def _polyline(self, points: FloatArray, rgba: style.Rgba, width: float, *, closed: bool) -> None:
+        flags = self._imgui.ImDrawFlags_.closed if closed else self._imgui.ImDrawFlags_.none
+        vectors = [self._imgui.ImVec2(x, y) for x, y in points.tolist()]
+        self._draw.add_polyline(vectors, self.color(rgba), width, flags)
+
+    def circle(self, centre: Point, radius: float, rgba: style.Rgba, width: float = 1.5) -> None:
+        """A ring with an outline."""
+        sides = 0 if radius < 200 else 128
+        halo = self.color((*style.HALO[:3], 0.55 * rgba[3]))
+        self._draw.add_circle(self.vec(centre), radius, halo, sides, width + 2.0)
+        self._draw.add_circle(self.vec(centre), radius, self.color(rgba), sides, width)
+
+    def arrow(self, tail: Point, tip: Point, rgba: style.Rgba, width: float = 1.5) -> None:
+        """A line with a head at its tip."""
+        a, b = np.array(tail), np.array(tip)
+        length = float(np.linalg.norm(b - a))
+        if length < 1e-6:
+            return
+        along = (b - a) / length
+        across = np.array([-along[1], along[0]])
+        head = min(7.0 * self._window.scale, length)
+        base = b - head * along
+        self.stroke([tail, (float(base[0]), float(base[1]))], rgba, width)
+        self.area([tip, base + 0.45 * head * across, base - 0.45 * head * across], rgba)
+
+    # --- areas and marks
+
+    def area(self, points: Iterable[Sequence[float]], rgba: style.Rgba) -> None:
+        """A filled convex outline."""
+        self._draw.add_convex_poly_filled([self.vec(p) for p in points], self.color(rgba))
+
+    def disc(self, centre: Point, radius: float, rgba: style.Rgba) -> None:
+        """A filled circle."""
+        self._draw.add_circle_filled(self.vec(centre), radius, self.color(rgba), 0 if radius < 200 else 128)
+
+    def box(self, corner: Point, size: Point, rgba: style.Rgba, rounding: float = 0.0) -> None:
+        """A filled rectangle."""
+        end = (corner[0] + size[0], corner[1] + size[1])
+        self._draw.add_rect_filled(self.vec(corner), self.vec(end), self.color(rgba), rounding)
+
+    def dot(self, centre: Point, radius: float, rgba: style.Rgba) -> None:
+        """A round mark with an outline."""
+        self.disc(centre, radius + 1.5, (*style.HALO[:3], 0.7 * rgba[3]))
+        self.disc(centre, radius, rgba)
+
+    def diamond(self, centre: Point, radius: float, rgba: style.Rgba) -> None:
+        """A mark of another form than `dot`, with an outline."""
+        x, y = centre
+        for r, c in ((radius + 2.0, (*style.HALO[:3], 0.7 * rgba[3])), (radius, rgba)):
+            self.area([(x, y - r), (x + r, y), (x, y + r), (x - r, y)], c)
+
+    def image(self, texture: Any, corner: Point, size: Point) -> None:  # noqa: ANN401 - an imgui handle
+        """A texture over a rectangle."""
+        self._draw.add_image(texture, self.vec(corner), self.vec((corner[0] + size[0], corner[1] + size[1])))
+
+
+def thinned(points: FloatArray, most: int = MOST_POINTS) -> FloatArray:
+    """Every so manieth point of a line, its last one among them.
+
+    Parameters
+    ----------
+    points : (n, 2). most : of the points that are left, about.
+    """
+    if len(points) <= most:
+        return points
+    return np.vstack([points[:: -(-len(points) // most)], points[-1:]])
+
+
+def finite_runs(points: FloatArray) -> list[FloatArray]:
+    """Stretches of two and more finite points of a line (n, 2)."""
+    good = np.isfinite(points).all(axis=1)
+    cuts = np.flatnonzero(np.diff(good.astype(np.int8))) + 1
+    return [run for run in np.split(points, cuts) if len(run) > 1 and np.isfinite(run[0]).all()]
+
+
+def dashes(points: FloatArray, on: float = 7.0, off: float = 5.0, most: int = 400) -> list[FloatArray]:
+    """A line cut into dashes of even length along it.
+
+    Parameters
+    ----------
+    points : (n, 2) finite. on, off : lengths of dash and gap. most : dashes; longer lines have longer ones.
+    """
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    at = np.concatenate([[0.0], np.cumsum(steps)])
+    if at[-1] <= on:
+        return [points]
+    period = max(on + off, at[-1] / most)
+    share = on / (on + off)
+    parts = []
+    for start in np.arange(0.0, at[-1], period):
+        end = min(start + share * period, at[-1])
+        inside = points[(at > start) & (at < end)]
+        ends = [[np.interp(s, at, points[:, k]) for k in (0, 1)] for s in (start, end)]
+        parts.append(np.vstack([ends[:1], inside, ends[1:]]))
+    return parts

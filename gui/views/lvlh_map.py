@@ -1,0 +1,261 @@
+"""The LVLH map: the chaser about the target, in the orbital plane and across it, drawn to one scale."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gui import style
+from gui.canvas import Canvas
+from gui.flight.relative_map import (
+    MapLook,
+    MapPort,
+    boresight_lvlh,
+    corridor_outline,
+    fit,
+    metres_text,
+    nice_step,
+    ports,
+    sun_lvlh,
+    target_edges_lvlh_m,
+)
+from gui.widgets import Widgets
+from simulator.runtime.arrays import Vec3, vec3
+
+if TYPE_CHECKING:
+    from gui.canvas import Point
+    from gui.console import Console
+    from gui.flight.session import Session
+    from gui.window import Window
+    from simulator.runtime.arrays import FloatArray
+    from simulator.world.frames.lvlh import Lvlh
+
+DRIFT_EVERY_S = 0.25
+"""The predicted drift is worked out anew this often, at 1x."""
+SHOWN_TARGET = 7.0
+"""Screen units below which the target is a mark."""
+WHEEL_FACTOR = 1.2
+FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE
+
+
+class LvlhMap:
+    """What was planned, flown and is foretold; keep-out sphere, corridor, burns, Sun; wheel zooms, a drag moves."""
+
+    name, title, place, shown = "lvlh-map", "LVLH map", "right-middle", True
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._imgui = window.imgui
+        self._w = Widgets(window)
+        self._session: Session | None = None
+        self._planned = np.zeros((1, 3))
+        self._burns = np.zeros((0, 3))
+        self._drift, self._drift_t_s = np.zeros((1, 3)), -np.inf
+        self._dragging = False
+        self.ports: tuple[MapPort, ...] = ()
+
+    def draw(self, console: Console) -> None:
+        """Draw into the view that is begun."""
+        imgui, session, look = self._imgui, console.session, console.options.map
+        self._remember(session)
+        corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+        rect = (corner.x, corner.y, max(free.x, 40.0), max(free.y, 40.0))
+        world = session.moment.world
+        frame = session.flight.lvlh(session.t_s)
+        here = np.array(world.position_lvlh_m)
+        flown = np.vstack([*session.trail, here])
+        if look.fitted:
+            first = ports(rect, look)[0].rect
+            # a line of letters above and one below stay free
+            height = max(first[3] - 3.0 * imgui.get_text_line_height(), 20.0)
+            fit(look, self._extent(session, flown), first[2] / height)
+        self.ports = ports(rect, look)
+        imgui.invisible_button("map", self._w.vec(rect[2], rect[3]))
+        self._mouse(console)
+        canvas = Canvas(self._window)
+        for port in self.ports:
+            canvas.clip(port.rect[:2], port.rect[2:])
+            self._ground(canvas, port)
+            self._keep_out(canvas, port, session)
+            canvas.stroke(port.at(self._planned), (*PLANNED[:3], 0.9), 1.2, halo=False)
+            canvas.stroke(port.at(self._drift), DRIFT, 1.4, dashed=True, halo=False)
+            canvas.stroke(port.at(flown), FLOWN, 2.0, halo=False)
+            self._target(canvas, port, session, frame)
+            for burn in self._burns:
+                canvas.diamond(_point(port.at(burn)), 4.5, style.PURPLE)
+            self._chaser(canvas, port, here, boresight_lvlh(world, frame))
+            self._sun(canvas, port, sun_lvlh(world, frame), world.sun_visible_fraction)
+            self._letters(canvas, port, session)
+            canvas.unclip()
+
+    def _remember(self, session: Session) -> None:
+        """What is worked out now and then only."""
+        if self._session is not session:
+            self._session, self._drift_t_s = session, -np.inf
+            self._planned = np.array(session.planned_path_lvlh_m())
+            self._burns = planned_burns_lvlh_m(session)
+        if abs(session.t_s - self._drift_t_s) > DRIFT_EVERY_S * session.rate:
+            self._drift, self._drift_t_s = session.predicted_drift_lvlh_m(), session.t_s
+
+    def _extent(self, session: Session, flown: FloatArray) -> FloatArray:
+        """Everything that a fitted map holds: the drift only as far as the rest is wide."""
+        points = [self._planned, flown, self._burns, np.zeros((1, 3))]
+        keep_out = session.plan.scenario.chaser.keep_out
+        if keep_out is not None:
+            points.append(keep_out.radius_m * np.vstack([np.eye(3), -np.eye(3)]))
+        rest = np.vstack(points)
+        reach = max(float(np.abs(rest).max()), 5.0)
+        near = self._drift[np.abs(self._drift).max(axis=1) < reach]
+        return np.vstack([rest, near, np.eye(3), -np.eye(3)])
+
+    # --- the mouse
+
+    def _mouse(self, console: Console) -> None:
+        """Wheel: zoom about the pointer. Drag: move. Double click: all of it. One command a gesture."""
+        imgui, look = self._imgui, console.options.map
+        io = imgui.get_io()
+        mouse = io.mouse_pos
+        port = next((p for p in self.ports if p.inside(mouse.x, mouse.y)), self.ports[0])
+        if imgui.is_item_hovered():
+            if imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
+                console.do("map.fit")
+                return
+            if io.mouse_wheel:
+                centre, width = zoomed(port, look, (mouse.x, mouse.y), WHEEL_FACTOR**io.mouse_wheel)
+                do_place(console, centre, width)
+        if imgui.is_item_active() and imgui.is_mouse_dragging(imgui.MouseButton_.left, 3.0):
+            # what is under the pointer stays there; the whole way is one command, at its end
+            self._dragging = True
+            moved = np.array(look.centre_lvlh_m)
+            moved[port.plane.right] -= io.mouse_delta.x / port.scale
+            moved[port.plane.up] += io.mouse_delta.y / port.scale
+            look.place(vec3(moved), look.width_m)
+            self.ports = tuple(MapPort(p.plane, p.rect, look.centre_lvlh_m, p.scale) for p in self.ports)
+        elif self._dragging:
+            self._dragging = False
+            do_place(console, look.centre_lvlh_m, look.width_m)
+
+    # --- what is drawn
+
+    def _ground(self, canvas: Canvas, port: MapPort) -> None:
+        x, y, w, h = port.rect
+        canvas.box((x, y), (w, h), style.RAISED)
+        step = nice_step(max(90.0 * self._window.scale / port.scale, 1e-3))
+        for vertical in (True, False):
+            axis = port.plane.right if vertical else port.plane.up
+            half = (w if vertical else h) / port.scale / 2
+            first = np.ceil((port.centre_lvlh_m[axis] - half) / step)
+            last = np.floor((port.centre_lvlh_m[axis] + half) / step)
+            for k in np.arange(first, last + 1):
+                p = np.array(port.centre_lvlh_m)
+                p[axis] = k * step
+                sx, sy = port.at(p)
+                ends = [(sx, y), (sx, y + h)] if vertical else [(x, sy), (x + w, sy)]
+                strong = abs(k) < 0.5
+                canvas.stroke(ends, (*style.QUIET[:3], 0.55 if strong else 0.16), 1.0, halo=False)
+
+    def _keep_out(self, canvas: Canvas, port: MapPort, session: Session) -> None:
+        keep_out = session.plan.scenario.chaser.keep_out
+        if keep_out is None:
+            return
+        centre = _point(port.at(np.zeros(3)))
+        radius = keep_out.radius_m * port.scale
+        canvas.disc(centre, radius, (*style.BAD[:3], 0.10))
+        outline = corridor_outline(keep_out, port.plane)
+        if len(outline) > 2:
+            canvas.area(port.at(outline), (*style.GOOD[:3], 0.22))
+            canvas.stroke(port.at(outline), (*style.GOOD[:3], 0.9), 1.2, closed=True, halo=False)
+        turn = np.linspace(0, 2 * np.pi, 181)
+        ring = np.array(centre) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        canvas.stroke(ring, style.BAD, 1.6, dashed=True, halo=False)
+
+    def _target(self, canvas: Canvas, port: MapPort, session: Session, frame: Lvlh) -> None:
+        moment = session.moment
+        edges = target_edges_lvlh_m(moment.target, moment.world, frame)
+        flat = port.at(edges)
+        size = 0.0 if not len(edges) else float(np.ptp(flat.reshape(-1, 2), axis=0).max())
+        if size < SHOWN_TARGET * self._window.scale:
+            canvas.diamond(_point(port.at(np.zeros(3))), 5.0, style.WARN)
+            return
+        for edge in flat:
+            canvas.stroke(edge, style.WARN, 1.2, halo=False)
+
+    def _chaser(self, canvas: Canvas, port: MapPort, here: FloatArray, boresight: FloatArray) -> None:
+        at = port.at(here)
+        seen = np.array([boresight[port.plane.right], -boresight[port.plane.up]])
+        canvas.arrow(_point(at), _point(at + 22 * self._window.scale * seen), style.INK)
+        canvas.dot(_point(at), 4.5 * self._window.scale, FLOWN)
+
+    def _sun(self, canvas: Canvas, port: MapPort, sun: FloatArray, lit: float) -> None:
+        """An arrow to the Sun in the upper right corner, as long as the Sun's direction lies in the plane."""
+        x, y, w, _ = port.rect
+        reach = 20.0 * self._window.scale
+        colour = style.YELLOW if lit > 0 else style.QUIET
+        centre = np.array([x + w - 1.6 * reach, y + 1.3 * reach])
+        flat = np.array([sun[port.plane.right], -sun[port.plane.up]])
+        canvas.disc(_point(centre), 2.0, colour)
+        canvas.arrow(_point(centre), _point(centre + reach * flat), colour)
+        text = "Sun" if lit > 0 else "Sun (eclipse)"
+        size = canvas.size(text)
+        canvas.text((x + w - size[0] - 6, y + 2.5 * reach), text, colour)
+
+    def _letters(self, canvas: Canvas, port: MapPort, session: Session) -> None:
+        x, y, w, h = port.rect
+        plane, line = port.plane, canvas.line
+        narrow = w < 240 * self._window.scale
+        if h > 12 * line and not narrow:
+            canvas.text((x + 6, y + 4), f"{plane.name}, up: {plane.up_title}{plane.note}", style.INK)
+        else:
+            canvas.text((x + 6, y + 4), f"up: {plane.up_title}", style.INK)
+        bar_m = nice_step(port.width_m / 4)
+        bar = bar_m * port.scale
+        right, foot = x + w - 10, y + h - 8
+        canvas.stroke(
+            [(right - bar, foot - 5), (right - bar, foot), (right, foot), (right, foot - 5)], style.INK
+        )
+        label = metres_text(bar_m)
+        canvas.text((right - bar / 2 - canvas.size(label)[0] / 2, foot - 6 - line), label, style.INK)
+        axis = "V-bar" if narrow else "V-bar, flight direction"
+        length = 24.0 * self._window.scale
+        canvas.arrow((x + 8, foot - 4), (x + 8 + length, foot - 4), style.QUIET)
+        canvas.text((x + 14 + length, foot - 4 - line / 2), axis, style.QUIET)
+        keep_out = session.plan.scenario.chaser.keep_out
+        if keep_out is not None:
+            top = port.at(np.zeros(3)) - (0.0, keep_out.radius_m * port.scale)
+            text = f"keep out {metres_text(keep_out.radius_m)}"
+            if y + 3 * line < top[1] < y + h - 3 * line and not narrow:
+                canvas.text((top[0] - canvas.size(text)[0] / 2, top[1] - line), text, style.BAD)
+        mouse = self._imgui.get_io().mouse_pos
+        if self._imgui.is_item_hovered() and port.inside(mouse.x, mouse.y):
+            p = port.point(mouse.x, mouse.y)
+            text = f"{p[plane.right]:+.2f}, {p[plane.up]:+.2f} m"
+            canvas.text((x + 6, foot - 4 - 1.6 * line), text, style.INK)
+
+
+def planned_burns_lvlh_m(session: Session) -> FloatArray:
+    """(n, 3) where the chaser is at the burns that its scenario plans, LVLH [m]."""
+    scenario = session.plan.scenario
+    times = [b.start_s for b in scenario.burns if b.craft == "chaser" and b.start_s <= scenario.duration_s]
+    places = [session.flight.state(t).position_lvlh_m for t in times if t <= session.flight.duration_s]
+    return np.array(places, float).reshape(-1, 3)
+
+
+def zoomed(port: MapPort, look: MapLook, mouse: Point, factor: float) -> tuple[Vec3, float]:
+    """Middle and width of the map that is so many times as large, with the same place under the pointer."""
+    under = np.array(port.point(*mouse))
+    centre = np.array(look.centre_lvlh_m)
+    through = port.plane.through
+    under[through] = centre[through]
+    moved = under + (centre - under) / factor
+    return vec3(moved), look.width_m / factor
+
+
+def do_place(console: Console, centre_lvlh_m: Vec3, width_m: float) -> None:
+    """The map's place by its command, in whole centimetres."""
+    radial, along, cross = (round(c, 2) for c in centre_lvlh_m)
+    console.do("map.place", along, radial, cross, max(round(width_m, 2), 0.5))
+
+
+def _point(p: FloatArray) -> Point:
+    return (float(p[0]), float(p[1]))
