@@ -160,7 +160,7 @@ class Console:
         self.hold(keys)
         for level, text in self.session.steering.take_news():
             self.say(text, level)
-        for keep in self.on_pass_time:
+        for keep in tuple(self.on_pass_time):
             keep(self)
 
     def _advance(self, t_ms: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.commands import camera, display, docking, guidance, log, scenario, steering, time, views
+from gui.commands import camera, display, docking, guidance, log, scenario, steering, time, timeline, views
 
 if TYPE_CHECKING:
     from gui.command_table import Command
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 COMMANDS: tuple[Command, ...] = (
     *scenario.COMMANDS,
     *time.COMMANDS,
+    *timeline.COMMANDS,
     *steering.COMMANDS,
     *guidance.COMMANDS,
     *docking.COMMANDS,

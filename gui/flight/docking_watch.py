@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -94,6 +95,22 @@ class Docking:
         axis = to_target @ np.array(chaser.position_eci_m)
         self._port = port_along(self._target, axis, target_from_lvlh(flight, chaser.t_s), flight)
         self.hold_points = HoldPoints(self.figures(chaser, flight).range_m)
+
+    def kept(self) -> dict[str, Any]:
+        """All that must come back with a place of the flight."""
+        points = vars(self).get("hold_points")
+        return {
+            "limits": self.limits,
+            "contacts": list(self.contacts),
+            "docked": self.docked,
+            "_armed": self._armed,
+            "_port": self._port,
+            **({} if points is None else {"hold_points": copy(points)}),
+        }
+
+    def bring_back(self, kept: dict[str, Any]) -> None:
+        """Be as it was when `kept` was asked."""
+        vars(self).update(kept)
 
     # --- touch
 

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import contextlib
 import time
+from array import array
 from typing import TYPE_CHECKING, TextIO
 
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder, write_atomic
 from simulator.scenario.write import replay_scenario
-from simulator.world.flight.recording import CSV_SUFFIX, Recording, csv_header, csv_row
+from simulator.world.flight.recording import CSV_SUFFIX, NUMBERS, Recording, csv_header, csv_line, state_row
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from simulator.scenario.scenario import Scenario
@@ -38,7 +39,9 @@ class FlightRecorder:
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self.states: list[WorldState] = []
+        self._rows = array("d")
+        # how many states it shares with the flight that is kept, and the rest of it
+        self._left: tuple[int, array[float]] | None = None
         self.trouble: str | None = None
         """Why the flight is not on disk, if it is not."""
         self._untold: str | None = None
@@ -61,21 +64,49 @@ class FlightRecorder:
         if self.trouble is not None:
             raise UserError(self.trouble)
 
+    def __len__(self) -> int:
+        """States that are kept."""
+        return len(self._rows) // NUMBERS
+
+    @property
+    def recording(self) -> Recording:
+        """What is kept."""
+        return Recording.of_rows(self._rows)
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last state [s]; 0 where there is none."""
+        return self._rows[-NUMBERS] if self._rows else 0.0
+
     def wants(self, t_s: float) -> bool:
         """Whether the state at a time is due."""
         # half a millisecond for the sums of steps
-        return not self.states or t_s >= self.states[-1].t_s + EVERY_S - 5e-4
+        return not self._rows or t_s >= self.end_s + EVERY_S - 5e-4
 
     def add(self, state: WorldState) -> None:
         """Keep a state, later than the last. A disk that is full does not end a flight: see `trouble`."""
-        self.states.append(state)
-        self._put(state)
+        row = state_row(state)
+        self._rows.extend(row)
+        self._put(row)
 
-    def clear(self) -> None:
-        """Begin again."""
-        self.states.clear()
-        if self._kept is not None:
-            self._begin()
+    def leave_after(self, t_s: float) -> None:
+        """The flight is taken up from an earlier time: what came after it does not belong to it any more."""
+        shared = sum(t <= t_s for t in self._rows[::NUMBERS])
+        if 0 < shared == len(self):
+            return
+        self._left = shared, self._rows[NUMBERS * shared :]
+        del self._rows[NUMBERS * shared :]
+        self._begin()
+
+    def swap_future(self) -> None:
+        """What was left last belongs to the flight again, instead of what came since."""
+        if self._left is None:
+            return
+        shared, future = self._left
+        self._left = shared, self._rows[NUMBERS * shared :]
+        del self._rows[NUMBERS * shared :]
+        self._rows.extend(future)
+        self._begin()
 
     def close(self) -> Path | None:
         """End what `keep_in` began: the whole flight in place of its lines; the replay's path, if there is one.
@@ -97,7 +128,7 @@ class FlightRecorder:
     @property
     def long_enough(self) -> bool:
         """Whether there is something to replay."""
-        return len(self.states) > 1
+        return len(self) > 1
 
     def take_trouble(self) -> str | None:
         """Why the flight is not on disk, said once."""
@@ -105,7 +136,7 @@ class FlightRecorder:
         return trouble
 
     def _write_whole(self, folder: Path, scenario: Scenario) -> Path:
-        recording = Recording.of(self.states)
+        recording = self.recording
         write_atomic(folder / WHOLE, recording.to_bytes())
         return _write_replay(folder, scenario, WHOLE, recording.duration_s)
 
@@ -123,21 +154,21 @@ class FlightRecorder:
             self._lines.flush()
         except OSError as error:
             self._fail(error)
-        for state in self.states:
-            self._put(state)
+        for at in range(0, len(self._rows), NUMBERS):
+            self._put(self._rows[at : at + NUMBERS])
 
-    def _put(self, state: WorldState) -> None:
+    def _put(self, row: Sequence[float]) -> None:
         if self._lines is None or self._kept is None:
             return
         folder, scenario = self._kept
         try:
-            self._lines.write(csv_row(state))
+            self._lines.write(csv_line(row))
             # to the system, which keeps it when this program is killed
             self._lines.flush()
             if self.long_enough and self._clock() >= self._replay_due_s:
                 self._replay_due_s = self._clock() + REPLAY_EVERY_S
                 name = (folder / WHOLE).with_suffix(CSV_SUFFIX).name
-                _write_replay(folder, scenario, name, state.t_s)
+                _write_replay(folder, scenario, name, row[0])
         except (OSError, UserError) as error:
             self._fail(error)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from gui.flight.docking_watch import Docking
 from gui.flight.hold_points import not_ready
 from gui.flight.jumps import EVENTS, next_event_s, search_s
+from gui.flight.look_back import LookBack
 from gui.flight.planned_burns import predicted_path
 from gui.flight.propellant import thrusters_of
 from gui.flight.recorder import FlightRecorder
@@ -55,6 +56,8 @@ LONGEST_TICK_S = 0.25
 FIRST_SPAN_S = 1800.0
 MARGIN_S = 60.0
 TRAIL_POINTS = 4000
+SWAPPED_TRAIL_POINTS = 400
+"""Of a future that comes back."""
 DRIFT_S = 600.0
 """How far ahead free drift is foretold."""
 
@@ -93,6 +96,7 @@ class Session:
         self.flight: Flight = plan.flight
         self.paused = False
         self.rate = 1.0
+        self.look_back = LookBack(self)
         self._reset_state()
 
     @staticmethod
@@ -110,9 +114,8 @@ class Session:
         chaser = self.plan.scenario.chaser
         self.docking = Docking(self.plan.target, self.plan.flight, chaser.keep_out)
         self.steering = Steering(self.docking, thrusters_of(chaser.thrusters), chaser.keep_out)
-        if self.recorder is not None:
-            self.recorder.clear()
         self.trail: list[Vec3] = []
+        self._trail_times_s: list[float] = []
         self._trail_every_s = 0.5
         self._trail_t_s = -np.inf
         self._moment: Moment | None = None
@@ -154,11 +157,16 @@ class Session:
 
     def restart(self) -> None:
         """Back to the beginning, with the guidance; pause and rate stay."""
+        self.look_back.restart()
         self._reset_state()
 
     def advance(self, wall_s: float, held: AbstractSet[str] = frozenset()) -> None:
         """Let ``wall_s`` of the operator's time pass with these commands held (`manual_control.HELD`)."""
         self.steering.hold(held)
+        if self.look_back.active and not (self.steering.takes_over or self.look_back.changed):
+            self._play(min(wall_s, LONGEST_TICK_S) * self.rate)
+            return
+        self.look_back.fly_on()
         if self.steering.takes_over:
             self.take_over()
         if self.paused:
@@ -169,6 +177,9 @@ class Session:
     def step_once(self) -> None:
         """One frame further, paused from then on."""
         self.paused = True
+        if self.look_back.active:
+            self.look_back.step(1)
+            return
         end = self._t_s + FRAME_STEP_S * self.rate
         # the small term: sums of equal parts count as the whole
         while self._t_s < end - 1e-9 * self.rate:
@@ -229,7 +240,13 @@ class Session:
             self.docking.hold_points.watch(self.docking.figures(after, self.flight))
         return after
 
+    def _play(self, dt_s: float) -> None:
+        """Show again what was flown; it stops at its end, where the flight goes on."""
+        if not self.paused and self.look_back.play(dt_s):
+            self.paused = True
+
     def _record(self) -> None:
+        self.look_back.keep()
         if self.recorder is not None and self.recorder.wants(self._t_s):
             self.recorder.add(self.flight.state_with_chaser(self._now()))
 
@@ -344,6 +361,7 @@ class Session:
         UserError
             If there is none within two orbits.
         """
+        self.look_back.fly_on()
         self._reach(self._t_s + search_s(self.flight))
         when = next_event_s(self.flight, event, self._t_s)
         if when is None:
@@ -361,6 +379,7 @@ class Session:
         """
         if not self.steering.autopilot:
             raise UserError("nothing flies to a hold point; engage the autopilot first (docking.approach)")
+        self.look_back.fly_on()
         self._jump, self._jump_until_s = "hold-point", self._t_s + LONGEST_JUMP_S
         self.paused = False
 
@@ -384,6 +403,43 @@ class Session:
 
     def _now(self) -> ChaserState:
         return self.flight.chaser(self._t_s) if self._steered is None else self._steered
+
+    # --- what looking back asks of it
+
+    @property
+    def steered(self) -> ChaserState | None:
+        """The chaser where it is steered; None while the scenario's guidance flies it."""
+        return self._steered
+
+    def controls(self) -> object:
+        """What flies the chaser, but for what is held."""
+        return (self.mode, self.steering.kept(), self.docking.kept())
+
+    def bring_back(self, t_s: float, steered: ChaserState | None, controls: Any) -> None:  # noqa: ANN401 - of `controls`
+        """Be at another place of what was flown."""
+        self._t_s, self._steered, self._owed_s, self._moment = t_s, steered, 0.0, None
+        self._jump, self._hold_points_at_s = "", t_s
+        self.steering.bring_back(controls[1])
+        self.docking.bring_back(controls[2])
+
+    def future_left(self, t_s: float) -> None:
+        """What was flown after a time does not belong to the flight any more."""
+        kept = sum(t <= t_s for t in self._trail_times_s)
+        del self.trail[kept:], self._trail_times_s[kept:]
+        self._trail_t_s = self._trail_times_s[-1] if self._trail_times_s else -np.inf
+        if self.recorder is not None:
+            self.recorder.leave_after(t_s)
+
+    def future_swapped(self) -> None:
+        """What was left last belongs to it again, and what came instead does not."""
+        timeline = self.look_back.timeline
+        times = np.linspace(0.0, timeline.end_s, SWAPPED_TRAIL_POINTS)
+        flown = [(float(t), timeline.chaser_between(float(t))) for t in times]
+        self._trail_times_s = [t for t, _ in flown]
+        self.trail = [self._lvlh_position(c or self.flight.chaser(t)) for t, c in flown]
+        self._trail_t_s = self._trail_times_s[-1]
+        if self.recorder is not None:
+            self.recorder.swap_future()
 
     # --- what is seen
 
@@ -427,9 +483,10 @@ class Session:
             return
         self._trail_t_s = self._t_s
         self.trail.append(self._lvlh_position(self.moment.chaser))
+        self._trail_times_s.append(self._t_s)
         if len(self.trail) > TRAIL_POINTS:
             # the whole flight stays in view, at half the density
-            self.trail = self.trail[::2]
+            self.trail, self._trail_times_s = self.trail[::2], self._trail_times_s[::2]
             self._trail_every_s *= 2
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
@@ -48,6 +48,9 @@ ABORT_M_S2 = 0.25
 # radial, along-track, cross-track of the keys right, down, forward: R is up, W along the flight, D to its right
 LVLH_OF_KEYS = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 
+NOT_KEPT = frozenset({"docking", "keep_out", "news", "_held", "stick_thrust", "stick_turn"})
+"""Of a place of the flight: the rest of the world, what was told, and what hands hold now."""
+
 
 class Steering:
     """All that acts on a chaser that the scenario's guidance does not fly.
@@ -87,6 +90,14 @@ class Steering:
         self._guided_until_s = -np.inf
         self._pilot_keys: frozenset[str] = frozenset()
         self._pilot_until_s = -np.inf
+
+    def kept(self) -> dict[str, Any]:
+        """All that must come back with a place of the flight; what hands hold does not."""
+        return {name: value for name, value in vars(self).items() if name not in NOT_KEPT}
+
+    def bring_back(self, kept: dict[str, Any]) -> None:
+        """Be as it was when `kept` was asked."""
+        vars(self).update(kept)
 
     # --- what the operator asks for
 

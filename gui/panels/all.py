@@ -14,6 +14,7 @@ from gui.panels.scenarios import ScenarioChooser
 from gui.panels.sensor import SensorPanel
 from gui.panels.target import TargetPanel
 from gui.panels.time import TimePanel
+from gui.panels.timeline import TimelinePanel
 from gui.views.camera import CameraView
 from gui.views.lvlh_map import LvlhMap
 
@@ -52,9 +53,13 @@ PANELS: tuple[type[Panel], ...] = (
     LvlhMap,
     PicturePanel,
     WorldPanel,
+<<<<<<< HEAD
     SensorPanel,
     TargetPanel,
     CommandLinePanel,
+=======
+    TimelinePanel,
+>>>>>>> 42b1d58 (Keep a timeline of the flight: go back to any place, play it, fly on from there, bookmarks, files of it)
     LogPanel,
     KeyList,
     Palette,

@@ -292,4 +292,6 @@ def _badge(session: Session) -> tuple[str, style.Rgba]:
         badge, color = f"STEER / {attitude}{' / BRAKE' if session.braking else ''}", style.WARN
         if session.guarded:
             badge, color = f"{badge} / KEEP OUT", style.BAD
+    if session.look_back.active:
+        badge, color = f"LOOKING BACK  {badge}", style.WARN
     return (f"PAUSED  {badge}" if session.paused else badge), color

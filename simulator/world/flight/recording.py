@@ -23,7 +23,7 @@ from simulator.world.guidance.paths import Hold
 from simulator.world.orbit.propagation import OrbitTrack
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from simulator.runtime.arrays import FloatArray
     from simulator.world.attitude.rigid_body import AttitudeTrack
@@ -44,6 +44,8 @@ _FIELDS = {
     "omega_camera_rad_s": 3,
 }
 """Arrays of the file and the width of each, named as in `WorldState`."""
+NUMBERS = sum(_FIELDS.values())
+"""Of one state."""
 CSV_SUFFIX = ".csv"
 """Ending of a recording as lines, which grows while it is flown; any other is an npz file."""
 MOST_BYTES = 2**29
@@ -73,6 +75,11 @@ class Recording:
         """Record states in the order of time, of a guided flight or of one steered by hand."""
         rows = list(states)
         return Recording({name: np.array([getattr(s, name) for s in rows], float) for name in _FIELDS})
+
+    @staticmethod
+    def of_rows(numbers: Sequence[float]) -> Recording:
+        """A recording of the numbers of `state_row`, state after state."""
+        return Recording(_columns(np.array(numbers, float).reshape(-1, NUMBERS)))
 
     @property
     def duration_s(self) -> float:
@@ -199,10 +206,14 @@ def csv_header() -> str:
     return ",".join(names) + "\n"
 
 
-def csv_row(state: WorldState) -> str:
-    """A state as a line of numbers, which read again are the same to the last bit."""
-    values = (np.atleast_1d(getattr(state, name)).tolist() for name in _FIELDS)
-    return ",".join(repr(float(value)) for part in values for value in part) + "\n"
+def state_row(state: WorldState) -> list[float]:
+    """The numbers of a state that are recorded, in the order of `csv_header`."""
+    return [float(v) for name in _FIELDS for v in np.atleast_1d(getattr(state, name)).tolist()]
+
+
+def csv_line(row: Sequence[float]) -> str:
+    """The numbers of a state as a line, which read again are the same to the last bit."""
+    return ",".join(map(repr, row)) + "\n"
 
 
 def _from_npz(data: bytes) -> dict[str, FloatArray]:
@@ -220,8 +231,11 @@ def _from_lines(text: str) -> dict[str, FloatArray]:
     first, *rows = text.split("\n")[:-1]  # what comes after the last line's end was not finished
     if first + "\n" != csv_header():
         raise ValueError("its first line does not name the numbers of a flight")
-    count = sum(_FIELDS.values())
-    table = np.array([row.split(",") for row in rows], float).reshape(-1, count)
+    return _columns(np.array([row.split(",") for row in rows], float).reshape(-1, NUMBERS))
+
+
+def _columns(table: FloatArray) -> dict[str, FloatArray]:
+    """Arrays by name of a table of states."""
     arrays, at = {}, 0
     for name, width in _FIELDS.items():
         arrays[name] = table[:, at] if width == 1 else table[:, at : at + width]

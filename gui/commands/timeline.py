@@ -1,0 +1,217 @@
+"""Commands of the timeline: go back in what was flown, fly on from there, mark places, make it a scenario."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gui.command_table import Argument, Command
+from gui.flight.flown_files import FlownFiles, free_folder
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from gui.console import Console
+
+FOLDER = Path("out") / "console" / "flights"
+SLICE_S = 0.008
+"""Of each turn of the window, for a flight that is being written."""
+SKIP_S = 10.0
+# what is done with the scenario of a flight, by the panel of each
+THEN = {"dataset": "capture.scenario", "hil": "hil.scenario"}
+
+
+def _seek(console: Console, t_s: float) -> None:
+    console.session.paused = True
+    console.session.look_back.seek(t_s)
+
+
+def _skip(seconds: float, console: Console) -> None:
+    _seek(console, max(console.session.t_s + seconds, 0.0))
+
+
+def _back(console: Console) -> None:
+    _skip(-SKIP_S, console)
+
+
+def _forward(console: Console) -> None:
+    _skip(SKIP_S, console)
+
+
+def _step_back(console: Console) -> None:
+    console.session.paused = True
+    console.session.look_back.step(-1)
+
+
+def _end(console: Console) -> None:
+    if console.session.look_back.active:
+        _seek(console, console.session.look_back.timeline.end_s)
+
+
+def _fly_on(console: Console) -> None:
+    session = console.session
+    if not session.look_back.active:
+        raise UserError("this is the end of what was flown: Space flies on")
+    session.look_back.fly_on()
+    session.paused = False
+    console.say(f"flies on from {clock(session.t_s)}; timeline.other-future brings the other future back")
+
+
+def _other_future(console: Console) -> None:
+    console.session.paused = True
+    parts_s = console.session.look_back.swap_future()
+    console.say(f"the other future is back; the two part at {clock(parts_s)}")
+
+
+def _bookmark(console: Console, note: str = "") -> None:
+    mark = console.session.look_back.timeline.bookmark(console.session.t_s, note)
+    console.say(f"bookmark at {clock(mark.t_s)}{': ' if mark.note else ''}{mark.note}")
+
+
+def _unbookmark(console: Console, t_s: float | None = None) -> None:
+    console.session.look_back.timeline.unbookmark(console.session.t_s if t_s is None else t_s)
+
+
+def _neighbour(console: Console, step: int) -> None:
+    here = console.session.t_s
+    times = [b.t_s for b in console.session.look_back.timeline.bookmarks]
+    ahead = [t for t in times if (t - here) * step > 1e-3]
+    if not ahead:
+        raise UserError(f"there is no bookmark {'after' if step > 0 else 'before'} this place")
+    _seek(console, min(ahead) if step > 0 else max(ahead))
+
+
+def _previous(console: Console) -> None:
+    _neighbour(console, -1)
+
+
+def _next(console: Console) -> None:
+    _neighbour(console, 1)
+
+
+@dataclass(eq=False)
+class Keeping:
+    """A flight that is being written, a little of it in each turn of the window.
+
+    Parameters
+    ----------
+    then : command that is given the scenario's path, if any.
+    """
+
+    files: FlownFiles
+    then: str = ""
+    _told_s: float = 0.0
+
+    def __call__(self, console: Console) -> None:
+        """Some more of it."""
+        try:
+            replay = self.files.go_on(SLICE_S)
+        except (UserError, OSError) as error:
+            console.on_pass_time.remove(self)
+            console.say(f"the flight was not kept: {error}", "caution")
+            return
+        if replay is None:
+            if time.monotonic() - self._told_s > 1.0:
+                self._told_s = time.monotonic()
+                console.say(f"keeping the flight: {100 * self.files.share:.0f} %")
+            return
+        console.on_pass_time.remove(self)
+        if self.then and self.then in console.table:
+            console.do(self.then, str(replay))
+        else:
+            console.say(f"kept {replay}: a scenario for sim, render, capture and hil host")
+
+
+def _keep(console: Console, folder: str | None = None, then: str = "") -> None:
+    name = console.session.plan.scenario.name
+    where = free_folder(FOLDER, name) if folder is None else Path(folder)
+    console.on_pass_time.append(Keeping(FlownFiles(console.session, where), then))
+
+
+def _dataset(console: Console) -> None:
+    _keep(console, then=THEN["dataset"])
+
+
+def _hil(console: Console) -> None:
+    _keep(console, then=THEN["hil"])
+
+
+def clock(t_s: float) -> str:
+    """Simulated time for people."""
+    minutes, seconds = divmod(round(max(t_s, 0.0), 1), 60.0)
+    hours, minutes = divmod(int(minutes), 60)
+    return f"T+{hours:02d}:{minutes:02d}:{seconds:04.1f}"
+
+
+COMMANDS = (
+    Command(
+        "timeline.seek",
+        "Go to a time",
+        "go to a place of what was flown, paused",
+        _seek,
+        arguments=(Argument("t_s", "number", "seconds since the scenario's start", least=0.0, most=1e9),),
+    ),
+    Command("timeline.step-back", "One step back", "a tenth of a second back", _step_back, ("comma",), ","),
+    Command("timeline.back", "Back 10 s", "10 s back in what was flown", _back, ("page_up",), "PgUp"),
+    Command("timeline.forward", "On 10 s", "10 s on in what was flown", _forward, ("page_down",), "PgDn"),
+    Command("timeline.end", "To the end", "to the end of what was flown", _end, ("end",), "End"),
+    Command(
+        "timeline.fly-on",
+        "Fly on from here",
+        "take the flight up from this place; what came after it can be brought back",
+        _fly_on,
+        ("enter",),
+        "Enter",
+    ),
+    Command(
+        "timeline.other-future",
+        "Other future",
+        "what was flown after the place where one flew on, instead of what came since; and back",
+        _other_future,
+    ),
+    Command(
+        "timeline.bookmark",
+        "Bookmark",
+        "mark this place, with a note",
+        _bookmark,
+        ("ctrl+b",),
+        "Ctrl+B",
+        arguments=(Argument("note", "word", "of one line", optional=True),),
+    ),
+    Command(
+        "timeline.unbookmark",
+        "Remove bookmark",
+        "take the nearest bookmark away",
+        _unbookmark,
+        arguments=(
+            Argument(
+                "t_s", "number", "near this time; left out: near now", least=0.0, most=1e9, optional=True
+            ),
+        ),
+    ),
+    Command("timeline.previous-bookmark", "Bookmark before", "to the bookmark before", _previous),
+    Command("timeline.next-bookmark", "Bookmark after", "to the bookmark after", _next),
+    Command(
+        "timeline.keep",
+        "Keep flight",
+        "what was flown as a scenario that replays it, in out/console/flights",
+        _keep,
+        arguments=(Argument("folder", "word", "empty or to be made", optional=True),),
+        cli="flyaround sim SCENARIO --record DIR",
+    ),
+    Command(
+        "timeline.dataset",
+        "Data set of it",
+        "what was flown as a scenario, handed to the capture panel",
+        _dataset,
+        cli="flyaround capture replay.toml -o DIR",
+    ),
+    Command(
+        "timeline.hil",
+        "HIL run of it",
+        "what was flown as a scenario, handed to the HIL panel",
+        _hil,
+        cli="flyaround hil host replay.toml --listen URL",
+    ),
+)

@@ -1,0 +1,108 @@
+"""The timeline: a slider over all that was flown, bookmarks with notes, and what can be made of the flight."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui import style
+from gui.commands.timeline import clock
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.flight.timeline import Timeline
+    from gui.window import Window
+
+
+class TimelinePanel:
+    """Drag the slider to look back; Space plays what was flown, steering or Enter flies on from there."""
+
+    name, title, place, shown = "timeline", "Timeline", "bottom", False
+    keys, shown_keys = ("ctrl+t",), "Ctrl+T"
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+        self._note = ""
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, session = self._w, console.session
+        timeline = session.look_back.timeline
+        end_s = max(timeline.end_s, session.t_s)
+        back = session.look_back.active
+        where = f"{clock(session.t_s)} of {clock(end_s)[2:]}"
+        w.text(
+            f"{where}   LOOKING BACK" if back else f"{where}   at the end", style.WARN if back else style.INK
+        )
+        self._slider(console, timeline, end_s)
+        names = ("back", "step-back", "play", "step", "forward", "end")
+        labels = {
+            "back": "- 10 s",
+            "step-back": "- 0.1 s",
+            "play": "Play" if session.paused else "Pause",
+            "step": "+ 0.1 s",
+            "forward": "+ 10 s",
+            "end": "End",
+        }
+        for k, name in enumerate(names):
+            command = {"play": "time.pause", "step": "time.step"}.get(name, f"timeline.{name}")
+            self._button(console, command, labels[name], first=k == 0)
+        if back:
+            self._button(console, "timeline.fly-on", "Fly on from here")
+        if timeline.left_s is not None:
+            self._button(console, "timeline.other-future", "Other future")
+        self._button(console, "timeline.keep", "Keep flight")
+        self._button(console, "timeline.dataset", "Data set ...")
+        self._button(console, "timeline.hil", "HIL run ...")
+        self._bookmarks(console, timeline)
+
+    def _button(self, console: Console, name: str, label: str, *, first: bool = False) -> None:
+        w = self._w
+        width = w.imgui.calc_text_size(label).x + 2 * w.imgui.get_style().frame_padding.x
+        w.flow(width, first=first)
+        w.button(console, name, label=label)
+
+    def _slider(self, console: Console, timeline: Timeline, end_s: float) -> None:
+        imgui, w = self._w.imgui, self._w
+        imgui.set_next_item_width(-1)
+        flags = imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.no_round_to_format
+        changed, t_s = imgui.slider_float("##t", console.session.t_s, 0.0, max(end_s, 0.1), "%.1f s", flags)
+        w.tip("seconds since the scenario's start; drag to look back, Ctrl and click to type a time")
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        draw, pad = imgui.get_window_draw_list(), 6.0 * w.window.scale
+        span = max(high.x - low.x - 2 * pad, 1.0)
+
+        def tick(at_s: float, colour: style.Rgba) -> None:
+            x = low.x + pad + span * min(at_s / max(end_s, 0.1), 1.0)
+            draw.add_line(w.vec(x, low.y), w.vec(x, high.y), w.color(colour), 2.0)
+
+        for mark in timeline.bookmarks:
+            tick(mark.t_s, style.GOOD)
+        if timeline.left_s is not None:
+            tick(timeline.left_s[0], style.WARN)
+        if changed:
+            console.do("timeline.seek", max(round(t_s, 3), 0.0))
+
+    def _bookmarks(self, console: Console, timeline: Timeline) -> None:
+        imgui, w = self._w.imgui, self._w
+        w.section("Bookmarks")
+        imgui.set_next_item_width(max(min(w.width - 110 * w.window.scale, 320 * w.window.scale), 60.0))
+        entered, self._note = imgui.input_text_with_hint(
+            "##note", "a note, and Enter", self._note, imgui.InputTextFlags_.enter_returns_true
+        )
+        imgui.same_line()
+        if imgui.button("Bookmark##add") or entered:
+            console.do("timeline.bookmark", self._note)
+            self._note = ""
+        w.tip(f"{console.table['timeline.bookmark'].help} (Ctrl+B)")
+        gone = None
+        for k, mark in enumerate(timeline.bookmarks):
+            if imgui.small_button(f"x##{k}"):
+                gone = mark.t_s
+            w.tip("take this bookmark away")
+            imgui.same_line()
+            if imgui.selectable(f"{w.elided(f'{clock(mark.t_s)}  {mark.note}', w.width)}##mark{k}", False)[0]:
+                console.do("timeline.seek", mark.t_s)
+            w.tip(mark.note or "go to this place")
+        if gone is not None:
+            console.do("timeline.unbookmark", gone)
