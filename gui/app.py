@@ -40,6 +40,8 @@ WINDOW_HZ = 30.0
 STILL_HZ = 10.0
 """When neither a picture nor input has come."""
 SLICE_S = 1 / 60
+ANSWER_WITHIN_S = 20.0
+"""A render process that takes longer hangs, unless its pictures are slow; a busy machine may take seconds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +109,7 @@ def run(request: Request) -> dict[str, Any]:
             # one being drawn and one waiting: more would only make the picture older
             ahead=2,
             restarts=True,
+            answer_within_s=ANSWER_WITHIN_S,
         ) as producer,
     ):
         if request.record is not None:

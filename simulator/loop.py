@@ -6,6 +6,7 @@ and the console decide by what they have seen what is drawn next: nothing is dra
 
 from __future__ import annotations
 
+import time
 from abc import ABC, abstractmethod
 from collections import deque
 from contextlib import contextmanager
@@ -33,6 +34,11 @@ if TYPE_CHECKING:
 
 MOST_DEATHS = 3
 """Times that drawing processes may die one after the other without a frame between, where they are started again."""
+
+FIRST_ANSWER = 6.0
+"""A drawing process may take so many times longer for its first frame: it starts, reads maps and compiles."""
+SLOW_ANSWER = 8.0
+"""And so many times longer than its slowest frame of late, where frames are slow."""
 
 Taken = TypeVar("Taken")
 Taken_contra = TypeVar("Taken_contra", contravariant=True)
@@ -232,12 +238,17 @@ class _FramesElsewhere(FrameProducer[Taken]):
         *,
         ahead: int,
         restarts: bool,
+        answer_within_s: float | None,
     ) -> None:
         self._stage, self._opener, self._ahead, self._restarts = stage, opener, ahead, restarts
+        self._answer_within_s = answer_within_s
         self._deaths = 0
         self._pool = self._start()
 
     def _start(self) -> WorkerPool[Taken]:
+        # since when the oldest frame under way is waited for, and how long the slowest of late took
+        self._waits_since_s = time.monotonic()
+        self._slowest_s: float | None = None
         return WorkerPool(
             draw_request,
             self._opener.processes,
@@ -265,6 +276,8 @@ class _FramesElsewhere(FrameProducer[Taken]):
     def submit(self, request: FrameRequest) -> bool:
         if not self._pool.has_room:
             return False
+        if not self._pool.in_flight:
+            self._waits_since_s = time.monotonic()
         try:
             self._pool.submit(request, self._stage)
         except ProcessDiedError as error:
@@ -273,9 +286,25 @@ class _FramesElsewhere(FrameProducer[Taken]):
 
     def ready(self) -> bool:
         try:
-            return self._pool.ready()
+            if self._pool.ready():
+                return True
         except ProcessDiedError as error:
             self._restart(error)
+        self._end_hanging()
+        return False
+
+    def _end_hanging(self) -> None:
+        """Give up processes that do not answer, where that is asked for."""
+        if self._answer_within_s is None or not self._pool.in_flight:
+            return
+        waited_s = time.monotonic() - self._waits_since_s
+        if self._slowest_s is None:
+            allowed_s = FIRST_ANSWER * self._answer_within_s
+        else:
+            allowed_s = max(self._answer_within_s, SLOW_ANSWER * self._slowest_s)
+        if waited_s > allowed_s:
+            self._pool.kill()
+            self._restart(None, f"has not answered for {waited_s:.0f} s")
 
     def result(self) -> Taken:
         try:
@@ -283,17 +312,23 @@ class _FramesElsewhere(FrameProducer[Taken]):
         except ProcessDiedError as error:
             self._restart(error)
         self._deaths = 0
+        now_s = time.monotonic()
+        # the first is no measure; a slow one is forgotten after a dozen that are quicker
+        took_s = now_s - self._waits_since_s
+        self._slowest_s = 0.0 if self._slowest_s is None else max(took_s, 0.9 * self._slowest_s)
+        self._waits_since_s = now_s
         return taken
 
-    def _restart(self, error: ProcessDiedError) -> NoReturn:
+    def _restart(self, error: ProcessDiedError | None, what: str = "") -> NoReturn:
         """Start other processes in place of those of which one died, unless they die again and again."""
         self._deaths += 1
+        what = what if error is None else f"died (exit code {error.exit_code})"
         if not self._restarts or self._deaths >= MOST_DEATHS:
-            raise error
+            raise error or RuntimeError(f"the drawing process {what}")
         self._pool.close()
         self._pool = self._start()
         raise FramesLostError(
-            f"the drawing process died (exit code {error.exit_code}) and is started again; the flight goes on"
+            f"the drawing process {what} and is started again; the flight goes on"
         ) from error
 
     def close(self) -> None:
@@ -323,6 +358,7 @@ def open_frames(
     prefetched: Mapping[Bands, EarthMaps] | None = None,
     ahead: int = 2,
     restarts: bool = False,
+    answer_within_s: float | None = None,
     target: Target | None = None,
 ) -> Iterator[FrameProducer[Taken]]:
     """What takes frames in this process, or in ``processes`` of their own.
@@ -335,11 +371,15 @@ def open_frames(
     prefetched : its maps, where they are being read already.
     ahead : frames of each other process that may be under way or waiting to be collected.
     restarts : whether other processes that die are followed by others.
+    answer_within_s : other processes that take longer for a frame are taken for dead; much longer is allowed for the
+        first frame, and where frames are slow. None waits for ever.
     target : what scenes drawn in this process show, instead of what they name.
     """
     if processes:
         opener = OpenRenderer(device_index=device_index, first=first, processes=processes)
-        with _FramesElsewhere(stage, opener, ahead=ahead, restarts=restarts) as elsewhere:
+        with _FramesElsewhere(
+            stage, opener, ahead=ahead, restarts=restarts, answer_within_s=answer_within_s
+        ) as elsewhere:
             yield elsewhere
         return
     from simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who draws elsewhere need not load OpenGL

@@ -167,6 +167,11 @@ class WorkerProcess(Generic[T]):
         while self._in_flight:
             yield self.result()
 
+    def kill(self) -> None:
+        """End the process at once, even one that does not answer; `close` it after that."""
+        self._process.kill()
+        self._process.join()
+
     def close(self) -> None:
         """End the process; a job that it is at is given up, for nobody will collect it."""
         if self._process.is_alive():

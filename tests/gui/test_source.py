@@ -55,6 +55,25 @@ def test_pictures_go_on_when_the_process_is_killed() -> None:
         assert (next_picture(source).image == first.image).all()
 
 
+def test_pictures_go_on_when_the_process_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("simulator.loop.FIRST_ANSWER", TIMEOUT_S)
+    request = small_request()
+    with open_frames(Frame.without_radiance, processes=1, restarts=True, answer_within_s=1.0) as source:
+        assert source.submit(request)
+        first = next_picture(source)
+        (dead,) = source.pids
+        assert dead is not None
+        os.kill(dead, signal.SIGSTOP)
+        assert source.submit(request)
+        began = time.monotonic()
+        with pytest.raises(FramesLostError, match="has not answered for 1 s and is started again"):
+            next_picture(source)
+        assert time.monotonic() - began < 10.0
+        assert source.pids != (dead,)
+        assert source.submit(request)
+        assert (next_picture(source).image == first.image).all()
+
+
 def test_a_process_that_dies_again_and_again_is_given_up() -> None:
     request = small_request()
     with open_frames(Frame.without_radiance, processes=1, restarts=True) as source:
