@@ -14,6 +14,7 @@ from gui.command_table import CommandTable
 from gui.commands.all import COMMANDS
 from gui.commands.log import save_script
 from gui.console import Console
+from gui.flight.cautions import CautionWatch
 from gui.flight.recorder import FlightRecorder
 from gui.flight.session import Session
 from gui.flight.telemetry import telemetry_of
@@ -153,6 +154,7 @@ class Loop:
         self._window = window
         self._console = console
         self._request = request
+        self._cautions = CautionWatch()
         self._layout_file = layout_file()
         saved = read_layout(self._layout_file)
         window.font_scale = saved.font_scale
@@ -261,6 +263,8 @@ class Loop:
         ):
             if trouble is not None:
                 self._console.say(trouble, "warning")
+        for level, text in self._cautions.news(self._console.session):
+            self._console.say(text, level)
 
     def _last_state(self) -> dict[str, Any]:
         console = self._console

@@ -36,6 +36,8 @@ class Message:
     level: Level
     text: str
     acknowledged: bool = False
+    acknowledged_ms: int | None = None
+    """When it was, if it was."""
 
 
 @dataclass(eq=False)
@@ -193,6 +195,16 @@ class Console:
             return
         self.messages = [*self.messages[-KEPT_MESSAGES:], Message(self.clock_ms, level, text)]
         log.log(logging.INFO if level == "note" else logging.WARNING, "%s", text)
+
+    @property
+    def waiting(self) -> list[Message]:
+        """Cautions and warnings that nobody has acknowledged, the newest last."""
+        return [m for m in self.messages if m.level != "note" and not m.acknowledged]
+
+    def acknowledge(self) -> None:
+        """All of them were seen."""
+        for message in self.waiting:
+            message.acknowledged, message.acknowledged_ms = True, self.clock_ms
 
     def open_panel(self, name: str, *, shown: bool | None = None) -> None:
         """Open a panel or view (left out: the other of open and closed), and bring it to the front."""

@@ -287,6 +287,7 @@ class Layout:
             )
             and imgui.begin_menu_bar()
         ):
+            self._master_caution(console)
             rates = f"window {console.window_hz:.0f}/s   pictures {console.feed.frames_s:.0f}/s"
             free = w.width - imgui.calc_text_size(rates).x - 32 * self._window.scale
             text, colour = self._message(console)
@@ -301,12 +302,31 @@ class Layout:
             w.coloured(style.QUIET)
             imgui.text_unformatted(rates)
             imgui.pop_style_color()
+            w.tip(f"how often the window and the pictures are drawn a second; window by {console.window_gl}")
             imgui.end_menu_bar()
         imgui.end()
 
+    def _master_caution(self, console: Console) -> None:
+        """The light of what nobody has acknowledged yet; a click, or F9, does so. It blinks until then."""
+        imgui, w = self._window.imgui, self._w
+        waiting = console.waiting
+        warning = any(m.level == "warning" for m in waiting)
+        colour = style.BAD if warning else style.WARN
+        dark = bool(waiting) and console.clock_ms % 1000 >= 650
+        face = (*colour[:3], 0.35 if dark else 0.95) if waiting else style.EDGE
+        ink = style.GROUND if waiting and not dark else style.QUIET
+        label = f"{'WARNING' if warning else 'CAUTION'} {len(waiting)}" if waiting else "CAUTION"
+        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*face))
+        w.coloured(ink)
+        if imgui.small_button(f"{label}##master") and waiting:
+            console.do("window.acknowledge")
+        imgui.pop_style_color(2)
+        newest = "\n".join(m.text for m in reversed(waiting[-8:]))
+        w.tip(f"{newest}\nclick, or F9: seen" if waiting else "master caution: nothing waits to be seen")
+
     @staticmethod
     def _message(console: Console) -> tuple[str, style.Rgba]:
-        waiting = [m for m in console.messages if m.level != "note" and not m.acknowledged]
+        waiting = console.waiting
         if waiting:
             worst = next((m for m in reversed(waiting) if m.level == "warning"), waiting[-1])
             more = f" ({len(waiting) - 1} more; F9: seen)" if len(waiting) > 1 else " (F9: seen)"

@@ -84,8 +84,7 @@ def _first_layout(console: Console) -> None:
 
 
 def _acknowledge(console: Console) -> None:
-    for message in console.messages:
-        message.acknowledged = True
+    console.acknowledge()
 
 
 def _focus(console: Console) -> None:

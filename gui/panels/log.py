@@ -29,10 +29,22 @@ class LogPanel:
         if not imgui.begin_tab_bar("log"):
             return
         if imgui.begin_tab_item_simple("Messages"):
-            w.button(console, "window.acknowledge")
             for message in reversed(console.messages[-SHOWN_LINES:]):
                 colour = style.QUIET if message.acknowledged else COLOURS[message.level]
                 w.text(f"{message.t_ms / 1000:9.1f} s  {message.text}", colour)
+            imgui.end_tab_item()
+        if imgui.begin_tab_item_simple("Cautions"):
+            w.button(console, "window.acknowledge")
+            raised = [m for m in console.messages if m.level != "note"]
+            if not raised:
+                w.text("none so far", style.QUIET)
+            for message in reversed(raised[-SHOWN_LINES:]):
+                seen = message.acknowledged_ms
+                when = f"seen {seen / 1000:.1f} s" if seen is not None else "not seen yet"
+                w.text(
+                    f"{message.t_ms / 1000:9.1f} s  {message.level}, {when}: {message.text}",
+                    style.QUIET if message.acknowledged else COLOURS[message.level],
+                )
             imgui.end_tab_item()
         if imgui.begin_tab_item_simple("Commands"):
             w.button(console, "log.save")

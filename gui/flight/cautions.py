@@ -1,0 +1,44 @@
+"""What a flight meets that an operator must know of: each is told once, when it begins."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from gui.flight.session import Session
+
+QUIET_S = 5.0
+"""A keep-out sphere that lets go for less than this has not let go."""
+
+Caution = tuple[Literal["note", "caution", "warning"], str]
+
+
+class CautionWatch:
+    """Compares a flight with what it was at the last look; another flight is begun anew."""
+
+    def __init__(self) -> None:
+        self._session: Session | None = None
+        self._guarded_s = -QUIET_S
+        self._lit = True
+
+    def news(self, session: Session) -> list[Caution]:
+        """What has begun since the last look; nothing while one looks back."""
+        if session.look_back.active:
+            return []
+        lit = session.moment.world.sun_visible_fraction > 0.0
+        told: list[Caution] = []
+        if session is self._session:
+            if session.guarded and not self._guarded_s <= session.t_s < self._guarded_s + QUIET_S:
+                told.append(("caution", "keep-out sphere: the steering is overruled, the chaser turned away"))
+            if lit != self._lit:
+                told.append(
+                    ("note", "the target is in sunlight again")
+                    if lit
+                    else ("caution", "eclipse: the target has lost the Sun")
+                )
+        else:
+            self._guarded_s = -QUIET_S
+        if session.guarded:
+            self._guarded_s = session.t_s
+        self._session, self._lit = session, lit
+        return told
