@@ -93,6 +93,7 @@ class Timeline:
         self._samples = _Samples.none()
         self._packed: list[bytes] = []
         self._packed_bytes = 0
+        self._first = b""
         self._every_s = EVERY_S
         # how many samples it shares with the flight that is kept, and the rest of it
         self._left: tuple[int, _Samples] | None = None
@@ -117,7 +118,11 @@ class Timeline:
             self._thin()
 
     def _pack(self, controls: object) -> int:
-        packed = zlib.compress(pickle.dumps(controls, protocol=5), 1)
+        plain = pickle.dumps(controls, protocol=5)
+        # all are much alike: what is told of each is how it differs from the first
+        self._first = self._first or plain
+        packer = zlib.compressobj(1, zdict=self._first)
+        packed = packer.compress(plain) + packer.flush()
         if not self._packed or self._packed[-1] != packed:
             self._packed.append(packed)
             self._packed_bytes += len(packed)
@@ -165,8 +170,9 @@ class Timeline:
         samples = self._samples
         t_s = samples.times_s[k]
         numbers = samples.numbers[WIDTH * k : WIDTH * (k + 1)]
-        # what was packed here a moment ago, not what came from outside
-        controls = pickle.loads(zlib.decompress(self._packed[samples.controls[k]]))  # noqa: S301
+        plain = zlib.decompressobj(zdict=self._first).decompress(self._packed[samples.controls[k]])
+        # what was packed here, not what came from outside
+        controls = pickle.loads(plain)  # noqa: S301
         return Place(t_s, _chaser(t_s, numbers), controls)
 
     def chaser_between(self, t_s: float) -> ChaserState | None:
