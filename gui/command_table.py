@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import shlex
 from dataclasses import dataclass
-from itertools import groupby
 from typing import TYPE_CHECKING, Any, Literal
 
 from simulator.errors import UserError
@@ -163,8 +162,10 @@ class CommandTable:
 
     def groups(self) -> list[tuple[str, list[Command]]]:
         """Commands by group, in the order they were given; one group of a name."""
-        ordered = sorted(self, key=lambda c: list(dict.fromkeys(d.group for d in self)).index(c.group))
-        return [(name, list(rows)) for name, rows in groupby(ordered, key=lambda c: c.group)]
+        by_group: dict[str, list[Command]] = {}
+        for command in self:
+            by_group.setdefault(command.group, []).append(command)
+        return list(by_group.items())
 
     def held(self, keys_down: Iterable[str]) -> frozenset[str]:
         """Names of the held commands whose keys are down."""

@@ -126,6 +126,8 @@ class Layout:
         self._build = False
         self._was_shown: dict[str, bool] = {}
         self._dockspace = 0
+        self._docked: set[str] = set()
+        """Panels that lie on the window's own ground, as of the last frame."""
 
     def first_shown(self) -> dict[str, bool]:
         """Which panels are open at the start."""
@@ -168,7 +170,9 @@ class Layout:
         self._dockspace = imgui.get_id("panels of the console")
         if self._build:
             self._build_docks()
-        imgui.dock_space_over_viewport(self._dockspace, None, imgui.DockNodeFlags_.auto_hide_tab_bar)
+        # the window is cleared to the panels' own ground: a blended plate over all of it costs a software driver 10 ms
+        bare = imgui.DockNodeFlags_.auto_hide_tab_bar | imgui.DockNodeFlags_.passthru_central_node
+        imgui.dock_space_over_viewport(self._dockspace, None, bare)
         for panel in self.panels:
             if console.shown.get(panel.name) and (console.options.panel or panel.place in {"centre", "over"}):
                 self._panel(console, panel)
@@ -196,6 +200,8 @@ class Layout:
             flags |= imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_saved_settings
         elif not self._was_shown.get(panel.name):
             imgui.set_next_window_dock_id(self._dock_of(panel), imgui.Cond_.first_use_ever)
+        if panel.name in self._docked:
+            flags |= imgui.WindowFlags_.no_background
         over = panel.place == "over"
         if bare:
             imgui.push_style_var(imgui.StyleVar_.window_padding, w.vec(0, 0))
@@ -207,6 +213,9 @@ class Layout:
         visible, stays = imgui.begin(_window_name(panel), True, flags)
         if bare or over:
             imgui.pop_style_var(bare + over)
+        self._docked.discard(panel.name)
+        if imgui.is_window_docked():
+            self._docked.add(panel.name)
         if visible:
             panel.draw(console)
         imgui.end()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from gui import style
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ NO_DISPLAY = (
     "session, or on a virtual screen with: xvfb-run -s '-screen 0 1280x800x24' flyaround sim"
 )
 FONT_PX = 16.0
-CLEAR_COLOR = (0.035, 0.043, 0.055, 1.0)
 
 
 def import_parts() -> tuple[Any, Any]:
@@ -175,7 +175,7 @@ class Window:
         self.imgui.render()
         self.context.screen.use()
         self.context.viewport = (0, 0, *self.framebuffer_size)
-        self.context.clear(*CLEAR_COLOR)
+        self.context.clear(*style.GROUND)
         self._backend.render(self.imgui.get_draw_data())
         if self.capture:
             # before the swap: afterwards the back buffer holds nothing one may rely on

@@ -161,8 +161,8 @@ COMMANDS = (
         "Fly on from here",
         "take the flight up from this place; what came after it can be brought back",
         _fly_on,
-        ("enter",),
-        "Enter",
+        ("ctrl+enter",),
+        "Ctrl+Enter",
     ),
     Command(
         "timeline.other-future",

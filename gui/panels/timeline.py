@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class TimelinePanel:
-    """Drag the slider to look back; Space plays what was flown, steering or Enter flies on from there."""
+    """Drag the slider to look back; Space plays what was flown, steering or Ctrl+Enter flies on from there."""
 
     name, title, place, shown = "timeline", "Timeline", "bottom", False
     keys, shown_keys = ("ctrl+t",), "Ctrl+T"
