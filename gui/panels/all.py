@@ -53,13 +53,10 @@ PANELS: tuple[type[Panel], ...] = (
     LvlhMap,
     PicturePanel,
     WorldPanel,
-<<<<<<< HEAD
     SensorPanel,
     TargetPanel,
     CommandLinePanel,
-=======
     TimelinePanel,
->>>>>>> 42b1d58 (Keep a timeline of the flight: go back to any place, play it, fly on from there, bookmarks, files of it)
     LogPanel,
     KeyList,
     Palette,
