@@ -15,6 +15,7 @@ from gui.commands.all import COMMANDS
 from gui.commands.log import save_script
 from gui.console import Console
 from gui.flight.cautions import CautionWatch
+from gui.flight.gamepad import Gamepad
 from gui.flight.recorder import FlightRecorder
 from gui.flight.session import Session
 from gui.flight.telemetry import telemetry_of
@@ -164,6 +165,7 @@ class Loop:
         if request.choose:
             console.open_panel("scenarios", shown=True)
         self._keys = sorted(console.table.keys())
+        self._gamepad = Gamepad()
         self._window_ms = 0.0
         self._drawn_s: list[float] = []
 
@@ -182,6 +184,8 @@ class Loop:
             if first_picture is not None:
                 console.pass_time(now_ms - last_ms, keys)
             last_ms = now_ms
+            for name, *arguments in self._gamepad.commands(window.gamepad()):
+                console.do(name, *arguments)
             changed |= console.feed.update(
                 console.session, console.options.settings, timed=console.options.overlays.times
             )

@@ -29,6 +29,10 @@ BLUE: Rgba = (0.0, 0.447, 0.698, 1.0)
 
 ACCENT = SKY_BLUE
 GOOD, WARN, BAD = GREEN, YELLOW, VERMILLION
+WITHIN, NEAR, OUTSIDE = SKY_BLUE, YELLOW, VERMILLION
+LIMIT_COLORS: dict[str, Rgba] = {"within": WITHIN, "near": NEAR, "outside": OUTSIDE}
+LIMIT_MARKS: dict[str, str] = {"within": "", "near": "!", "outside": "#"}
+"""And without colour."""
 AXIS_COLORS: tuple[Rgba, Rgba, Rgba] = (VERMILLION, GREEN, SKY_BLUE)
 """x, y, z."""
 

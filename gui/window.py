@@ -208,6 +208,23 @@ class Window:
         """Whether a Ctrl key is down."""
         return bool(self.imgui.get_io().key_ctrl)
 
+    def gamepad(self) -> tuple[str, tuple[float, ...], tuple[bool, ...]] | None:
+        """Name, axes and buttons of the first gamepad that has a standard mapping; None where none is plugged in."""
+        glfw = self._glfw
+        for k in range(glfw.JOYSTICK_1, glfw.JOYSTICK_LAST + 1):
+            if not (glfw.joystick_present(k) and glfw.joystick_is_gamepad(k)):
+                continue
+            state = glfw.get_gamepad_state(k)
+            if state is None:
+                continue
+            name = glfw.get_gamepad_name(k)
+            return (
+                name.decode(errors="replace") if isinstance(name, bytes) else str(name),
+                tuple(float(a) for a in state.axes),
+                tuple(bool(b) for b in state.buttons),
+            )
+        return None
+
     def copy(self, text: str) -> None:
         """Put a text on the clipboard."""
         self.imgui.set_clipboard_text(text)

@@ -32,6 +32,8 @@ BRAKE_M_S2 = 0.012
 """Deceleration that the pilot plans with, along the axis and across it."""
 ACROSS_GAIN_1_S, ALONG_GAIN_1_S = 0.12, 0.1
 ACROSS_M_S = 0.3
+DEAD_M_S, DEAD_PER_M = 0.002, 5e-5
+"""What is missing below this, and so much more for each metre of distance, is let be: keys that chatter cost most."""
 COARSE_ABOVE_M_S = 0.3
 """What is missing beyond this is given coarsely."""
 
@@ -63,7 +65,7 @@ class Autopilot:
         """
         f = figures
         velocity = np.array([f.right_m_s, f.down_m_s, f.closing_m_s])
-        missing = R_port_from_camera(f).T @ (self.wanted_velocity(f, goal_m) - velocity)
+        missing = f.R_port_from_camera.T @ (self.wanted_velocity(f, goal_m) - velocity)
         most = float(np.abs(missing).max())
         step = ACCELERATION_M_S2 * held_s
         gain: tuple[str, ...] = ()
@@ -71,10 +73,11 @@ class Autopilot:
             gain, step = (FINE,), step * FINE_GAIN
         elif most > COARSE_ABOVE_M_S:
             gain, step = (COARSE,), step * COARSE_GAIN
+        least = max(0.6 * step, DEAD_M_S + DEAD_PER_M * max(f.axial_m, 0.0))
         pushes = [
             positive if x > 0 else negative
             for x, (positive, negative) in zip(missing, PUSHES, strict=True)
-            if abs(x) > 0.6 * step
+            if abs(x) > least
         ]
         return frozenset((*pushes, *gain)) if pushes else frozenset()
 
@@ -127,13 +130,3 @@ class Autopilot:
         outward = float(np.clip(ALONG_GAIN_1_S * rise, 0.0, ROUND_M_S))
         sideways = ROUND_M_S * float(np.clip(1.5 - max(rise, 0.0), 0.0, 1.0))
         return np.asarray(sideways * towards + outward * out)
-
-
-def R_port_from_camera(f: DockingFigures) -> FloatArray:
-    """(3, 3) the attitude that the three angles say."""
-    r, p, y = np.radians([f.roll_deg, f.pitch_deg, f.yaw_deg])
-    cr, sr, cp, sp, cy, sy = np.cos(r), np.sin(r), np.cos(p), np.sin(p), np.cos(y), np.sin(y)
-    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    about_x = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
-    about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
-    return np.asarray(about_y @ about_x @ about_z)

@@ -81,6 +81,30 @@ class DockingFigures:
         return float(np.hypot(self.closing_m_s, self.lateral_m_s))
 
     @property
+    def R_port_from_camera(self) -> FloatArray:
+        """(3, 3) the attitude that the three angles say."""
+        r, p, y = np.radians([self.roll_deg, self.pitch_deg, self.yaw_deg])
+        cr, sr, cp, sp, cy, sy = np.cos(r), np.sin(r), np.cos(p), np.sin(p), np.cos(y), np.sin(y)
+        about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+        about_x = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
+        about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
+        return np.asarray(about_y @ about_x @ about_z)
+
+    def in_camera_m(self, points_port_m: FloatArray) -> FloatArray:
+        """Points (N, 3) of the port's axes, from its middle, in the camera's [m]."""
+        R = self.R_port_from_camera
+        tip = np.array([self.right_m, self.down_m, -self.axial_m])
+        return np.asarray((points_port_m - (tip - R @ np.array(PROBE_M))) @ R)
+
+    @property
+    def aimed_at_m(self) -> tuple[float, float] | None:
+        """Where the docking point will meet the plane of the port, right and down, unless it does not close in."""
+        if self.closing_m_s < 1e-3 or self.axial_m <= 0:
+            return None
+        left_s = self.axial_m / self.closing_m_s
+        return self.right_m + left_s * self.right_m_s, self.down_m + left_s * self.down_m_s
+
+    @property
     def off_axis_deg(self) -> float:
         """Angle at the port between its axis and the docking point: 0 on the axis, 180 behind the target."""
         return float(np.degrees(np.arctan2(self.lateral_m, self.axial_m)))
@@ -158,10 +182,14 @@ class DockingLimits:
     closing_per_m: float = 1 / 200
     lateral_per_m: float = 0.02
 
+    def lateral_at_m(self, axial_m: float) -> float:
+        """Offset allowed at a distance before the port, along each of the two directions."""
+        return self.lateral_m + self.lateral_per_m * axial_m
+
 
 TWO_TENTHS = DockingLimits(
     name="two-tenths",
-    title="0.2 m/s, 0.2 m, 0.2 deg",
+    title="All below 0.2",
     source="SpaceX's docking simulator (iss-sim.spacex.com): every figure below 0.2",
     closing_m_s=0.2,
     lateral_m=0.2,
@@ -171,8 +199,8 @@ TWO_TENTHS = DockingLimits(
 )
 IDSS = DockingLimits(
     name="idss",
-    title="International Docking System Standard",
-    source="IDSS Interface Definition Document, initial contact conditions",
+    title="IDSS standard",
+    source="International Docking System Standard, initial contact conditions",
     closing_m_s=0.10,
     slowest_m_s=0.05,
     lateral_m=0.10,
@@ -198,6 +226,11 @@ class Judged:
     limit: float
 
     @property
+    def text(self) -> str:
+        """The value with its sign and two places; nothing is minus zero."""
+        return f"{round(self.value, 2) + 0.0:+.2f}"
+
+    @property
     def share(self) -> float:
         """Size over limit."""
         return abs(self.value) / self.limit
@@ -214,10 +247,8 @@ def judge(
     """Each figure beside its limit at the distance where the chaser is."""
     f, away = figures, max(figures.axial_m, 0.0)
     closing = max(limits.closing_m_s, limits.closing_per_m * away)
-    across, across_rate = (
-        limits.lateral_m + limits.lateral_per_m * away,
-        limits.lateral_m_s + limits.lateral_per_m * limits.lateral_m_s * away,
-    )
+    across = limits.lateral_at_m(away)
+    across_rate = limits.lateral_m_s * (1 + limits.lateral_per_m * away)
     # within the offset allowed at the port the angle at it says nothing
     off_axis = 0.0 if f.lateral_m <= limits.lateral_m and f.axial_m > -limits.lateral_m else f.off_axis_deg
     rows = (

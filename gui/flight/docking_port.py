@@ -53,9 +53,9 @@ class DockingPort:
 def docking_port(target: Target, flight: Flight) -> DockingPort:
     """The port of a target at the start of a flight.
 
-    It is the frame ``docking`` of the model. A target without one is docked with where the axis of approach, which goes
-    through its centre of mass, leaves the body: the corridor's axis of the scenario, the axis of its hold point, or
-    else the velocity axis. From then on it turns with the target.
+    It is the frame ``docking`` of the model, or the tip of the probe that stands out of it. A target without one is
+    docked with where the axis of approach, which goes through its centre of mass, leaves the body: the corridor's axis
+    of the scenario, the axis of its hold point, or else the velocity axis. From then on it turns with the target.
 
     Parameters
     ----------
@@ -65,7 +65,12 @@ def docking_port(target: Target, flight: Flight) -> DockingPort:
     com = np.array(target.mass.com_m)
     if FRAME in target.frames:
         origin, axis = (np.array(x, float) for x in target.frames[FRAME])
-        return _with_axes("docking port", origin - com, axis, R_target_from_lvlh, flight)
+        axis /= np.linalg.norm(axis)
+        # a probe stands out of its port: what is met first is its tip
+        reach = 2 * radius_m(target)
+        way = way_to_surface_m(target, origin + reach * axis, -axis)
+        tip = 0.0 if way is None else max(reach - way, 0.0)
+        return _with_axes("docking port", origin - com + tip * axis, axis, R_target_from_lvlh, flight)
     lvlh = approach_axis_lvlh(flight.guidance)
     return port_along(target, R_target_from_lvlh @ np.array(lvlh), R_target_from_lvlh, flight)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gui.flight.docking import (
+    CAPTURE_M,
     CORRIDOR_DEG,
     TWO_TENTHS,
     Contact,
@@ -20,7 +21,7 @@ from gui.flight.docking import (
     touches_port,
 )
 from gui.flight.docking_port import docking_port, port_along, radius_m, target_from_lvlh, way_to_surface_m
-from gui.flight.hold_points import HoldPoints
+from gui.flight.hold_points import HoldPoints, not_ready
 from simulator.runtime.arrays import quat, vec3
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
@@ -96,6 +97,13 @@ class Docking:
         self._port = port_along(self._target, axis, target_from_lvlh(flight, chaser.t_s), flight)
         self.hold_points = HoldPoints(self.figures(chaser, flight).range_m)
 
+    def not_ready(self, chaser: ChaserState, flight: Flight) -> tuple[str, ...]:
+        """What is against leaving the next hold point; nothing where there is none."""
+        point = self.hold_points.next
+        if point is None:
+            return ()
+        return not_ready(point, self.figures(chaser, flight), self.limits, self.corridor_deg)
+
     def kept(self) -> dict[str, Any]:
         """All that must come back with a place of the flight."""
         points = vars(self).get("hold_points")
@@ -132,8 +140,11 @@ class Docking:
         was, now = self.figures(before, flight), self.figures(after, flight)
         self._armed = self._armed or now.range_m > JUDGED_AGAIN_M
         at_port = touches_port(was, now)
-        if not at_port and not self._strikes(before, after, flight):
-            return after, ()
+        if not at_port:
+            if not self._strikes(before, after, flight):
+                return after, ()
+            # guides and latches stand out about a port
+            at_port = was.lateral_m <= CAPTURE_M and 0.0 < was.axial_m <= CAPTURE_M
         contact = judge_contact(was, self.limits, at_port=at_port)
         news: tuple[News, ...] = ()
         if self._armed:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gui.flight.docking_watch import Docking
-from gui.flight.hold_points import not_ready
 from gui.flight.jumps import EVENTS, next_event_s, search_s
 from gui.flight.look_back import LookBack
 from gui.flight.planned_burns import predicted_path
@@ -340,6 +339,11 @@ class Session:
         self._jump, self.rate, self.paused = "", min(self.rate, 1.0), False
         self._moment = None
 
+    @property
+    def chaser(self) -> ChaserState:
+        """The chaser now, at less cost than the whole `moment`."""
+        return self._now()
+
     def state_lvlh(self) -> LvlhState:
         """Position [m] and velocity [m s-1] of the chaser now, LVLH, (3,) each."""
         chaser = self._now()
@@ -395,11 +399,9 @@ class Session:
             return False
         if not self.steering.autopilot or self._steered is None:
             return True
-        point = self.docking.hold_points.next
-        if point is None:
+        if self.docking.hold_points.next is None:
             return False
-        figures = self.docking.figures(self._steered, self.flight)
-        return not not_ready(point, figures, self.docking.limits, self.docking.corridor_deg)
+        return not self.docking.not_ready(self._steered, self.flight)
 
     def _now(self) -> ChaserState:
         return self.flight.chaser(self._t_s) if self._steered is None else self._steered

@@ -45,6 +45,8 @@ PILOT_S = 0.1
 COAST_STEP_S = 20.0
 ABORT_M_S2 = 0.25
 """With which an abort turns the chaser round."""
+PLUME_AGAIN_S = 300.0
+"""Between two cautions of it."""
 # radial, along-track, cross-track of the keys right, down, forward: R is up, W along the flight, D to its right
 LVLH_OF_KEYS = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 
@@ -79,6 +81,7 @@ class Steering:
         self.braking = False
         self.guarded = False
         self.plume = False
+        self._plume_told_s = -np.inf
         self.guided: Guided | None = None
         self.aborting = False
         self.autopilot = False
@@ -230,12 +233,13 @@ class Steering:
             command.acceleration_lvlh_m_s2
         )
         self.propellant = self.propellant.after(given, h)
-        self._watch_plume(plume_strikes(chaser, given, self.docking.radius_m))
+        self._watch_plume(chaser.t_s, plume_strikes(chaser, given, self.docking.radius_m))
         self.burns = self.burns.after(chaser.t_s + h)
         return command
 
-    def _watch_plume(self, strikes: bool) -> None:  # noqa: FBT001 - what was found
-        if strikes and not self.plume:
+    def _watch_plume(self, t_s: float, strikes: bool) -> None:  # noqa: FBT001 - what was found
+        if strikes and t_s >= self._plume_told_s + PLUME_AGAIN_S:
+            self._plume_told_s = t_s
             self.news.append(("caution", "the plume strikes the target: push sideways, or from farther away"))
         self.plume = strikes
 

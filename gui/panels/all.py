@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 from gui.panels.chaser import ChaserPanel
 from gui.panels.command_line import CommandLinePanel
+from gui.panels.docking import DockingPanel
 from gui.panels.editor import EditorPanel
 from gui.panels.key_list import KeyList, Palette
 from gui.panels.log import LogPanel
 from gui.panels.picture import PicturePanel, WorldPanel
 from gui.panels.scenarios import ScenarioChooser
 from gui.panels.sensor import SensorPanel
+from gui.panels.steering import SteeringPanel
 from gui.panels.target import TargetPanel
 from gui.panels.time import TimePanel
 from gui.panels.timeline import TimelinePanel
@@ -57,6 +59,8 @@ PANELS: tuple[type[Panel], ...] = (
     TargetPanel,
     CommandLinePanel,
     TimelinePanel,
+    SteeringPanel,
+    DockingPanel,
     LogPanel,
     KeyList,
     Palette,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gui import style
 from gui.picture.truth_overlay import Marker, Marks, Pixel, Seen
+from gui.views.docking_hud import DockingHud
+from gui.views.letterbox import Letterbox
+from gui.views.mouse_steering import MouseSteering
 
 if TYPE_CHECKING:
     from gui.console import Console
@@ -21,34 +23,6 @@ if TYPE_CHECKING:
 SEEN_COLORS: dict[Seen, style.Rgba] = {"visible": style.GOOD, "shadowed": style.WARN, "hidden": style.BAD}
 
 
-@dataclass(frozen=True)
-class Letterbox:
-    """Where a picture lies on the screen.
-
-    Parameters
-    ----------
-    x, y : screen position of the picture's top-left edge. scale : screen units per pixel of the picture.
-    """
-
-    x: float
-    y: float
-    width: float
-    height: float
-    scale: float
-
-    @staticmethod
-    def fit(image: tuple[int, int], place: tuple[float, float, float, float]) -> Letterbox:
-        """The largest centred rectangle of the image's aspect inside ``place`` (x, y, width, height)."""
-        x, y, width, height = place
-        scale = min(width / image[0], height / image[1])
-        w, h = image[0] * scale, image[1] * scale
-        return Letterbox(x + (width - w) / 2, y + (height - h) / 2, w, h, scale)
-
-    def at(self, pixel: Pixel) -> Pixel:
-        """Screen position of a point of the picture; pixel (0, 0) is the centre of the first one."""
-        return (self.x + (pixel[0] + 0.5) * self.scale, self.y + (pixel[1] + 0.5) * self.scale)
-
-
 class CameraView:
     """Draws the picture and what is laid over it; keeps the marks of the picture that is up."""
 
@@ -58,6 +32,8 @@ class CameraView:
     def __init__(self, window: Window) -> None:
         self._window = window
         self._imgui = window.imgui
+        self._docking = DockingHud(window)
+        self._mouse = MouseSteering(window)
         self._target: Target | None = None
         self._marker: Marker | None = None
         self._marks = Marks()
@@ -80,12 +56,15 @@ class CameraView:
         draw.add_image(
             texture, imgui.ImVec2(box.x, box.y), imgui.ImVec2(box.x + box.width, box.y + box.height)
         )
+        self._mouse.take(box, console)
         draw.push_clip_rect(
             imgui.ImVec2(box.x, box.y), imgui.ImVec2(box.x + box.width, box.y + box.height), True
         )
         self._draw_marks(draw, box, picture, options, paused=session.paused)
         if options.overlays.crosshair:
             self._crosshair(draw, box, picture)
+        if options.overlays.docking:
+            self._docking.draw(box, console, picture)
         draw.pop_clip_rect()
         if options.overlays.hud:
             self._hud(draw, place, session, feed, picture)
@@ -285,13 +264,20 @@ def _clock(t_s: float) -> str:
 
 
 def _badge(session: Session) -> tuple[str, style.Rgba]:
+    steering = session.steering
     if session.mode == "guidance":
         badge, color = "GUIDANCE", style.ACCENT
     else:
-        attitude = "TRACK" if session.tracking else "RATE"
-        badge, color = f"STEER / {attitude}{' / BRAKE' if session.braking else ''}", style.WARN
+        attitude = "TRACK" if session.tracking else steering.attitude.upper()
+        axes = " LVLH" if steering.axes == "lvlh" else ""
+        badge = (
+            f"{(steering.doing or 'steer').upper()}{axes} / {attitude}{' / BRAKE' if session.braking else ''}"
+        )
+        color = style.ACCENT if steering.doing else style.WARN
         if session.guarded:
             badge, color = f"{badge} / KEEP OUT", style.BAD
+    if session.jumping:
+        badge = f"JUMP  {badge}"
     if session.look_back.active:
         badge, color = f"LOOKING BACK  {badge}", style.WARN
     return (f"PAUSED  {badge}" if session.paused else badge), color

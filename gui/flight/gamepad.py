@@ -1,0 +1,96 @@
+"""What a gamepad's sticks and buttons ask for, as commands; its states come from the window. No glfw here.
+
+Axes and buttons are those of SDL's standard mapping, which glfw knows for some thousand gamepads.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gui.command_table import Value
+
+    Do = tuple[str, *tuple[Value, ...]]
+    Pad = tuple[str, tuple[float, ...], tuple[bool, ...]]
+
+DEAD = 0.12
+"""Share of a stick's way about its middle that counts as none."""
+GRAIN = 0.05
+"""Shares are told in steps of this, so that a trembling stick does not fill the log."""
+LEFT_X, LEFT_Y, RIGHT_X, RIGHT_Y, LEFT_TRIGGER, RIGHT_TRIGGER = range(6)
+BUTTONS: tuple[Do | tuple[()], ...] = (
+    ("steer.stop",),  # A
+    ("docking.abort",),  # B
+    ("steer.attitude",),  # X
+    ("docking.approach",),  # Y
+    (),  # left bumper: roll
+    (),  # right bumper: roll
+    ("steer.lvlh",),  # back
+    ("time.pause",),  # start
+    (),  # guide
+    ("steer.centre",),  # left stick pressed
+    ("docking.go",),  # right stick pressed
+    ("steer.pulse", "forward"),  # cross
+    ("steer.pulse", "right"),
+    ("steer.pulse", "back"),
+    ("steer.pulse", "left"),
+)
+LEFT_BUMPER, RIGHT_BUMPER = 4, 5
+STILL = (0.0, 0.0, 0.0)
+
+
+class Gamepad:
+    """Turns states of a gamepad into commands, each once when it changes.
+
+    Left stick: right and left, down and up. Triggers: forward (right) and back. Right stick: yaw, and pitch as a
+    control column has it: pulled back the nose goes up. Bumpers: roll.
+    """
+
+    def __init__(self) -> None:
+        self._last: tuple[bool, ...] | None = None
+        self._thrust = self._turn = STILL
+
+    def commands(self, pad: Pad | None) -> list[Do]:
+        """What changed since the last look.
+
+        Parameters
+        ----------
+        pad : name; six axes from -1 to 1, down and right positive, triggers -1 when they are free; fifteen buttons.
+            None where no gamepad is plugged in.
+        """
+        if pad is None:
+            gone = self._last is not None
+            self._last, self._thrust, self._turn = None, STILL, STILL
+            return [("steer.stick-lost",)] if gone else []
+        _, axes, buttons = pad
+        done: list[Do] = []
+        thrust, turn = sticks(axes, buttons)
+        if thrust != self._thrust:
+            done.append(("steer.stick-thrust", *thrust))
+        if turn != self._turn:
+            done.append(("steer.stick-turn", *turn))
+        before = buttons if self._last is None else self._last
+        for what, was, now in zip(BUTTONS, before, buttons, strict=False):
+            if what and now and not was:
+                done.append(what)
+        self._last, self._thrust, self._turn = buttons, thrust, turn
+        return done
+
+
+def sticks(
+    axes: Sequence[float], buttons: Sequence[bool]
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Thrust to the right, down, forward, and turn up, right, clockwise, as shares."""
+    forward = (axes[RIGHT_TRIGGER] - axes[LEFT_TRIGGER]) / 2
+    roll = float(buttons[RIGHT_BUMPER]) - float(buttons[LEFT_BUMPER])
+    thrust = (share(axes[LEFT_X]), share(axes[LEFT_Y]), share(forward))
+    return thrust, (share(axes[RIGHT_Y]), share(axes[RIGHT_X]), roll)
+
+
+def share(axis: float) -> float:
+    """An axis without its dead middle, in even steps from -1 to 1."""
+    size = min(max((abs(axis) - DEAD) / (1 - DEAD), 0.0), 1.0)
+    stepped = round(round(size / GRAIN) * GRAIN, 2)
+    return stepped if axis > 0 or stepped == 0.0 else -stepped

@@ -1,0 +1,104 @@
+"""Docking in figures: each beside its limit, hold points with go and no-go, abort, the last contact's score."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui import style
+from gui.flight.docking import PRESETS, judge
+from gui.views.docking_hud import status
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.flight.docking import Judged
+    from gui.window import Window
+
+DECIDED = {"open": style.INK, "go": style.WITHIN, "no-go": style.OUTSIDE, "passed": style.QUIET}
+
+
+class DockingPanel:
+    """The approach to the port, and what decides it."""
+
+    name, title, place, shown = "docking", "Docking", "left", False
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, session = self._w, console.session
+        docking = session.docking
+        text, colour = status(console)
+        w.text(text, colour)
+        w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3)
+        w.coloured(style.OUTSIDE)
+        w.button(console, "docking.abort", width=w.width)
+        w.imgui.pop_style_color()
+        w.switch(console, "overlay.docking", "Display over the view")
+        figures = docking.figures(session.moment.chaser, session.flight)
+        w.section(docking.port.name.capitalize())
+        w.row("Distance", (figures.axial_m,), "{:.2f} m", "of the docking point before the port's plane")
+        self._table(judge(figures, docking.limits, docking.corridor_deg))
+        self._preset(console)
+        self._points(console)
+        self._contacts(console)
+
+    def _table(self, rows: tuple[Judged, ...]) -> None:
+        w, imgui = self._w, self._w.imgui
+        if not imgui.begin_table("figures", 3, imgui.TableFlags_.sizing_stretch_prop):
+            return
+        for weight in (0.5, 0.28, 0.22):
+            imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch, weight)
+        for row in rows:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            short = row.name.replace("offset ", "").replace("rate ", "").replace(" rate", "")
+            w.text(f"{short} {row.unit}", style.QUIET)
+            w.tip(row.name)
+            imgui.table_next_column()
+            mark = style.LIMIT_MARKS[row.state]
+            w.text(f"{row.text}{mark}".rstrip(), style.LIMIT_COLORS[row.state])
+            w.tip(f"{row.state} the limit" if row.state != "near" else "near the limit: up to twice as much")
+            imgui.table_next_column()
+            w.text(f"{row.limit:.2g}", style.QUIET)
+            w.tip("the limit at this distance")
+        imgui.end_table()
+
+    def _preset(self, console: Console) -> None:
+        w, imgui = self._w, self._w.imgui
+        names = list(PRESETS)
+        now = console.session.docking.limits
+        imgui.set_next_item_width(w.width)
+        changed, k = imgui.combo("##limits", names.index(now.name), [p.title for p in PRESETS.values()])
+        w.tip(f"limits: {now.source}; ! near a limit, # outside")
+        if changed:
+            console.do("docking.limits", names[k])
+        w.button(console, "docking.axis-here", width=w.width)
+
+    def _points(self, console: Console) -> None:
+        w, session = self._w, console.session
+        w.section("Hold points")
+        points = session.docking.hold_points.points
+        if not points:
+            w.text("none: the approach begins inside the last one", style.QUIET)
+        following = session.docking.hold_points.next
+        for p in points:
+            here = following is not None and p.name == following.name
+            w.text(f"{'>' if here else ' '} {p.name} {p.axial_m:5g} m  {p.decision}", DECIDED[p.decision])
+        if following is not None:
+            for why in session.docking.not_ready(session.moment.chaser, session.flight):
+                w.text(f"not yet: {why}", style.QUIET)
+        w.button(console, "time.next-hold-point", width=w.width)
+
+    def _contacts(self, console: Console) -> None:
+        w = self._w
+        contact = console.session.docking.contact
+        if contact is None:
+            return
+        w.section("Contact")
+        colour = style.WITHIN if contact.docked else style.OUTSIDE
+        w.text(f"T+{contact.t_s:.1f} s: {'docked' if contact.docked else 'no docking'}", colour)
+        w.text(f"score {contact.score} of 100", colour)
+        for miss in contact.misses:
+            w.text(miss, style.OUTSIDE)

@@ -1,0 +1,79 @@
+"""Steering: axes, pulses, attitude, guidance modes at a click, what it has cost, planned burns, jumps."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui import style
+from gui.flight.jumps import EVENTS
+from gui.flight.steering import ATTITUDE_MODES
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.window import Window
+
+GUIDANCE = (
+    "guidance.hold",
+    "guidance.vbar",
+    "guidance.rbar",
+    "guidance.glideslope",
+    "guidance.flyaround",
+    "guidance.circumnavigate",
+    "guidance.safe-ellipse",
+    "guidance.keep-range",
+    "guidance.drift",
+)
+
+
+class SteeringPanel:
+    """How keys and sticks act, what else may fly the chaser, and its propellant."""
+
+    name, title, place, shown = "steering", "Steering", "left", False
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, steering = self._w, console.session.steering
+        w.switches(console, ("steer.lvlh", "steer.pulses"))
+        w.section("Attitude")
+        for k, mode in enumerate(ATTITUDE_MODES):
+            width = w.imgui.calc_text_size(mode).x + 2 * w.imgui.get_style().frame_padding.x
+            w.flow(width, first=k == 0)
+            w.button(console, "steer.attitude", mode, label=mode, on=steering.attitude == mode)
+        w.section("Guidance")
+        w.text(steering.doing or "by hand", style.ACCENT if steering.doing else style.QUIET)
+        if steering.guided is not None:
+            w.text(steering.guided.phase(console.session.t_s), style.QUIET)
+        w.buttons(console, GUIDANCE, 2)
+        self._cost(console)
+        self._burns(console)
+        w.section("Jump")
+        w.buttons(console, [f"time.next-{event}" for event in EVENTS], 1)
+
+    def _cost(self, console: Console) -> None:
+        w, steering = self._w, console.session.steering
+        spent = steering.propellant
+        w.section("Spent by steering")
+        w.row("Delta-v", (spent.delta_v_m_s,), "{:.3f} m/s", "sum of what the thrusters gave")
+        isp = spent.thrusters.specific_impulse_s
+        w.row("Propellant", (spent.used_kg,), "{:.3f} kg", f"at a specific impulse of {isp:g} s")
+        w.row("Mass", (spent.mass_kg,), "{:.2f} kg", "of the chaser; the scenario's thrusters or 100 kg")
+        if steering.plume:
+            w.text("# the plume strikes the target", style.OUTSIDE)
+        else:
+            w.text("plume clear of the target", style.QUIET)
+
+    def _burns(self, console: Console) -> None:
+        w, steering = self._w, console.session.steering
+        w.section("Planned burns")
+        if not steering.burns.burns:
+            w.text("none; burn.plan T RADIAL ALONG CROSS in Do ... (Ctrl+P) plans one", style.QUIET)
+            return
+        for burn in steering.burns.burns:
+            left = burn.t_s - console.session.t_s
+            parts = " ".join(f"{v:+.3f}" for v in burn.delta_v_lvlh_m_s)
+            w.text(f"T+{burn.t_s:.0f} s, in {left:.0f} s: {parts} m/s")
+        w.button(console, "burn.cancel", width=w.width)

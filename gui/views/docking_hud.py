@@ -1,0 +1,229 @@
+"""The docking display over the camera's picture: corridor, port, reticle, and the figures coloured by their limits."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gui import style
+from gui.canvas import Canvas
+from gui.flight.docking import CAPTURE_M, Judged, judge
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.canvas import Point
+    from gui.console import Console
+    from gui.flight.docking import DockingFigures
+    from gui.flight.docking_watch import Docking
+    from gui.picture.feed import Picture
+    from gui.views.letterbox import Letterbox
+    from gui.window import Window
+    from simulator.camera.lens.camera_model import Camera
+
+NEAR_M = 0.05
+RING_SHARE = 0.31
+"""Radius of the ring over the smaller side of the picture."""
+LEAST_RING = 105.0
+"""In a smaller picture the figures are the panel's alone."""
+LABELLED = 60.0
+"""Squares of hold points beyond the next are named from this width on."""
+FULL_SCALE_DEG = 15.0
+"""Where a needle of the attitude stops."""
+
+
+class DockingHud:
+    """Draws it over one view.
+
+    Parameters
+    ----------
+    window : drawn in.
+    """
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._w = Widgets(window)
+
+    def draw(self, box: Letterbox, console: Console, picture: Picture) -> None:
+        """Draw over a picture; all figures are of the picture's own moment."""
+        session = console.session
+        if picture.moment.target is not session.plan.target:
+            # the last picture of another scenario
+            return
+        docking = session.docking
+        figures = docking.figures(picture.moment.chaser, session.flight)
+        rows = {r.name: r for r in judge(figures, docking.limits, docking.corridor_deg)}
+        canvas, camera = Canvas(self._window), picture.frame.scene.camera
+        self._corridor(canvas, box, camera, figures, docking)
+        self._port(canvas, box, camera, figures, rows)
+        self._window.imgui.push_font(self._window.figure_font, 0.0)
+        self._ring(canvas, box, camera, figures, rows)
+        self._status(canvas, box, console)
+        self._window.imgui.pop_font()
+
+    # --- in the picture
+
+    def _corridor(
+        self, canvas: Canvas, box: Letterbox, camera: Camera, figures: DockingFigures, docking: Docking
+    ) -> None:
+        """A square about the axis at each hold point, as wide as the offset may be there."""
+        following = docking.hold_points.next
+        for point in docking.hold_points.points:
+            if point.axial_m > figures.axial_m + 1.0:
+                continue
+            half = docking.limits.lateral_at_m(point.axial_m)
+            corners = np.array([[x * half, y * half, -point.axial_m] for x, y in _SQUARE])
+            drawn = self._seen(box, camera, figures, corners)
+            if drawn is None:
+                continue
+            ahead = following is not None and point.name == following.name
+            colour = style.ACCENT if ahead else style.QUIET
+            canvas.stroke(drawn, colour, 2.0 if ahead else 1.2, closed=True)
+            width = max(abs(drawn[1][0] - drawn[0][0]), abs(drawn[1][1] - drawn[0][1]))
+            if ahead or width > LABELLED:
+                canvas.text((drawn[1][0] + 5, drawn[1][1] - 8), f"{point.name} {point.axial_m:g} m", colour)
+
+    def _port(
+        self,
+        canvas: Canvas,
+        box: Letterbox,
+        camera: Camera,
+        figures: DockingFigures,
+        rows: dict[str, Judged],
+    ) -> None:
+        """The port's rim and its upper side, and where the docking point will meet its plane."""
+        turn = np.linspace(0.0, 2 * np.pi, 33)[:-1]
+        rim = np.stack([CAPTURE_M * np.cos(turn), CAPTURE_M * np.sin(turn), 0 * turn], axis=1)
+        drawn = self._seen(box, camera, figures, rim)
+        worst = max((rows["offset right"], rows["offset down"]), key=lambda r: r.share)
+        colour = style.LIMIT_COLORS[worst.state]
+        if drawn is not None:
+            canvas.stroke(drawn, colour, 1.8, closed=True)
+        cross = self._seen(box, camera, figures, np.array(_CROSS) * CAPTURE_M)
+        if cross is not None:
+            for a, b in ((0, 1), (2, 3), (4, 5)):
+                canvas.stroke((cross[a], cross[b]), colour, 1.8)
+        aim = figures.aimed_at_m
+        if aim is not None:
+            at = self._seen(box, camera, figures, np.array([[*aim, 0.0]]))
+            if at is not None:
+                x, y = at[0]
+                canvas.diamond((x, y), 6.0, style.INK)
+
+    def _seen(
+        self, box: Letterbox, camera: Camera, figures: DockingFigures, points_port_m: np.ndarray
+    ) -> list[Point] | None:
+        """Screen places of points, or None if one is beside or behind the camera."""
+        in_camera = figures.in_camera_m(points_port_m)
+        depth = in_camera[:, 2]
+        # what is far out of the picture would be bent by the lens
+        if depth.min() < NEAR_M or np.any(np.linalg.norm(in_camera[:, :2], axis=1) > 1.5 * depth):
+            return None
+        return [box.at((float(x), float(y))) for x, y in camera.project(in_camera)]
+
+    # --- over the picture
+
+    def _ring(
+        self,
+        canvas: Canvas,
+        box: Letterbox,
+        camera: Camera,
+        figures: DockingFigures,
+        rows: dict[str, Judged],
+    ) -> None:
+        cx, cy = box.at((camera.cx_px, camera.cy_px))
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            canvas.stroke([(cx + r * dx, cy + r * dy) for r in (6, 22)], style.INK, 1.4)
+        radius = RING_SHARE * min(box.width, box.height)
+        if radius < LEAST_RING * self._window.scale:
+            return
+        canvas.circle((cx, cy), radius, (*style.INK[:3], 0.55), 1.2)
+        self._needles(canvas, (cx, cy), radius, figures, rows)
+        line = self._w.line
+        self._pair(canvas, (cx, cy - radius - 2.2 * line), rows["roll"], rows["roll rate"], 0.5)
+        self._pair(canvas, (cx + radius + 14, cy - line), rows["pitch"], rows["pitch rate"], 0.0)
+        self._pair(canvas, (cx, cy + radius + 0.4 * line), rows["yaw"], rows["yaw rate"], 0.5)
+        self._pair(canvas, (cx - radius - 14, cy - 2.2 * line), rows["offset right"], rows["rate right"], 1.0)
+        self._pair(canvas, (cx - radius - 14, cy + 0.2 * line), rows["offset down"], rows["rate down"], 1.0)
+        self._text(canvas, (cx, cy + radius - 3.1 * line), f"{figures.axial_m:.2f} m", style.INK, 0.5)
+        self._figure(canvas, (cx, cy + radius - 2.1 * line), "closing", rows["closing"], 0.5)
+
+    def _needles(
+        self,
+        canvas: Canvas,
+        centre: Point,
+        radius: float,
+        figures: DockingFigures,
+        rows: dict[str, Judged],
+    ) -> None:
+        """Marks at the ring that wander with roll (above), pitch (right) and yaw (below); at rest where it is right."""
+        cx, cy = centre
+        for name, value, base in (
+            ("roll", figures.roll_deg, -90.0),
+            ("pitch", -figures.pitch_deg, 0.0),
+            ("yaw", -figures.yaw_deg, 90.0),
+        ):
+            moved = base + 2 * float(np.clip(value, -FULL_SCALE_DEG, FULL_SCALE_DEG))
+            for angle, colour, inner, outer, weight in (
+                (base, style.INK, 0.97, 1.03, 1.4),
+                (moved, style.LIMIT_COLORS[rows[name].state], 0.90, 1.0, 3.0),
+            ):
+                c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+                a = (cx + inner * radius * c, cy + inner * radius * s)
+                canvas.stroke([a, (cx + outer * radius * c, cy + outer * radius * s)], colour, weight)
+
+    def _pair(self, canvas: Canvas, at: Point, value: Judged, rate: Judged, share: float) -> None:
+        self._figure(canvas, at, value.name.removeprefix("offset "), value, share)
+        self._figure(canvas, (at[0], at[1] + self._w.line), "", rate, share)
+
+    @staticmethod
+    def _text(canvas: Canvas, at: Point, text: str, rgba: style.Rgba, share: float) -> None:
+        """Letters of which ``share`` lies left of the place: 0.5 centres them."""
+        canvas.text((at[0] - share * canvas.size(text)[0], at[1]), text, rgba)
+
+    def _figure(self, canvas: Canvas, at: Point, name: str, row: Judged, share: float) -> None:
+        text = f"{name} {row.text} {row.unit}".strip() + style.LIMIT_MARKS[row.state]
+        self._text(canvas, at, text, style.LIMIT_COLORS[row.state], share)
+
+    def _status(self, canvas: Canvas, box: Letterbox, console: Console) -> None:
+        """What flies, and what the operator is waited for."""
+        session = console.session
+        text, colour = status(console)
+        if session.steering.plume:
+            text, colour = f"{text}   PLUME ON TARGET".strip(), style.OUTSIDE
+        self._text(canvas, (box.x + box.width / 2, box.y + 0.6 * self._w.line), text, colour, 0.5)
+
+
+_SQUARE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+# right arm, left arm, and the one that is up
+_CROSS = (
+    (0.6, 0.0, 0.0),
+    (1.4, 0.0, 0.0),
+    (-0.6, 0.0, 0.0),
+    (-1.4, 0.0, 0.0),
+    (0.0, -0.4, 0.0),
+    (0.0, -1.8, 0.0),
+)
+
+
+def status(console: Console) -> tuple[str, style.Rgba]:
+    """A line on how the approach stands, and its colour."""
+    session = console.session
+    docking, steering = session.docking, session.steering
+    contact = docking.contact
+    if docking.docked and contact is not None:
+        return f"DOCKED   score {contact.score}", style.WITHIN
+    if steering.aborting:
+        return "ABORT: RETREAT", style.OUTSIDE
+    if contact is not None and not contact.docked and session.t_s - contact.t_s < 20.0:
+        return f"CONTACT, NO DOCKING: {contact.misses[0]}", style.OUTSIDE
+    point = docking.hold_points.next
+    goal = "port" if point is None else f"{point.name} {point.axial_m:g} m"
+    if not steering.autopilot:
+        return f"by hand   next: {goal}", style.INK
+    if point is None:
+        return "AUTOPILOT to the port", style.ACCENT
+    waits = not docking.not_ready(session.moment.chaser, session.flight)
+    if point.decision == "no-go":
+        return f"NO-GO at {goal}", style.NEAR
+    return (f"{goal}: GO? (Enter)", style.NEAR) if waits else (f"AUTOPILOT to {goal}", style.ACCENT)

@@ -1,0 +1,37 @@
+"""Where a picture lies on the screen: as large as fits, its shape kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gui.picture.truth_overlay import Pixel
+
+
+@dataclass(frozen=True)
+class Letterbox:
+    """Where a picture lies on the screen.
+
+    Parameters
+    ----------
+    x, y : screen position of the picture's top-left edge. scale : screen units per pixel of the picture.
+    """
+
+    x: float
+    y: float
+    width: float
+    height: float
+    scale: float
+
+    @staticmethod
+    def fit(image: tuple[int, int], place: tuple[float, float, float, float]) -> Letterbox:
+        """The largest centred rectangle of the image's aspect inside ``place`` (x, y, width, height)."""
+        x, y, width, height = place
+        scale = min(width / image[0], height / image[1])
+        w, h = image[0] * scale, image[1] * scale
+        return Letterbox(x + (width - w) / 2, y + (height - h) / 2, w, h, scale)
+
+    def at(self, pixel: Pixel) -> Pixel:
+        """Screen position of a point of the picture; pixel (0, 0) is the centre of the first one."""
+        return (self.x + (pixel[0] + 0.5) * self.scale, self.y + (pixel[1] + 0.5) * self.scale)

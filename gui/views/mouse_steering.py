@@ -1,0 +1,66 @@
+"""Steering by the mouse over the camera's picture: drag to turn or to push, the wheel for pulses."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui.flight.gamepad import STILL, share
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.views.letterbox import Letterbox
+    from gui.window import Window
+
+REACH = 0.25
+"""A drag over this share of the picture's height is the whole turn or push."""
+TIP = (
+    "drag: turn towards where you drag; right button: push there; wheel: 1 cm/s forward or back; "
+    "middle button: bring the target to the middle"
+)
+
+
+class MouseSteering:
+    """Makes the picture a stick while a button is held on it.
+
+    Parameters
+    ----------
+    window : whose mouse it is.
+    """
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+        self._thrust = self._turn = STILL
+
+    def take(self, box: Letterbox, console: Console) -> None:
+        """Lay an invisible button over the picture, and do what the mouse does on it."""
+        imgui, w = self._w.imgui, self._w
+        imgui.set_cursor_screen_pos(w.vec(box.x, box.y))
+        flags = imgui.ButtonFlags_
+        imgui.invisible_button(
+            "steer by mouse",
+            w.vec(max(box.width, 1.0), max(box.height, 1.0)),
+            flags.mouse_button_left | flags.mouse_button_right | flags.mouse_button_middle,
+        )
+        if imgui.is_item_hovered():
+            wheel = imgui.get_io().mouse_wheel
+            if wheel:
+                console.do("steer.pulse", "forward" if wheel > 0 else "back")
+            if imgui.is_mouse_clicked(imgui.MouseButton_.middle):
+                console.do("steer.centre")
+        thrust, turn = STILL, STILL
+        if imgui.is_item_active():
+            for button in (imgui.MouseButton_.left, imgui.MouseButton_.right):
+                if not imgui.is_mouse_down(button):
+                    continue
+                way = imgui.get_mouse_drag_delta(button, 0.0)
+                x, y = (share(float(d) / (REACH * box.height)) for d in (way.x, way.y))
+                if button == imgui.MouseButton_.left:
+                    turn = (-y if y else 0.0, x, 0.0)
+                else:
+                    thrust = (x, y, 0.0)
+        if turn != self._turn:
+            console.do("steer.stick-turn", *turn)
+        if thrust != self._thrust:
+            console.do("steer.stick-thrust", *thrust)
+        self._thrust, self._turn = thrust, turn
