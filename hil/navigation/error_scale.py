@@ -57,9 +57,13 @@ class ErrorScale:
 
     @property
     def factors(self) -> FloatArray:
-        """(6,) of the standard deviations, along camera axes: right, down, forward, turn about the same."""
-        prior = self.settings.prior_poses
-        squared = (prior + self.squares) / (prior + self.weight)
+        """(6,) of the standard deviations, along camera axes: right, down, forward, turn about the same.
+
+        The geometric mean of what is believed: a size too small by a factor harms more than one too large by it.
+        """
+        degrees = self.degrees_of_freedom
+        # the mean logarithm of an inverse gamma variable, but for terms of the second order
+        squared = (self.settings.prior_poses + self.squares) / (degrees - 1.0)
         return np.clip(np.sqrt(squared), self.settings.least, self.settings.most)
 
     def faded(self) -> ErrorScale:
