@@ -174,7 +174,7 @@ COMMANDS = (
     ),
     Command(
         "guidance.circumnavigate",
-        "Natural circumnavigation",
+        "Circumnavigation",
         "one burn onto the 2:1 ellipse about the target through where the chaser is, then free flight",
         _circumnavigate,
         arguments=(_distance("size", "half of its radial size [m]"),),

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from gui.flight.guidance_modes import LvlhState
     from gui.flight.jumps import Event
-    from gui.flight.planned_burns import PredictedPath
+    from gui.flight.planned_burns import BurnPlan, PredictedPath
     from gui.flight.steering import AttitudeMode
     from simulator.runtime.arrays import FloatArray
     from simulator.scenario.plan import Plan
@@ -472,9 +472,17 @@ class Session:
         """Where the chaser would drift without thrust over the next minutes, LVLH (n, 3) [m]."""
         return predicted_drift_lvlh_m(self.flight.orbit, self.moment.chaser, DRIFT_S)
 
-    def predicted_burns(self, after_s: float = DRIFT_S) -> PredictedPath:
-        """The path that follows from the planned burns, and where each of them is."""
-        return predicted_path(self.flight.orbit, self.moment.chaser, self.steering.burns, after_s)
+    def predicted_burns(
+        self, plan: BurnPlan | None = None, after_s: float = DRIFT_S, samples: int = 60
+    ) -> PredictedPath:
+        """The path that follows from planned burns, and where each of them is.
+
+        Parameters
+        ----------
+        plan : instead of what is planned. after_s : after the last of them. samples : of each leg.
+        """
+        burns = self.steering.burns if plan is None else plan
+        return predicted_path(self.flight.orbit, self.chaser, burns, after_s, samples)
 
     def _lvlh_position(self, chaser: ChaserState) -> Vec3:
         p, v = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)

@@ -110,8 +110,12 @@ class Steering:
         self._held = frozenset(held)
         if self.thrust == "pulse":
             gain = manual_control.gain(held)
-            self._pulse_m_s += manual_control.PULSE_M_S * gain * manual_control.direction(THRUST, begun)
-            self._pulse_rad += manual_control.PULSE_RAD * gain * manual_control.direction(TURN, begun)
+            self._pulse_m_s = self._pulse_m_s + manual_control.PULSE_M_S * gain * manual_control.direction(
+                THRUST, begun
+            )
+            self._pulse_rad = self._pulse_rad + manual_control.PULSE_RAD * gain * manual_control.direction(
+                TURN, begun
+            )
         if self.pushed_by_hand:
             self._by_hand_from_now()
 
@@ -123,8 +127,10 @@ class Steering:
 
     def pulse(self, name: str) -> None:
         """One push of a held command's direction, however thrust is given."""
-        self._pulse_m_s += manual_control.PULSE_M_S * manual_control.direction(THRUST, {name})
-        self._pulse_rad += manual_control.PULSE_RAD * manual_control.direction(TURN, {name})
+        self._pulse_m_s = self._pulse_m_s + manual_control.PULSE_M_S * manual_control.direction(
+            THRUST, {name}
+        )
+        self._pulse_rad = self._pulse_rad + manual_control.PULSE_RAD * manual_control.direction(TURN, {name})
         if name in THRUST:
             self._by_hand_from_now()
 

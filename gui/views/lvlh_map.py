@@ -20,6 +20,7 @@ from gui.flight.relative_map import (
     sun_lvlh,
     target_edges_lvlh_m,
 )
+from gui.views.burn_nodes import BurnNodes
 from gui.widgets import Widgets
 from simulator.runtime.arrays import Vec3, vec3
 
@@ -40,7 +41,10 @@ FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE
 
 
 class LvlhMap:
-    """What was planned, flown and is foretold; keep-out sphere, corridor, burns, Sun; wheel zooms, a drag moves."""
+    """What was planned, flown and is foretold; keep-out sphere, corridor, burns, Sun.
+
+    Wheel: zoom. Drag: move. Right click: plan a burn there, or cancel the one that is there; drag its node or handle.
+    """
 
     name, title, place, shown = "lvlh-map", "LVLH map", "right-middle", True
 
@@ -53,6 +57,7 @@ class LvlhMap:
         self._burns = np.zeros((0, 3))
         self._drift, self._drift_t_s = np.zeros((1, 3)), -np.inf
         self._dragging = False
+        self._nodes = BurnNodes()
         self.ports: tuple[MapPort, ...] = ()
 
     def draw(self, console: Console) -> None:
@@ -84,6 +89,7 @@ class LvlhMap:
             self._target(canvas, port, session, frame)
             for burn in self._burns:
                 canvas.diamond(_point(port.at(burn)), 4.5, style.PURPLE)
+            self._nodes.draw(canvas, port)
             self._chaser(canvas, port, here, boresight_lvlh(world, frame))
             self._sun(canvas, port, sun_lvlh(world, frame), world.sun_visible_fraction)
             self._letters(canvas, port, session)
@@ -100,7 +106,7 @@ class LvlhMap:
 
     def _extent(self, session: Session, flown: FloatArray) -> FloatArray:
         """Everything that a fitted map holds: the drift only as far as the rest is wide."""
-        points = [self._planned, flown, self._burns, np.zeros((1, 3))]
+        points = [self._planned, flown, self._burns, self._nodes.path_lvlh_m, np.zeros((1, 3))]
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is not None:
             points.append(keep_out.radius_m * np.vstack([np.eye(3), -np.eye(3)]))
@@ -117,7 +123,15 @@ class LvlhMap:
         io = imgui.get_io()
         mouse = io.mouse_pos
         port = next((p for p in self.ports if p.inside(mouse.x, mouse.y)), self.ports[0])
-        if imgui.is_item_hovered():
+        over = imgui.is_item_hovered()
+        pressed = (
+            over and imgui.is_mouse_clicked(imgui.MouseButton_.left),
+            imgui.is_mouse_down(imgui.MouseButton_.left),
+            over and imgui.is_mouse_clicked(imgui.MouseButton_.right),
+        )
+        if self._nodes.take_mouse(console, self.ports, (mouse.x, mouse.y), pressed):
+            return
+        if over:
             if imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
                 console.do("map.fit")
                 return

@@ -1,0 +1,189 @@
+"""Planned burns on the LVLH map: nodes on the path that they make, with handles that are dragged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from gui import style
+from gui.flight.planned_burns import BurnPlan, PlannedBurn
+from simulator.runtime.arrays import vec3
+
+if TYPE_CHECKING:
+    from gui.canvas import Canvas, Point
+    from gui.console import Console
+    from gui.flight.planned_burns import PredictedPath
+    from gui.flight.relative_map import MapPort, Plane
+    from gui.flight.session import Session
+    from simulator.runtime.arrays import FloatArray
+
+COLOUR = style.PURPLE
+ARM = 16.0
+"""Screen units from a node to its handle where the burn has no part in the plane."""
+PER_M_S = 800.0
+"""And further for each metre a second: 40 units for 5 cm/s."""
+GRIP = 9.0
+"""The pointer takes a node or handle within this."""
+FIRST_M_S = 0.02
+"""Along the flight: what a burn is that is planned by a click."""
+EVERY_S = 0.5
+"""The path is worked out anew this often, at 1x."""
+SAMPLES = 40
+
+
+@dataclass(frozen=True)
+class Grip:
+    """What of which burn the pointer holds, and in which plane."""
+
+    burn: PlannedBurn
+    what: Literal["node", "handle"]
+    port: MapPort
+
+
+class BurnNodes:
+    """Draws the planned burns and lets them be dragged; the command is given once, when the button is let go."""
+
+    def __init__(self) -> None:
+        self._grip: Grip | None = None
+        self._plan = BurnPlan()
+        self._path: PredictedPath | None = None
+        self._of: tuple[object, ...] = ()
+
+    def take_mouse(
+        self, console: Console, ports: tuple[MapPort, ...], mouse: Point, pressed: tuple[bool, bool, bool]
+    ) -> bool:
+        """Do what the pointer asks of burns; whether the map must leave it alone.
+
+        Parameters
+        ----------
+        ports : planes on the screen. mouse : where the pointer is.
+        pressed : whether the left button went down on the map, is down, and whether the right one went down on it.
+        """
+        session = console.session
+        self._refresh(session, session.steering.burns if self._grip is None else self._plan)
+        clicked, down, other = pressed
+        port = next((p for p in ports if p.inside(*mouse)), None)
+        if self._grip is not None:
+            if down:
+                self._drag(session, mouse)
+            else:
+                self._let_go(console)
+            return True
+        if port is None or not (clicked or other):
+            return False
+        grip = self._found(port, mouse)
+        if clicked and grip is not None:
+            self._grip, self._plan = grip, session.steering.burns
+            return True
+        if other and grip is not None:
+            console.do("burn.cancel", grip.burn.t_s)
+        elif other:
+            console.do("burn.plan", self._time_at(session, port, mouse), 0.0, FIRST_M_S, 0.0)
+        return other
+
+    def draw(self, canvas: Canvas, port: MapPort) -> None:
+        """The path after the burns, each node, and its handle in this plane."""
+        path, burns = self._path, self._plan.burns
+        if path is None or not burns:
+            return
+        canvas.stroke(port.at(path.points_lvlh_m), COLOUR, 1.6, dashed=True)
+        for burn, node in zip(burns, path.nodes_lvlh_m, strict=False):
+            at = _point(port.at(node))
+            canvas.arrow(at, handle(at, burn, port.plane), COLOUR, 1.8)
+            canvas.dot(handle(at, burn, port.plane), 3.5, style.INK)
+            canvas.diamond(at, 5.0, COLOUR)
+            canvas.text((at[0] + 8, at[1] + 4), f"{burn.size_m_s:.3f} m/s", style.INK)
+
+    @property
+    def path_lvlh_m(self) -> FloatArray:
+        """(n, 3) the path that the burns make; empty without any."""
+        return np.zeros((0, 3)) if self._path is None else self._path.points_lvlh_m
+
+    # --- inside
+
+    def _refresh(self, session: Session, plan: BurnPlan) -> None:
+        key = (session, plan, int(session.t_s / (EVERY_S * max(session.rate, 1.0))))
+        if key == self._of:
+            return
+        self._of, self._plan = key, plan
+        # a burn that has begun has no node any more
+        ahead = BurnPlan(tuple(b for b in plan.burns if b.t_s >= session.t_s))
+        self._plan = ahead
+        self._path = session.predicted_burns(ahead, samples=SAMPLES) if ahead.burns else None
+
+    def _found(self, port: MapPort, mouse: Point) -> Grip | None:
+        if self._path is None:
+            return None
+        for burn, node in zip(self._plan.burns, self._path.nodes_lvlh_m, strict=False):
+            at = _point(port.at(node))
+            for what, place in (("handle", handle(at, burn, port.plane)), ("node", at)):
+                if np.hypot(place[0] - mouse[0], place[1] - mouse[1]) <= GRIP:
+                    return Grip(burn, "handle" if what == "handle" else "node", port)
+        return None
+
+    def _drag(self, session: Session, mouse: Point) -> None:
+        grip = self._grip
+        if grip is None or self._path is None:
+            return
+        nodes = dict(zip((b.t_s for b in self._plan.burns), self._path.nodes_lvlh_m, strict=False))
+        node = nodes.get(grip.burn.t_s)
+        if node is None:
+            self._grip = None
+            return
+        if grip.what == "handle":
+            burn = dragged(grip.burn, grip.port.plane, _point(grip.port.at(node)), mouse)
+        else:
+            burn = replace(grip.burn, t_s=self._time_at(session, grip.port, mouse))
+        others = tuple(b for b in self._plan.burns if b.t_s != grip.burn.t_s)
+        self._grip = replace(grip, burn=burn)
+        self._plan = BurnPlan(tuple(sorted((*others, burn), key=lambda b: b.t_s)))
+        self._refresh(session, self._plan)
+
+    def _let_go(self, console: Console) -> None:
+        grip, self._grip = self._grip, None
+        if grip is None:
+            return
+        planned = console.session.steering.burns.burns
+        # a node that was moved along the path is another time: the old one goes
+        gone = [b for b in planned if b.t_s not in {p.t_s for p in self._plan.burns}]
+        for burn in gone:
+            console.do("burn.cancel", burn.t_s)
+        if grip.burn not in planned:
+            console.do("burn.plan", grip.burn.t_s, *grip.burn.delta_v_lvlh_m_s)
+        self._of = ()
+
+    def _time_at(self, session: Session, port: MapPort, mouse: Point) -> float:
+        """When the chaser is nearest to the pointer, of what is foretold; not in the next seconds."""
+        path = self._path
+        if path is None:
+            session.take_over()
+            path = session.predicted_burns(BurnPlan(), samples=SAMPLES)
+        way = port.at(path.points_lvlh_m) - np.array(mouse)
+        ahead = path.times_s > session.t_s + 5.0
+        k = int(np.argmin(np.where(ahead, np.hypot(way[:, 0], way[:, 1]), np.inf)))
+        return round(float(path.times_s[k]), 1)
+
+
+def handle(node: Point, burn: PlannedBurn, plane: Plane) -> Point:
+    """Screen place of a burn's handle: from its node along what the plane sees of its delta-v."""
+    part = np.array([burn.delta_v_lvlh_m_s[plane.right], -burn.delta_v_lvlh_m_s[plane.up]])
+    size = float(np.linalg.norm(part))
+    along = part / size if size > 0 else np.array([1.0, 0.0])
+    return _point(np.array(node) + (ARM + PER_M_S * size) * along)
+
+
+def dragged(burn: PlannedBurn, plane: Plane, node: Point, mouse: Point) -> PlannedBurn:
+    """The burn whose handle is where the pointer is, in whole millimetres a second; never none at all."""
+    way = np.array([mouse[0] - node[0], node[1] - mouse[1]])
+    length = float(np.linalg.norm(way))
+    size = max(length - ARM, 0.0) / PER_M_S
+    parts = np.array(burn.delta_v_lvlh_m_s)
+    parts[[plane.right, plane.up]] = size * way / max(length, 1e-9)
+    parts = np.round(parts, 3) + 0.0
+    return replace(burn, delta_v_lvlh_m_s=vec3(parts)) if parts.any() else burn
+
+
+def _point(p: FloatArray) -> Point:
+    return (float(p[0]), float(p[1]))

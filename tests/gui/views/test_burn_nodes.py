@@ -1,0 +1,114 @@
+"""Planned burns on the map: planned, dragged, moved along the path and cancelled by the pointer, without a window."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+
+from gui.app import command_table, options_of
+from gui.console import Console
+from gui.flight.planned_burns import burn_of
+from gui.flight.relative_map import IN_PLANE, OUT_OF_PLANE, MapLook, ports
+from gui.flight.session import Session
+from gui.picture.feed import Feed
+from gui.views.burn_nodes import ARM, FIRST_M_S, PER_M_S, BurnNodes, dragged, handle
+from simulator.scenario.load import load_scenario
+from simulator.world.guidance.free_flight import FreeDrift
+
+LEFT_DOWN, HELD, RIGHT, NOTHING = (
+    (True, True, False),
+    (False, True, False),
+    (False, False, True),
+    (False, False, False),
+)
+
+
+class NoRenderer:
+    """Takes no picture: the flight alone is under test."""
+
+    def submit(self, request: object) -> bool:
+        return False
+
+    def finished(self) -> tuple[()]:
+        return ()
+
+
+@pytest.fixture
+def console() -> Console:
+    scenario = msgspec.structs.replace(
+        load_scenario("tango-flyaround"), chaser=FreeDrift(position_lvlh_m=(0.0, 50.0, 0.0))
+    )
+    session = Session.of(scenario)
+    session.take_over()
+    return Console(session, Feed(NoRenderer()), options_of(session), command_table())
+
+
+PORTS = ports((0.0, 0.0, 800.0, 400.0), MapLook(width_m=200.0))
+
+
+def test_a_handle_is_where_it_was_dragged_to() -> None:
+    burn = burn_of(100.0, 0.02, -0.05, 0.01)
+    for plane in (IN_PLANE, OUT_OF_PLANE):
+        at = handle((100.0, 100.0), burn, plane)
+        part = np.array([burn.delta_v_lvlh_m_s[plane.right], burn.delta_v_lvlh_m_s[plane.up]])
+        assert np.hypot(at[0] - 100.0, at[1] - 100.0) == pytest.approx(
+            ARM + PER_M_S * float(np.linalg.norm(part))
+        )
+        assert dragged(burn, plane, (100.0, 100.0), at) == burn
+    # a burn never becomes none at all
+    assert dragged(burn_of(1.0, 0.02, 0.0, 0.0), IN_PLANE, (0.0, 0.0), (0.0, 1.0)).size_m_s == 0.02
+
+
+def test_a_right_click_plans_a_burn_there_and_cancels_it(console: Console) -> None:
+    nodes = BurnNodes()
+    session = console.session
+    drift = session.predicted_burns()
+    k = int(np.searchsorted(drift.times_s, 300.0))
+    mouse = tuple(float(x) for x in PORTS[0].at(drift.points_lvlh_m[k]))
+    assert nodes.take_mouse(console, PORTS, mouse, RIGHT)
+    (burn,) = session.steering.burns.burns
+    assert burn.t_s == pytest.approx(drift.times_s[k], abs=16.0)
+    assert burn.delta_v_lvlh_m_s == (0.0, FIRST_M_S, 0.0)
+    node = session.predicted_burns().nodes_lvlh_m[0]
+    mouse = tuple(float(x) for x in PORTS[0].at(node))
+    assert nodes.take_mouse(console, PORTS, mouse, RIGHT)
+    assert session.steering.burns.burns == ()
+    assert not nodes.take_mouse(console, PORTS, mouse, NOTHING)
+
+
+def test_a_handle_is_dragged_by_one_command(console: Console) -> None:
+    nodes, session = BurnNodes(), console.session
+    console.do("burn.plan", 200.0, 0.0, 0.05, 0.0)
+    node = tuple(float(x) for x in PORTS[0].at(session.predicted_burns().nodes_lvlh_m[0]))
+    start = handle(node, session.steering.burns.burns[0], IN_PLANE)
+    before = len(console.log.lines)
+    assert nodes.take_mouse(console, PORTS, start, LEFT_DOWN)
+    up = (node[0], node[1] - ARM - 0.03 * PER_M_S)
+    assert nodes.take_mouse(console, PORTS, up, HELD)
+    assert session.steering.burns.burns[0].delta_v_lvlh_m_s == (0.0, 0.05, 0.0)
+    assert nodes.take_mouse(console, PORTS, up, NOTHING)
+    assert session.steering.burns.burns[0].delta_v_lvlh_m_s == pytest.approx((0.03, 0.0, 0.0), abs=1e-9)
+    assert [line.name for line in console.log.lines[before:]] == ["burn.plan"]
+
+
+def test_a_node_is_moved_along_the_path_to_another_time(console: Console) -> None:
+    nodes, session = BurnNodes(), console.session
+    console.do("burn.plan", 200.0, 0.0, 0.05, 0.0)
+    drift = session.predicted_burns()
+    node = tuple(float(x) for x in PORTS[0].at(drift.nodes_lvlh_m[0]))
+    k = int(np.searchsorted(drift.times_s, 120.0))
+    earlier = tuple(float(x) for x in PORTS[0].at(drift.points_lvlh_m[k]))
+    assert nodes.take_mouse(console, PORTS, node, LEFT_DOWN)
+    nodes.take_mouse(console, PORTS, earlier, HELD)
+    nodes.take_mouse(console, PORTS, earlier, NOTHING)
+    (burn,) = session.steering.burns.burns
+    assert burn.t_s < 190.0
+    assert burn.delta_v_lvlh_m_s == (0.0, 0.05, 0.0)
+
+
+def test_the_map_keeps_the_mouse_where_no_burn_is(console: Console) -> None:
+    nodes = BurnNodes()
+    console.do("burn.plan", 200.0, 0.0, 0.05, 0.0)
+    assert not nodes.take_mouse(console, PORTS, (20.0, 390.0), LEFT_DOWN)
+    assert not nodes.take_mouse(console, PORTS, (-50.0, 10.0), RIGHT)
