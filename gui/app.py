@@ -37,11 +37,16 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 SAVE_FOLDER = Path("out") / "console"
-WINDOW_HZ = 30.0
-"""The window's own rate: fast enough for keys, and software GL keeps its cores for the picture."""
+WINDOW_HZ, SOFTWARE_HZ = 60.0, 33.0
+"""The window's own rate; lower where software draws it, whose processors draw the picture too."""
 STILL_HZ = 10.0
 """When neither a picture nor input has come."""
+SHARE = 0.9
+"""Of the time that the window may take where drawing it is slow."""
 SLICE_S = 1 / 60
+"""Input, time and pictures are looked after at least so often."""
+GIVES_WAY = 5
+"""Niceness of the render process: keys and the window go before pictures."""
 ANSWER_WITHIN_S = 20.0
 """A render process that takes longer hangs, unless its pictures are slow; a busy machine may take seconds."""
 
@@ -112,6 +117,7 @@ def run(request: Request) -> dict[str, Any]:
             ahead=2,
             restarts=True,
             answer_within_s=ANSWER_WITHIN_S,
+            gives_way=GIVES_WAY,
         ) as producer,
     ):
         if request.record is not None:
@@ -177,8 +183,13 @@ class Loop:
         first_picture: float | None = None
         changed = True
         keys: frozenset[str] = frozenset()
+        hz = SOFTWARE_HZ if window.software else WINDOW_HZ
         while window.open and not console.wants_close:
-            changed |= window.wait(SLICE_S)
+            least_s = max(1 / hz, min(1e-3 * self._window_ms / SHARE, 1 / STILL_HZ))
+            # while time runs maps and figures move, whether a picture has come or not
+            changed |= not console.session.paused
+            due = drawn + (least_s if changed else 1 / STILL_HZ)
+            changed |= window.wait(min(max(due - window.seconds, 0.0), SLICE_S))
             now = window.seconds
             now_ms = round(now * 1000)
             if first_picture is not None:
@@ -190,8 +201,6 @@ class Loop:
                 console.session, console.options.settings, timed=console.options.overlays.times
             )
             self._tell_troubles()
-            # where software draws the window too, it takes half of the time at most
-            least_s = max(1 / WINDOW_HZ, min(2e-3 * self._window_ms, 1 / STILL_HZ))
             if now - drawn >= (least_s if changed else 1 / STILL_HZ):
                 keys = self._draw(first_picture is not None)
                 self._account(now)

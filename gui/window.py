@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Self
 
+import cv2
 import numpy as np
 
 from gui import style
@@ -24,6 +25,8 @@ NO_DISPLAY = (
     "session, or on a virtual screen with: xvfb-run -s '-screen 0 1280x800x24' flyaround sim"
 )
 FONT_PX = 16.0
+SOFTWARE = ("llvmpipe", "softpipe", "swrast")
+"""Drivers that draw on the processor."""
 
 
 def import_parts() -> tuple[Any, Any]:
@@ -70,6 +73,7 @@ class Window:
         self._windowed: tuple[int, int, int, int] | None = None
         self.context = moderngl.create_context(require=330)
         self.gl_renderer = str(self.context.info["GL_RENDERER"])
+        self.software = any(name in self.gl_renderer.lower() for name in SOFTWARE)
         self.imgui.create_context()
         self.implot.create_context()
         io = self.imgui.get_io()
@@ -88,7 +92,7 @@ class Window:
         self.captured: ByteArray | None = None
         self.text_font, self.figure_font = self._load_fonts()
         self.font_scale = 1.0
-        self._textures: dict[str, tuple[moderngl.Texture, object]] = {}
+        self._textures: dict[str, tuple[moderngl.Texture, object, tuple[int, int] | None]] = {}
 
     def _open(self, title: str, size: tuple[int, int]) -> Any:  # noqa: ANN401 - a foreign handle
         glfw = self._glfw
@@ -248,23 +252,45 @@ class Window:
 
     # --- pixels
 
-    def show_picture(self, view: str, key: object, image: np.ndarray, bits: int) -> Any:  # noqa: ANN401 - an imgui handle
+    def show_picture(
+        self,
+        view: str,
+        key: object,
+        image: np.ndarray,
+        bits: int,
+        *,
+        size: tuple[float, float] | None = None,
+    ) -> Any:  # noqa: ANN401 - an imgui handle
         """The picture as a texture for ``imgui.image``; uploaded when ``key`` is a new one.
 
         Parameters
         ----------
         view : who shows it; each has a texture of its own.
         image : (H, W) or (H, W, 3) digital numbers of ``bits`` bits.
+        size : on the screen, where it is known. A software driver is then handed a picture of that size: OpenCV scales
+            it in a tenth of the time.
         """
-        texture, shown = self._textures.get(view, (None, None))
-        if texture is None or key is not shown:
-            texture = self._upload(
-                texture, image if bits == 8 else (image >> max(bits - 8, 0)).astype(np.uint8)
-            )
-            self._textures[view] = (texture, key)
+        ratio = self.imgui.get_io().display_framebuffer_scale
+        scaled = (
+            (max(round(size[0] * ratio.x), 1), max(round(size[1] * ratio.y), 1))
+            if size is not None and self.software
+            else None
+        )
+        texture, shown, shown_size = self._textures.get(view, (None, None, None))
+        if texture is None or key is not shown or scaled != shown_size:
+            eight = image if bits == 8 else (image >> max(bits - 8, 0)).astype(np.uint8)
+            if scaled is not None:
+                smaller = scaled[0] < eight.shape[1]
+                eight = cv2.resize(
+                    eight, scaled, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+                )
+            texture = self._upload(texture, eight, whole_pixels=scaled is not None)
+            self._textures[view] = (texture, key, scaled)
         return self.imgui.ImTextureRef(texture.glo)
 
-    def _upload(self, texture: moderngl.Texture | None, image: ByteArray) -> moderngl.Texture:
+    def _upload(
+        self, texture: moderngl.Texture | None, image: ByteArray, *, whole_pixels: bool
+    ) -> moderngl.Texture:
         height, width = image.shape[:2]
         components = 1 if image.ndim == 2 else 3
         if texture is None or (texture.size, texture.components) != ((width, height), components):
@@ -273,6 +299,9 @@ class Window:
             texture = self.context.texture((width, height), components, alignment=1)
             texture.swizzle = "RRR1" if components == 1 else "RGB1"
             texture.repeat_x = texture.repeat_y = False
+            # a texel a pixel needs no interpolation
+            kind = self.context.NEAREST if whole_pixels else self.context.LINEAR
+            texture.filter = (kind, kind)
         texture.write(np.ascontiguousarray(image).tobytes(), alignment=1)
         return texture
 
@@ -286,7 +315,7 @@ class Window:
 
     def release(self) -> None:
         """Close the window and free what it held."""
-        for texture, _ in self._textures.values():
+        for texture, _, _ in self._textures.values():
             texture.release()
         self._backend.shutdown()
         self.implot.destroy_context()

@@ -6,6 +6,7 @@ and the console decide by what they have seen what is drawn next: nothing is dra
 
 from __future__ import annotations
 
+import os
 import time
 from abc import ABC, abstractmethod
 from collections import deque
@@ -211,15 +212,19 @@ class OpenRenderer:
     first : the first scene to come, for a quicker first frame: its maps are read while the renderer starts.
     processes : that draw at once, this one too. On a GPU each needs a processor; a software driver shares the
         processors out among them, and two are better used by two processes of one thread than by one of two.
+    gives_way : how much less urgent than the caller the processes are, as of `os.nice`.
     """
 
     device_index: int | None = None
     first: SceneState | None = None
     processes: int = 1
+    gives_way: int = 0
 
     def __call__(self) -> Renderer:
         """The renderer; the process's share of the processors is settled before its context is made."""
         share_processors(self.processes)
+        if self.gives_way and hasattr(os, "nice"):
+            os.nice(self.gives_way)
         from simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who asks need not load OpenGL
 
         prefetched = prefetch_maps_of(self.first)
@@ -359,6 +364,7 @@ def open_frames(
     ahead: int = 2,
     restarts: bool = False,
     answer_within_s: float | None = None,
+    gives_way: int = 0,
     target: Target | None = None,
 ) -> Iterator[FrameProducer[Taken]]:
     """What takes frames in this process, or in ``processes`` of their own.
@@ -373,10 +379,13 @@ def open_frames(
     restarts : whether other processes that die are followed by others.
     answer_within_s : other processes that take longer for a frame are taken for dead; much longer is allowed for the
         first frame, and where frames are slow. None waits for ever.
+    gives_way : how much less urgent other processes are than this one, as of `os.nice`: a window goes before pictures.
     target : what scenes drawn in this process show, instead of what they name.
     """
     if processes:
-        opener = OpenRenderer(device_index=device_index, first=first, processes=processes)
+        opener = OpenRenderer(
+            device_index=device_index, first=first, processes=processes, gives_way=gives_way
+        )
         with _FramesElsewhere(
             stage, opener, ahead=ahead, restarts=restarts, answer_within_s=answer_within_s
         ) as elsewhere:

@@ -52,10 +52,11 @@ class CameraView:
             return
         image = picture.frame.image
         box = Letterbox.fit((image.shape[1], image.shape[0]), place)
-        texture = self._window.show_picture(self.name, picture, image, picture.frame.scene.sensor.bits)
-        draw.add_image(
-            texture, imgui.ImVec2(box.x, box.y), imgui.ImVec2(box.x + box.width, box.y + box.height)
-        )
+        bits = picture.frame.scene.sensor.bits
+        size = (round(box.width), round(box.height))
+        texture = self._window.show_picture(self.name, picture, image, bits, size=size)
+        left, top = round(box.x), round(box.y)
+        draw.add_image(texture, imgui.ImVec2(left, top), imgui.ImVec2(left + size[0], top + size[1]))
         self._mouse.take(box, console)
         draw.push_clip_rect(
             imgui.ImVec2(box.x, box.y), imgui.ImVec2(box.x + box.width, box.y + box.height), True
@@ -85,9 +86,13 @@ class CameraView:
         if key != self._marks_of:
             self._marks_of = key
             target = picture.moment.target
-            if self._marker is None or target is not self._target:
-                self._target, self._marker = target, Marker(target)
-            self._marks = self._marker.marks(picture.frame.scene, on, exact=paused)
+            if not (on.keypoints or on.box or on.axes or on.wireframe):
+                # the marker joins the whole mesh, which a view without marks need not wait for
+                self._marks = Marks()
+            else:
+                if self._marker is None or target is not self._target:
+                    self._target, self._marker = target, Marker(target)
+                self._marks = self._marker.marks(picture.frame.scene, on, exact=paused)
         marks, color, vec = self._marks, self._color, self._vec
         for a, b in marks.wireframe:
             draw.add_line(vec(box.at(a)), vec(box.at(b)), color((*style.ACCENT[:3], 0.75)), 1.2)
