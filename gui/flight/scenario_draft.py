@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from gui.flight.text_lines import line_of
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
 from simulator.scenario.load import MOST_BYTES, list_scenarios, load_scenario, parse_scenario
@@ -59,8 +60,9 @@ class ScenarioDraft:
                 raise UserError(f"the text is larger than {MOST_BYTES // 1_000_000} MB")
             scenario = parse_scenario(content, "this scenario", self.name or "edited", self.folder)
         except UserError as error:
-            self.problem = str(error)
-            raise
+            line = line_of(str(error), self.text)
+            self.problem = f"{'' if line is None else f'line {line}: '}{error}"
+            raise UserError(self.problem) from error
         self.problem = ""
         return scenario
 

@@ -35,6 +35,7 @@ from simulator.errors import UserError
 from simulator.frame import Frame
 from simulator.labels.truth import truth_document
 from simulator.runtime.files import write_atomic
+from simulator.scenario.faults import LineFault
 
 logger = logging.getLogger(__name__)
 
@@ -73,6 +74,7 @@ class RunConfig:
     closed_loop : asked in the end what a closed loop came to; None where the frames follow a plan.
     decide_every_s : realtime, a closed loop: the next frame is asked for no earlier than so long after this one's
         exposure, with all poses that have come by then in.
+    new_line_faults : asked before each frame for faults of the line that begin now, where the link lets them be added.
     """
 
     link: LinkConfig
@@ -86,6 +88,7 @@ class RunConfig:
     recorders: tuple[Recorder, ...] = ()
     closed_loop: Callable[[], ClosedLoopFigures | None] | None = None
     decide_every_s: float | None = None
+    new_line_faults: Callable[[], Iterable[LineFault]] = tuple
 
 
 def run_host(
@@ -158,7 +161,7 @@ def run_host(
                     f"no board connected to {link.url} within {config.connect_timeout_s:g} s{refused}:"
                     f" start one with `flyaround hil board {link.url}`"
                 )
-            ended = _send_all(run, _on_one_footing(first, iterator))
+            ended = _send_all(run, _on_one_footing(first, iterator), config.new_line_faults)
         except KeyboardInterrupt:
             ended = "interrupted"
             raise
@@ -175,8 +178,12 @@ def run_host(
     return summary
 
 
-def _send_all(board: BoardSink, frames: Iterator[Frame]) -> Ended:
+def _send_all(
+    board: BoardSink, frames: Iterator[Frame], new_line_faults: Callable[[], Iterable[LineFault]]
+) -> Ended:
     for frame in frames:
+        for fault in new_line_faults():
+            board.link.add_line_fault(fault)
         board.write(frame)
         if board.is_lost:
             return "board_lost"

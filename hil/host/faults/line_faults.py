@@ -54,6 +54,8 @@ class FaultJournal:
         """Time in the flight of the newest frame on the line."""
         self.cut: set[int] = set()
         """Numbers of the disconnections that have happened."""
+        self.added: list[LineFault] = []
+        """Faults that came during the run, after those that it began with."""
 
     def note(self, frame_id: int | None, name: str) -> None:
         """A fault struck a packet of a frame."""
@@ -183,7 +185,8 @@ class _Pump:
         if packet.type is PacketType.FRAME_HEADER:
             with contextlib.suppress(PacketError):
                 self._journal.t_s = FrameHeader.decode(packet.payload[: FrameHeader.LAYOUT.size]).t_s
-        acting = [(k, f) for k, f in enumerate(self._faults.line) if self._acts(f)]
+        every = (*self._faults.line, *self._journal.added)
+        acting = [(k, f) for k, f in enumerate(every) if self._acts(f)]
         frame_id = _frame_id(packet)
         copies, damaged, swapped = 1, False, False
         due_ns = at_ns

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from hil.host.link_process.ipc import (
+    AddLineFault,
     BoardDown,
     BoardGreeted,
     BoardUp,
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.link.packets.messages import HelloAck, PixelFormat
+    from simulator.scenario.faults import LineFault
 
 logger = logging.getLogger(__name__)
 
@@ -194,6 +196,10 @@ class HostLink:
                 readout=readout,
             )
         )
+
+    def add_line_fault(self, fault: LineFault) -> None:
+        """Have one more fault of the line, where the configuration lets faults be added."""
+        self._tell(AddLineFault(fault))
 
     def pump(self, timeout_s: float) -> None:
         """Take what the link process has to say, waiting up to ``timeout_s`` for the first word."""

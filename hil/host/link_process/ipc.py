@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.link.packets.messages import HelloAck, PoseMessage
+    from simulator.scenario.faults import LineFault
 
 Compression = Literal["auto", "raw", "zstd", "png"]
 PixelFormatName = Literal["auto", "Mono8", "Mono10", "Mono12p", "Mono16", "RGB8"]
@@ -39,6 +40,7 @@ class LinkConfig:
     silence_s : a board that asked for the time, and then says nothing for so long, is gone.
     max_misses : frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
     faults : those of the line are put between the board and the link.
+    adds_faults : whether more of the line may come during the run.
     utc_minus_monotonic_ns : of this machine's clocks, read once for a run.
     key : that boards and truth loggers must prove to have; None asks nobody.
     """
@@ -53,6 +55,7 @@ class LinkConfig:
     silence_s: float = SILENCE_S
     max_misses: int = 3
     faults: Faults = NO_FAULTS
+    adds_faults: bool = False
     utc_minus_monotonic_ns: int = 0
     key: bytes | None = field(default=None, repr=False)
 
@@ -124,6 +127,13 @@ class FrameJob:
             handed_over_ns=self.handed_over_ns,
             exposure_ns=self.exposure_ns,
         )
+
+
+@dataclass(frozen=True)
+class AddLineFault:
+    """One more fault of the line, from now on."""
+
+    fault: LineFault
 
 
 @dataclass(frozen=True)

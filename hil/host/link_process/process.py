@@ -15,6 +15,7 @@ from hil.host.faults.line_faults import FaultJournal, with_line_faults
 from hil.host.link_process.board_session import BoardSession
 from hil.host.link_process.in_flight import FramesInFlight
 from hil.host.link_process.ipc import (
+    AddLineFault,
     BoardDown,
     Close,
     Closed,
@@ -158,6 +159,8 @@ class LinkServer:
                 elif isinstance(command, Terms):
                     self._board.terms = command
                     self._slots = FrameSlots(self._slots_fd, command.n_slots, command.slot_bytes)
+                elif isinstance(command, AddLineFault):
+                    self._journal.added.append(command.fault)
                 elif isinstance(command, Close):
                     self._closing, self._reason = True, command.reason
                     return
@@ -316,7 +319,7 @@ class LinkServer:
         transport = self._listener.accept(0.0)
         if transport is None:
             return
-        if self._config.faults.line:
+        if self._config.faults.line or self._config.adds_faults:
             transport = with_line_faults(transport, self._config.faults, self._journal)
         if self._config.key is not None:
             transport = HostTransport(transport, self._config.key)

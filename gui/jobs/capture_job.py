@@ -1,0 +1,242 @@
+"""A data set captured beside the flight: `flyaround capture` in a process of its own, told by what is on the disk."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from gui.jobs.program import Program
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from simulator.runtime.arrays import ByteArray
+
+LOOK_EVERY_S = 0.5
+THUMBNAILS, THUMBNAIL_PX = 6, 200
+MOST_FRAMES, MOST_WORKERS = 1_000_000, 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaptureRequest:
+    """What is to be captured.
+
+    Parameters
+    ----------
+    what : scenario or recipe, a name or a file. frames : how many. folder : where. formats : with commas.
+    workers : processes that draw. resume : go on with what is there.
+    """
+
+    what: str
+    frames: int
+    folder: Path
+    formats: str = "native"
+    workers: int = 1
+    resume: bool = False
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """What `flyaround` is given."""
+        words = ["capture", self.what, "-o", str(self.folder), "-n", str(self.frames)]
+        if self.formats != "native":
+            words += ["--format", self.formats]
+        if self.workers != 1:
+            words += ["--workers", str(self.workers)]
+        if self.resume:
+            words.append("--resume")
+        return tuple(words)
+
+
+@dataclass(frozen=True)
+class Thumbnail:
+    """A small picture of a frame that was written: (h, w) or (h, w, 3), RGB."""
+
+    name: str
+    image: ByteArray
+
+
+class CaptureJob:
+    """One capture: started, looked at, stopped; a finished or failed one stays to be seen.
+
+    Parameters
+    ----------
+    clock : seconds, monotonic.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._program: Program | None = None
+        self._thumbs = ThreadPoolExecutor(1, thread_name_prefix="flyaround-thumbnails")
+        self._decoding: Future[list[Thumbnail]] | None = None
+        self._looked_s = 0.0
+        self.request: CaptureRequest | None = None
+        self.done = 0
+        self.began_s = 0.0
+        self.ended_s = 0.0
+        self.outcome = ""
+        """How the last one ended, in a sentence; empty while it runs or where there was none."""
+        self.thumbnails: list[Thumbnail] = []
+
+    @property
+    def running(self) -> bool:
+        """Whether one is under way."""
+        return self._program is not None
+
+    @property
+    def stopping(self) -> bool:
+        """Whether it was told to end."""
+        return self._program is not None and self._program.stopped
+
+    @property
+    def pid(self) -> int | None:
+        """Number of its process."""
+        return None if self._program is None else self._program.pid
+
+    @property
+    def elapsed_s(self) -> float:
+        """How long it has run, or ran."""
+        if self.request is None:
+            return 0.0
+        return (self._clock() if self.running else self.ended_s) - self.began_s
+
+    @property
+    def left_s(self) -> float | None:
+        """How long the rest takes at the pace so far; None while that is not known."""
+        if self.request is None or not self.running or self.done < 2:
+            return None
+        return self.elapsed_s / self.done * max(self.request.frames - self.done, 0)
+
+    def start(self, request: CaptureRequest) -> None:
+        """Begin; the folder is the program's to check.
+
+        Raises
+        ------
+        UserError
+            If one is under way.
+        OSError
+            If the program cannot be started.
+        """
+        if self.running:
+            raise UserError("a capture is under way: stop it, or wait for its end")
+        self._program = Program((*request.arguments, "--json"), self._clock)
+        self.request, self.outcome, self.done, self.thumbnails = request, "", 0, []
+        self.began_s = self._clock()
+        self._looked_s = 0.0
+
+    def stop(self) -> None:
+        """Tell it to end; what is written stays, and can be gone on with."""
+        if self._program is not None:
+            self._program.stop()
+
+    def update(self) -> str | None:
+        """Look at it, now and then; a sentence at its end."""
+        program, request = self._program, self.request
+        if self._decoding is not None and self._decoding.done():
+            self.thumbnails, self._decoding = self._decoding.result(), None
+        if program is None or request is None:
+            return None
+        running = program.running
+        now = self._clock()
+        if running and now - self._looked_s < LOOK_EVERY_S:
+            return None
+        self._looked_s = now
+        names = pictures_in(request.folder)
+        if self._decoding is None and (len(names) != self.done or not running):
+            self._decoding = self._thumbs.submit(thumbnails, request.folder, names[-THUMBNAILS:])
+        self.done = len(names)
+        if running:
+            return None
+        self.ended_s = now
+        self.outcome = _outcome(program, request, self.done)
+        self._program = None
+        program.close()
+        return self.outcome
+
+    def close(self) -> None:
+        """End it."""
+        if self._program is not None:
+            self._program.close()
+            self._program = None
+        self._thumbs.shutdown(cancel_futures=True)
+
+
+def pictures_in(folder: Path) -> list[str]:
+    """Names of the pictures that are written, in order; of a recipe of several data sets those of all."""
+    places = [folder, *(p for p in _folders(folder) if (p / "images").is_dir())]
+    names = []
+    for place in places:
+        try:
+            with os.scandir(place / "images") as entries:
+                inside = (place / "images").relative_to(folder)
+                # layers have a second suffix: 000000.mask.png
+                names += [
+                    str(inside / e.name)
+                    for e in entries
+                    if e.name.endswith(".png") and e.name.count(".") == 1
+                ]
+        except OSError:
+            continue
+    return sorted(names)
+
+
+def _folders(folder: Path) -> list[Path]:
+    try:
+        return [
+            p for p in folder.iterdir() if p.is_dir() and p.name not in {"images", "second", "quarantine"}
+        ]
+    except OSError:
+        return []
+
+
+def thumbnails(folder: Path, names: list[str]) -> list[Thumbnail]:
+    """Small pictures of these; one that cannot be read is left out."""
+    made = []
+    for name in names:
+        try:
+            data = np.fromfile(folder / name, np.uint8)
+        except OSError:
+            continue
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+        if image is None:
+            continue
+        scale = THUMBNAIL_PX / max(image.shape[1], 1)
+        size = (THUMBNAIL_PX, max(1, round(image.shape[0] * scale)))
+        small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        if small.dtype == np.uint16:
+            # 10 or 12 bits lie in 16: the largest value is the picture's scale
+            small = (small / max(int(small.max()), 255) * 255).astype(np.uint8)
+        if small.ndim == 3:
+            small = cv2.cvtColor(small, cv2.COLOR_BGR2RGB)
+        made.append(Thumbnail(name, np.ascontiguousarray(small, np.uint8)))
+    return made
+
+
+def _outcome(program: Program, request: CaptureRequest, done: int) -> str:
+    if program.exit_code == 0:
+        return f"captured: {_summary(program.output(), done)} in {request.folder}"
+    again = f"flyaround {' '.join(request.arguments)}{'' if request.resume else ' --resume'} goes on"
+    if program.stopped:
+        return f"the capture was stopped after {done} of {request.frames} frames; {again}"
+    why = program.last_words() or f"exit code {program.exit_code}"
+    return f"the capture failed after {done} frames: {why}"
+
+
+def _summary(text: str, done: int) -> str:
+    """Frames written, and how many of them were put aside."""
+    try:
+        report = json.loads(text)
+        reports = report.get("members", {"": report}).values()
+        written = sum(int(r["written"]) + int(r["kept"]) for r in reports)
+        aside = sum(len(r["quarantined"]) for r in reports)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return f"{done} frames"
+    return f"{written} frames" + (f", {aside} more put aside" if aside else "")

@@ -1,0 +1,339 @@
+"""A session of the host's side of the link on the console's flight, and a board of this machine beside it: polled."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import time
+from collections import Counter, deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from gui.jobs.hil_stream import Ended, ListeningAt, Row, Said, Stop, Wanted, stream
+from gui.jobs.program import Program
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from multiprocessing.connection import Connection
+    from pathlib import Path
+
+    from gui.flight.session import Session
+    from hil.host.ledger.frames_csv import LedgerRow
+    from hil.host.run import RunConfig
+    from simulator.runtime.arrays import FloatArray
+    from simulator.scenario.faults import CameraFault, LineFault
+
+State = Literal["off", "starting", "waiting for a board", "streaming", "ending"]
+
+KEPT_ROWS = 5000
+RATE_OVER_S = 5.0
+END_PATIENCE_S, KILL_PATIENCE_S = 3.0, 12.0
+"""After which a session that is to end is interrupted, and killed."""
+BIN_EDGES_MS = tuple(float(e) for e in np.round(np.geomspace(1.0, 10_000.0, 41), 3))
+"""Of the latencies' distribution, evenly in the logarithm."""
+
+
+@dataclass(frozen=True)
+class Note:
+    """Something to be told."""
+
+    text: str
+    warning: bool = False
+
+
+class HilSession:
+    """Starts the process, hands it the newest moment when it asks, keeps the rows. Nothing here waits.
+
+    Parameters
+    ----------
+    clock : seconds, monotonic.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._process: multiprocessing.context.SpawnProcess | None = None
+        self._pipe: Connection | None = None
+        self._session: Session | None = None
+        self._wanted = False
+        self._sent_t_s: float | None = None
+        self._stop_s: float | None = None
+        self._interrupted = False
+        self._board: Program | None = None
+        self._ended: Ended | None = None
+        self.url = ""
+        self.log_dir: Path | None = None
+        self.board_name = ""
+        self.rows: deque[LedgerRow] = deque(maxlen=KEPT_ROWS)
+        self.outcomes: Counter[str] = Counter()
+        self.struck: Counter[str] = Counter()
+        """Frames that a fault struck, by its kind."""
+        self.sent = 0
+        self._arrived_s: deque[float] = deque(maxlen=KEPT_ROWS)
+
+    # --- what the operator asks for
+
+    @property
+    def on(self) -> bool:
+        """Whether there is a session."""
+        return self._process is not None
+
+    @property
+    def state(self) -> State:
+        """What it is at."""
+        if self._process is None:
+            return "off"
+        if self._stop_s is not None:
+            return "ending"
+        if not self.url:
+            return "starting"
+        return "streaming" if self.board_name else "waiting for a board"
+
+    @property
+    def pid(self) -> int | None:
+        """Number of the host's process."""
+        return None if self._process is None else self._process.pid
+
+    def start(self, session: Session, config: RunConfig, device_index: int | None = None) -> None:
+        """Begin on a flight.
+
+        Raises
+        ------
+        UserError
+            If there is one already.
+        """
+        if self.on:
+            raise UserError("a session with a board is under way: end it first")
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        # no daemon: it has processes of its own, for drawing and for the link
+        self._process = context.Process(
+            target=stream, args=(theirs, config, device_index), name="flyaround hil host"
+        )
+        self._process.start()
+        theirs.close()
+        self._session, self._wanted, self._sent_t_s = session, False, None
+        self._stop_s, self._interrupted, self._ended = None, False, None
+        self.url, self.board_name, self.log_dir = "", "", config.log_dir
+        self.rows.clear()
+        self._arrived_s.clear()
+        self.outcomes.clear()
+        self.struck.clear()
+        self.sent = 0
+
+    def stop(self) -> None:
+        """End it: the board is told, the ledger closed."""
+        if self._process is None or self._stop_s is not None:
+            return
+        self._stop_s = self._clock()
+        self._send(Stop())
+
+    def add_fault(self, fault: CameraFault | LineFault) -> None:
+        """A fault from the next picture on.
+
+        Raises
+        ------
+        UserError
+            If there is no session.
+        """
+        if self._process is None or self._stop_s is not None:
+            raise UserError("there is no session with a board that a fault could strike: start one")
+        self._send(fault)
+
+    @property
+    def board_running(self) -> bool:
+        """Whether the board of this machine runs."""
+        return self._board is not None
+
+    def start_board(self, target: str, method: str, url: str | None = None) -> None:
+        """Start a board's process on this machine.
+
+        Parameters
+        ----------
+        target : name of the craft. url : of the host; this session's unless given.
+
+        Raises
+        ------
+        UserError
+            If one runs, or there is no session to connect to.
+        """
+        if self._board is not None:
+            raise UserError("a board runs on this machine already: stop it first")
+        where = url or self.url
+        if not where:
+            raise UserError("no host listens yet: start a session, then its board")
+        self._board = Program(("hil", "board", where, "--target", target, "--method", method), self._clock)
+
+    def stop_board(self) -> None:
+        """End the board's process."""
+        if self._board is not None:
+            self._board.stop()
+
+    # --- once a turn
+
+    def update(self, session: Session) -> list[Note]:
+        """Take what came, and give the newest moment; what is to be told.
+
+        Parameters
+        ----------
+        session : the flight that is shown; another than the session began with ends it.
+        """
+        notes = self._look_at_board()
+        if self._process is None:
+            return notes
+        if session is not self._session and self._stop_s is None:
+            notes.append(Note("another flight was opened: the session with the board ends"))
+            self.stop()
+        self._take(notes)
+        if self._wanted and self._stop_s is None and session.t_s != self._sent_t_s:
+            # a flight that is paused has no new moment, and the board waits
+            self._wanted, self._sent_t_s = False, session.t_s
+            self._send(session.scene())
+        self._hasten()
+        if not self._process.is_alive():
+            self._take(notes)
+            notes.append(self._over())
+        return notes
+
+    def _take(self, notes: list[Note]) -> None:
+        try:
+            while self._pipe is not None and self._pipe.poll():
+                message = self._pipe.recv()
+                if isinstance(message, Wanted):
+                    self._wanted = True
+                elif isinstance(message, Row):
+                    self._add(message.row)
+                elif isinstance(message, ListeningAt):
+                    self.url = message.url
+                    notes.append(Note(f"a board may connect: flyaround hil board {message.url}"))
+                elif isinstance(message, Said):
+                    self._hear(message, notes)
+                elif isinstance(message, Ended):
+                    self._ended = message
+        except (EOFError, OSError):
+            return
+
+    def _hear(self, said: Said, notes: list[Note]) -> None:
+        if said.text.startswith("board connected"):
+            self.board_name = said.text.partition(": ")[2]
+        elif said.text.startswith("board gone"):
+            self.board_name = ""
+        notes.append(Note(said.text, said.warning and self._stop_s is None))
+
+    def _add(self, row: LedgerRow) -> None:
+        self.rows.append(row)
+        self._arrived_s.append(self._clock())
+        self.outcomes[row.outcome] += 1
+        self.struck.update(row.faults)
+        self.sent += 1
+
+    def _hasten(self) -> None:
+        """Interrupt what is to end and does not; then kill it."""
+        if self._stop_s is None or self._process is None or self._process.pid is None:
+            return
+        waited = self._clock() - self._stop_s
+        if waited > END_PATIENCE_S and not self._interrupted:
+            self._interrupted = True
+            with contextlib.suppress(OSError):
+                os.kill(self._process.pid, signal.SIGINT)
+        if waited > KILL_PATIENCE_S:
+            self._process.kill()
+
+    def _over(self) -> Note:
+        exit_code = None if self._process is None else self._process.exitcode
+        asked = self._stop_s is not None
+        self._forget_process()
+        ended = self._ended
+        if ended is not None and ended.why:
+            return Note(f"the session with the board ended: {ended.why}", warning=True)
+        if ended is None or ended.summary is None:
+            return Note(
+                f"the session with the board ended unexpectedly (exit code {exit_code})", warning=True
+            )
+        s = ended.summary
+        text = f"the session with the board ended: {s.sent} pictures, {s.accepted} accepted, {s.dropped_total} dropped"
+        if s.ended == "board_lost":
+            text += f"; the board left ({s.board_gone})"
+        if self.log_dir is not None:
+            text += f"; flyaround hil report {self.log_dir}"
+        return Note(text, warning=not asked)
+
+    def _look_at_board(self) -> list[Note]:
+        board = self._board
+        if board is None or board.running:
+            return []
+        words, code, asked = board.last_words(), board.exit_code, board.stopped
+        board.close()
+        self._board = None
+        return [Note(f"the board's process ended: {words or f'exit code {code}'}", bool(code) and not asked)]
+
+    def _send(self, message: object) -> None:
+        if self._pipe is not None:
+            with contextlib.suppress(OSError):
+                self._pipe.send(message)
+
+    def _forget_process(self) -> None:
+        if self._process is not None:
+            self._process.join()
+        if self._pipe is not None:
+            self._pipe.close()
+        self._process = self._pipe = self._session = self._stop_s = None
+        self.url = self.board_name = ""
+
+    def close(self) -> None:
+        """End both, in a bounded time."""
+        if self._board is not None:
+            self._board.close()
+            self._board = None
+        if self._process is None:
+            return
+        self.stop()
+        end = self._clock() + END_PATIENCE_S
+        notes: list[Note] = []
+        while self._process.is_alive() and self._clock() < end:
+            # rows that nobody takes must not block its last words
+            self._take(notes)
+            self._process.join(0.05)
+        if self._process.is_alive() and self._process.pid is not None:
+            with contextlib.suppress(OSError):
+                os.kill(self._process.pid, signal.SIGINT)
+            self._process.join(END_PATIENCE_S)
+        if self._process.is_alive():
+            self._process.kill()
+        self._forget_process()
+
+    # --- figures
+
+    @property
+    def per_s(self) -> float:
+        """Answers a second over the last seconds."""
+        now = self._clock()
+        recent = [t for t in self._arrived_s if now - t < RATE_OVER_S]
+        return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0
+
+    @property
+    def accepted(self) -> int:
+        """Poses that the board stands by."""
+        return self.outcomes["accepted"]
+
+    @property
+    def drops(self) -> dict[str, int]:
+        """Frames without an answer by cause."""
+        return {
+            name.removeprefix("dropped:"): n
+            for name, n in sorted(self.outcomes.items())
+            if name.startswith("dropped:")
+        }
+
+    def latencies_ms(self) -> FloatArray:
+        """(n,) from the first byte out to the pose back, of the frames that were answered [ms]."""
+        return np.array([r.e2e_ms for r in self.rows if r.e2e_ms is not None], float)
+
+    def latency_counts(self) -> FloatArray:
+        """(40,) answered frames by latency, between `BIN_EDGES_MS`; the outer ones take what lies beyond."""
+        clipped = np.clip(self.latencies_ms(), BIN_EDGES_MS[0], BIN_EDGES_MS[-1])
+        return np.histogram(clipped, BIN_EDGES_MS)[0].astype(float)

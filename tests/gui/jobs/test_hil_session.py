@@ -1,0 +1,161 @@
+"""A session with a board on the console's flight: real processes for host, link, drawing and board."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gui.flight.session import Session
+from gui.jobs.hil_session import BIN_EDGES_MS, HilSession, Note
+from gui.jobs.hil_stream import Row
+from hil.host.ledger.frames_csv import LedgerRow
+from hil.host.link_process.ipc import LinkConfig
+from hil.host.run import RunConfig
+from simulator.errors import UserError
+from simulator.scenario.faults import Drop, GainStep
+from simulator.scenario.load import load_scenario
+
+WAIT_S = 120.0
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return Session.of(load_scenario("tango-flyaround"))
+
+
+def config(session: Session, log_dir: Path | None = None) -> RunConfig:
+    link = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=10.0, adds_faults=True)
+    target = session.plan.target
+    return RunConfig(link=link, log_dir=log_dir, target_name=target.name, target_sha256=target.sha256)
+
+
+class Turns:
+    """The console's loop: the flight goes on, the session is kept up."""
+
+    def __init__(self, hil: HilSession, session: Session) -> None:
+        self.hil, self.session = hil, session
+        self.notes: list[Note] = []
+        self.longest_s = 0.0
+
+    def until(self, done: Callable[[], bool]) -> None:
+        end = time.monotonic() + WAIT_S
+        while not done():
+            assert time.monotonic() < end, f"it did not come: {self.notes}"
+            self.session.advance(0.02)
+            start = time.perf_counter()
+            self.notes += self.hil.update(self.session)
+            self.longest_s = max(self.longest_s, time.perf_counter() - start)
+            time.sleep(0.02)
+
+
+def row(frame_id: int, outcome: str, e2e_ms: float | None = None, faults: tuple[str, ...] = ()) -> LedgerRow:
+    return LedgerRow(
+        frame_id=frame_id,
+        epoch_utc="",
+        t_s=0.1 * frame_id,
+        exposure_s=1e-3,
+        outcome=outcome,
+        e2e_ms=e2e_ms,
+        faults=faults,
+    )
+
+
+def test_rows_become_figures(session: Session) -> None:
+    hil = HilSession()
+    for r in (
+        row(0, "accepted", 120.0),
+        row(1, "declined", 0.2),
+        row(2, "dropped:timeout", faults=("drop",)),
+        row(3, "dropped:timeout", faults=("drop", "delay")),
+        row(4, "accepted", 1e6),
+    ):
+        hil._add(Row(r).row)
+    assert (hil.sent, hil.accepted, hil.drops) == (5, 2, {"timeout": 2})
+    assert hil.struck == {"drop": 2, "delay": 1}
+    counts = hil.latency_counts()
+    assert len(counts) == len(BIN_EDGES_MS) - 1
+    assert counts.sum() == 3
+    assert (counts[0], counts[-1]) == (1, 1)
+    assert np.diff(BIN_EDGES_MS).min() > 0
+
+
+def test_what_needs_a_session_says_so(session: Session) -> None:
+    hil = HilSession()
+    assert hil.state == "off"
+    assert hil.update(session) == []
+    with pytest.raises(UserError, match="start one"):
+        hil.add_fault(GainStep())
+    with pytest.raises(UserError, match="no host listens"):
+        hil.start_board("tango", "svd")
+    hil.stop()
+    hil.close()
+
+
+@pytest.mark.slow
+def test_a_board_answers_the_flight_and_faults_strike(session: Session, tmp_path: Path) -> None:
+    with contextlib.closing(HilSession()) as hil:
+        turns = Turns(hil, session)
+        hil.start(session, config(session, tmp_path / "hil"))
+        turns.until(lambda: hil.state == "waiting for a board")
+        hil.start_board("tango", "svd")
+        turns.until(lambda: hil.accepted >= 2)
+        assert hil.state == "streaming"
+        assert "method svd" in hil.board_name
+        times = [r.t_s for r in hil.rows]
+        assert times == sorted(times)
+        assert all(r.E_R_deg is not None and r.E_R_deg < 5 for r in hil.rows if r.outcome == "accepted")
+        # of the camera, and of the line, from now on for ten seconds of the flight
+        now = session.t_s
+        hil.add_fault(GainStep(start_s=now, end_s=now + 10, factor=3.0))
+        hil.add_fault(Drop(start_s=now, end_s=now + 10, chance=1.0, direction="to_board"))
+        turns.until(lambda: hil.struck["gain_step"] > 0 and hil.struck["drop"] > 0)
+        assert hil.drops
+        assert turns.longest_s < 0.5, "the window waited"
+        hil.stop()
+        turns.until(lambda: not hil.on)
+        turns.until(lambda: not hil.board_running)
+    assert (tmp_path / "hil" / "summary.json").is_file()
+    assert any("hil report" in n.text for n in turns.notes)
+
+
+@pytest.mark.slow
+def test_a_host_that_dies_is_told_and_another_can_begin(session: Session) -> None:
+    with contextlib.closing(HilSession()) as hil:
+        turns = Turns(hil, session)
+        hil.start(session, config(session))
+        turns.until(lambda: hil.url != "")
+        assert hil.pid is not None
+        os.kill(hil.pid, signal.SIGKILL)
+        turns.until(lambda: not hil.on)
+        assert turns.notes[-1].warning
+        assert "unexpectedly" in turns.notes[-1].text
+        # a port that is taken is said, too
+        hil.start(session, config(session))
+        turns.until(lambda: hil.url != "")
+        with contextlib.closing(HilSession()) as second:
+            other = Turns(second, session)
+            link = LinkConfig(url=hil.url, mode="lockstep", truth="off", timeout_s=5.0)
+            second.start(session, RunConfig(link=link))
+            other.until(lambda: not second.on)
+            assert "in use" in other.notes[-1].text
+        # one that waits for a board is interrupted
+        hil.stop()
+        turns.until(lambda: not hil.on)
+
+
+@pytest.mark.slow
+def test_another_flight_ends_the_session(session: Session) -> None:
+    with contextlib.closing(HilSession()) as hil:
+        turns = Turns(hil, session)
+        hil.start(session, config(session))
+        turns.until(lambda: hil.url != "")
+        turns.session = Session.of(load_scenario("tango-space-10m"))
+        turns.until(lambda: not hil.on)
+        assert "another flight" in " ".join(n.text for n in turns.notes)

@@ -1,0 +1,249 @@
+"""The estimator beside the flight: real processes that answer, hang, die and refuse; the window never waits."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Self
+
+import numpy as np
+import pytest
+
+from gui.flight.session import Session
+from gui.flight.telemetry import telemetry_of
+from gui.picture.estimates import (
+    MOST_DEATHS,
+    Answer,
+    Estimate,
+    EstimateRequest,
+    Estimates,
+    compared,
+    known_methods,
+)
+from gui.picture.feed import Picture
+from gui.picture.view_settings import reduced_camera
+from simulator.errors import UserError
+from simulator.frame import NO_RADIANCE, Frame
+from simulator.scenario.load import load_scenario
+
+WAIT_S = 60.0
+
+
+class Held:
+    """What the tests' process holds."""
+
+    info = "ready"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+def answer_of(request: EstimateRequest, **changes: object) -> Answer:
+    fields: dict[str, object] = {
+        "accepted": True,
+        "reason": "",
+        "q_camera_from_target_wxyz": (1.0, 0.0, 0.0, 0.0),
+        "t_camera_from_target_m": (0.0, 0.0, 10.0),
+        "confidence": 0.9,
+        "stages_ms": {request.method: 2.0},
+        "counts": {},
+    }
+    return Answer(**{**fields, **changes})  # type: ignore[arg-type]
+
+
+def answers(_held: Held, request: EstimateRequest) -> Answer:
+    return answer_of(request)
+
+
+def hangs(_held: Held, request: EstimateRequest) -> Answer:
+    if request.method == "hangs":
+        time.sleep(600)
+    return answer_of(request)
+
+
+def dies(_held: Held, request: EstimateRequest) -> Answer:
+    if request.method == "dies":
+        os._exit(7)
+    return answer_of(request)
+
+
+def refuses(_held: Held, request: EstimateRequest) -> Answer:
+    if request.method == "breaks":
+        raise ValueError("nothing of the kind")
+    raise UserError(f"there is no method {request.method}")
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return Session.of(load_scenario("tango-flyaround"))
+
+
+def picture_of(session: Session, t_s: float = 0.0, size: int = 64) -> Picture:
+    scene = session.scene()
+    camera = replace(reduced_camera(scene.camera, 8), width_px=size, height_px=size)
+    scene = replace(scene, t_s=t_s, camera=camera)
+    frame = Frame(scene, np.full((size, size), 7, np.uint8), NO_RADIANCE)
+    return Picture(frame, session.moment, telemetry_of(session.moment.world, scene), 8)
+
+
+def until(done: Callable[[], bool], turn: Callable[[], object]) -> float:
+    """Turn the loop until something is so; the longest turn is returned [s]."""
+    longest, end = 0.0, time.monotonic() + WAIT_S
+    while not done():
+        assert time.monotonic() < end, "it did not come"
+        start = time.perf_counter()
+        turn()
+        longest = max(longest, time.perf_counter() - start)
+        time.sleep(0.002)
+    return longest
+
+
+def test_one_picture_at_a_time_and_the_newest(session: Session) -> None:
+    with contextlib.closing(Estimates(open_resource=Held, work=answers)) as estimates:
+        assert not estimates.update(picture_of(session))
+        assert estimates.state == "off"
+        estimates.start()
+        for t_s in (1.0, 2.0, 3.0):
+            newest = picture_of(session, t_s)
+            until(
+                lambda t=t_s: estimates.newest is not None and estimates.newest.t_s == t,
+                lambda p=newest: estimates.update(p),
+            )
+        # a picture is estimated once
+        for _ in range(20):
+            estimates.update(newest)
+            time.sleep(0.005)
+        assert [e.t_s for e in estimates.history] == [1.0, 2.0, 3.0]
+        assert estimates.take_troubles() == []
+        estimates.update(picture_of(session, 0.5))
+        until(lambda: estimates.newest.t_s == 0.5, lambda: estimates.update(None))
+        assert [e.t_s for e in estimates.history] == [0.5], "time that goes back begins the plots again"
+
+
+def test_errors_are_against_the_truth_of_the_picture(session: Session) -> None:
+    picture = picture_of(session)
+    scene = picture.frame.scene
+    request = EstimateRequest(
+        method="x",
+        camera=scene.camera,
+        target=scene.target,
+        block="",
+        shape=(),
+        dtype="",
+        t_s=0,
+        stages=False,
+    )
+    t = np.add(scene.t_camera_from_target_m, (0.03, 0.0, 0.04))
+    answer = answer_of(
+        request, q_camera_from_target_wxyz=scene.q_camera_from_target_wxyz, t_camera_from_target_m=tuple(t)
+    )
+    estimate = compared(picture, "x", answer, 1.0)
+    assert estimate.E_R_deg == pytest.approx(0.0, abs=1e-6)
+    assert estimate.E_T_m == pytest.approx(0.05)
+    none = compared(picture, "x", answer_of(request, q_camera_from_target_wxyz=None), 1.0)
+    assert none.E_R_deg is None
+    broken = compared(picture, "x", answer_of(request, t_camera_from_target_m=(np.nan, 0, 1)), 1.0)
+    assert broken.E_T_m is None
+
+
+def test_one_that_hangs_is_ended_and_another_method_goes_on(session: Session) -> None:
+    with contextlib.closing(
+        Estimates(open_resource=Held, work=hangs, limit_s=0.3, first_limit_s=3.0)
+    ) as estimates:
+        estimates.start()
+        estimates.choose("hangs")
+        picture = picture_of(session)
+        longest = until(lambda: estimates.restarts > 0, lambda: estimates.update(picture))
+        assert longest < 0.5, "the window waited"
+        (told,) = estimates.take_troubles()
+        assert "gave no answer" in told
+        assert "flight goes on" in told
+        estimates.choose("svd")
+        until(lambda: estimates.newest is not None, lambda: estimates.update(picture))
+
+
+@pytest.mark.slow
+def test_a_stopped_process_holds_nobody_up(session: Session) -> None:
+    estimates = Estimates(open_resource=Held, work=answers, limit_s=0.3, first_limit_s=5.0)
+    with contextlib.closing(estimates):
+        estimates.start()
+        first = picture_of(session, 1.0, 512)
+        until(lambda: estimates.newest is not None, lambda: estimates.update(first))
+        assert estimates.pid is not None
+        os.kill(estimates.pid, signal.SIGSTOP)
+        second = picture_of(session, 2.0, 512)
+        longest = until(lambda: estimates.restarts == 1, lambda: estimates.update(second))
+        assert longest < 0.5, "the window waited"
+        until(lambda: estimates.newest.t_s == 2.0, lambda: estimates.update(second))
+
+
+@pytest.mark.slow
+def test_one_that_dies_again_and_again_is_left_off(session: Session) -> None:
+    with contextlib.closing(Estimates(open_resource=Held, work=dies)) as estimates:
+        estimates.choose("dies")
+        estimates.start()
+        picture = picture_of(session)
+        until(lambda: not estimates.on, lambda: estimates.update(picture))
+        told = estimates.take_troubles()
+        assert len(told) == MOST_DEATHS
+        assert "exit code 7" in told[0]
+        assert "is off" in told[-1]
+        estimates.choose("svd")
+        estimates.start()
+        until(lambda: estimates.newest is not None, lambda: estimates.update(picture))
+
+
+@pytest.mark.parametrize(
+    ("method", "why"), [("breaks", "nothing of the kind"), ("no-such", "no method no-such")]
+)
+def test_a_method_that_cannot_is_off_with_a_sentence(session: Session, method: str, why: str) -> None:
+    with contextlib.closing(Estimates(open_resource=Held, work=refuses)) as estimates:
+        estimates.choose(method)
+        estimates.start()
+        picture = picture_of(session)
+        until(lambda: not estimates.on, lambda: estimates.update(picture))
+        (told,) = estimates.take_troubles()
+        assert why in told
+        assert "\n" not in told
+
+
+def test_every_method_of_evaluate_is_offered() -> None:
+    assert {"svd", "svd-2018", "svd-thesis", "svd-track"} <= set(known_methods())
+
+
+@pytest.mark.slow
+def test_the_estimators_themselves_answer_with_their_stages(session: Session) -> None:
+    from simulator.dataset.single_frames import render_scene
+
+    scene = replace(session.scene(), camera=reduced_camera(session.plan.camera, 2), quality="draft")
+    frame = render_scene(scene, session.plan.target)
+    picture = Picture(frame, session.moment, telemetry_of(session.moment.world, scene), 2)
+    found: dict[str, Estimate] = {}
+    with contextlib.closing(Estimates()) as estimates:
+        estimates.want_stages(wanted=True)
+        estimates.start()
+        for method in ("svd", "svd-thesis", "svd-2018", "svd-track"):
+            estimates.choose(method)
+            until(
+                lambda m=method: estimates.newest is not None and estimates.newest.method == m,
+                lambda: estimates.update(picture),
+            )
+            assert estimates.newest is not None
+            found[method] = estimates.newest
+        estimates.choose("net:no-such-file.onnx")
+        until(lambda: not estimates.on, lambda: estimates.update(picture))
+        (told,) = estimates.take_troubles()
+        assert "no-such-file" in told
+    svd = found["svd"]
+    assert svd.answer.accepted
+    assert svd.E_R_deg is not None
+    assert svd.E_R_deg < 1.0
+    assert {"gradient", "region", "learned_proposal", "overlay"} <= set(svd.answer.stages)
+    assert {"histogram", "groups"} <= set(found["svd-thesis"].answer.stages)
