@@ -12,6 +12,9 @@ import cv2
 from gui import style
 from gui.command_table import CommandTable
 from gui.commands.all import COMMANDS
+from gui.commands.capture import keep_capture
+from gui.commands.estimator import keep_estimates
+from gui.commands.hil import keep_hil
 from gui.commands.log import save_script
 from gui.console import Console
 from gui.flight.cautions import CautionWatch
@@ -122,13 +125,22 @@ def run(request: Request) -> dict[str, Any]:
     ):
         if request.record is not None:
             recorder.keep_in(request.record, session.plan.scenario)
-        console = Console(session, Feed(producer), options, table, window_gl=window.gl_renderer)
+        console = Console(
+            session,
+            Feed(producer),
+            options,
+            table,
+            device_index=request.device_index,
+            window_gl=window.gl_renderer,
+        )
+        console.on_pass_time += (keep_estimates, keep_hil, keep_capture)
         if script is not None:
             console.play(script)
         try:
             state = Loop(window, console, request).run()
         finally:
             # also when the flight ends otherwise than it should
+            console.close()
             replay = recorder.close()
             if request.log is not None:
                 save_script(console, request.log)
@@ -198,7 +210,9 @@ class Loop:
             for name, *arguments in self._gamepad.commands(window.gamepad()):
                 console.do(name, *arguments)
             changed |= console.feed.update(
-                console.session, console.options.settings, timed=console.options.overlays.times
+                console.session,
+                console.options.settings,
+                timed=console.options.overlays.times or console.shown.get("passes", False),
             )
             self._tell_troubles()
             if now - drawn >= (least_s if changed else 1 / STILL_HZ):

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Literal
 
 from gui.flight.opening import ScenarioOpener
 from gui.flight.scenario_draft import ScenarioDraft
+from gui.jobs.capture_job import CaptureJob
+from gui.jobs.hil_session import HilSession
+from gui.picture.estimates import Estimates
 from gui.script import CommandLog, Line, Player, Script
 from simulator.errors import UserError
 
@@ -64,6 +67,11 @@ class Console:
     messages: list[Message] = field(default_factory=list)
     opener: ScenarioOpener = field(default_factory=ScenarioOpener)
     draft: ScenarioDraft = field(default_factory=ScenarioDraft)
+    estimates: Estimates = field(default_factory=Estimates)
+    hil: HilSession = field(default_factory=HilSession)
+    capture: CaptureJob = field(default_factory=CaptureJob)
+    device_index: int | None = None
+    """EGL device of what draws."""
     clock_ms: int = 0
     window_hz: float = 0.0
     window_gl: str = ""
@@ -81,6 +89,12 @@ class Console:
     on_pass_time: list[Callable[[Console], None]] = field(default_factory=list)
     """What else is to be kept up to date, once a turn of the loop."""
     _player: Player | None = None
+
+    def close(self) -> None:
+        """End what runs beside the window."""
+        self.estimates.close()
+        self.hil.close()
+        self.capture.close()
 
     # --- commands
 

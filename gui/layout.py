@@ -33,7 +33,7 @@ NARROW = 900.0
 """Screen units of width at scale 1 below which panels go under the view."""
 VERSION = 1
 LARGEST_BYTES = 400_000
-RIGHT, LEFT, BOTTOM = 0.27, 0.22, 0.26
+RIGHT, LEFT, BOTTOM = 0.27, 0.3, 0.26
 
 
 class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):

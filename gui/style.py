@@ -33,6 +33,8 @@ WITHIN, NEAR, OUTSIDE = SKY_BLUE, YELLOW, VERMILLION
 LIMIT_COLORS: dict[str, Rgba] = {"within": WITHIN, "near": NEAR, "outside": OUTSIDE}
 LIMIT_MARKS: dict[str, str] = {"within": "", "near": "!", "outside": "#"}
 """And without colour."""
+ESTIMATE: Rgba = (0.95, 0.6, 0.8, 1.0)
+"""What an estimator says, beside the truth in `ACCENT`: `PURPLE`, lighter."""
 AXIS_COLORS: tuple[Rgba, Rgba, Rgba] = (VERMILLION, GREEN, SKY_BLUE)
 """x, y, z."""
 

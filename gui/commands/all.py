@@ -4,7 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.commands import camera, display, docking, guidance, log, scenario, steering, time, timeline, views
+from gui.commands import (
+    camera,
+    capture,
+    display,
+    docking,
+    estimator,
+    guidance,
+    hil,
+    log,
+    scenario,
+    steering,
+    time,
+    timeline,
+    views,
+)
 
 if TYPE_CHECKING:
     from gui.command_table import Command
@@ -19,5 +33,8 @@ COMMANDS: tuple[Command, ...] = (
     *display.COMMANDS,
     *camera.COMMANDS,
     *views.COMMANDS,
+    *estimator.COMMANDS,
+    *hil.COMMANDS,
+    *capture.COMMANDS,
     *log.COMMANDS,
 )

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, Protocol
 
+from gui.panels.board_link import BoardLinkPanel
+from gui.panels.capture import CapturePanel
 from gui.panels.chaser import ChaserPanel
 from gui.panels.command_line import CommandLinePanel
 from gui.panels.docking import DockingPanel
 from gui.panels.editor import EditorPanel
+from gui.panels.estimator import EstimatorPanel
 from gui.panels.key_list import KeyList, Palette
 from gui.panels.log import LogPanel
+from gui.panels.passes import PassesPanel
 from gui.panels.picture import PicturePanel, WorldPanel
 from gui.panels.scenarios import ScenarioChooser
 from gui.panels.sensor import SensorPanel
@@ -50,11 +54,15 @@ PANELS: tuple[type[Panel], ...] = (
     CameraView,
     ScenarioChooser,
     EditorPanel,
+    EstimatorPanel,
+    BoardLinkPanel,
+    CapturePanel,
     TimePanel,
     ChaserPanel,
     LvlhMap,
     PicturePanel,
     WorldPanel,
+    PassesPanel,
     SensorPanel,
     TargetPanel,
     CommandLinePanel,

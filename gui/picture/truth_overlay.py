@@ -14,9 +14,11 @@ from simulator.world.frames.rotation import rotation_angle_rad
 
 if TYPE_CHECKING:
     from gui.picture.view_settings import Overlays
+    from simulator.camera.lens.camera_model import Camera
     from simulator.runtime.arrays import BoolArray, FloatArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
+    from simulator.world.frames.pose import Pose
 
 Seen = Literal["visible", "shadowed", "hidden"]
 Pixel = tuple[float, float]
@@ -77,7 +79,9 @@ class Marker:
             keypoints=self._keypoints(scene, exact=exact) if overlays.keypoints else (),
             box=amodal_box(scene, self._target) if overlays.box else None,
             axes=_axes(scene) if overlays.axes else (),
-            wireframe=_wireframe(scene, self._target) if overlays.wireframe else (),
+            wireframe=wireframe_at(scene.camera, scene.camera_from_target, self._target)
+            if overlays.wireframe
+            else (),
         )
 
     def _keypoints(self, scene: SceneState, *, exact: bool) -> tuple[tuple[Pixel, Seen, str], ...]:
@@ -122,12 +126,12 @@ def _axes(scene: SceneState) -> tuple[Segment, ...]:
     return tuple((_pixel(pixels[0]), _pixel(pixels[k])) for k in (1, 2, 3))
 
 
-def _wireframe(scene: SceneState, target: Target) -> tuple[Segment, ...]:
-    pose = scene.camera_from_target
+def wireframe_at(camera: Camera, pose: Pose, target: Target) -> tuple[Segment, ...]:
+    """Edges of the target that have a face towards the camera, where a pose puts them."""
     ends = np.array([(e.a_m, e.b_m) for e in target.wireframe], float).reshape(-1, 2, 3)
     eye = pose.inverse().t_m
     in_camera = pose.apply(ends)
-    pixels = scene.camera.project(in_camera)
+    pixels = camera.project(in_camera)
     segments = []
     for k, edge in enumerate(target.wireframe):
         if in_camera[k, :, 2].min() < NEAR_M:

@@ -39,6 +39,7 @@ OVERLAYS: tuple[tuple[str, str], ...] = (
     ("box", "Box"),
     ("axes", "Target axes"),
     ("wireframe", "Wireframe"),
+    ("estimate", "Estimated pose"),
     ("crosshair", "Crosshair"),
     ("hud", "Figures"),
     ("docking", "Docking"),
@@ -80,6 +81,7 @@ class Overlays:
     box: bool = False
     axes: bool = False
     wireframe: bool = False
+    estimate: bool = True
     crosshair: bool = True
     hud: bool = True
     docking: bool = False

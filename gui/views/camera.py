@@ -9,6 +9,7 @@ import numpy as np
 from gui import style
 from gui.picture.truth_overlay import Marker, Marks, Pixel, Seen
 from gui.views.docking_hud import DockingHud
+from gui.views.estimate_overlay import EstimateOverlay
 from gui.views.letterbox import Letterbox
 from gui.views.mouse_steering import MouseSteering
 
@@ -38,6 +39,7 @@ class CameraView:
         self._marker: Marker | None = None
         self._marks = Marks()
         self._marks_of: tuple[object, ...] = ()
+        self._estimate = EstimateOverlay(window)
 
     def draw(self, console: Console) -> None:
         """Draw into the view that is begun."""
@@ -62,6 +64,8 @@ class CameraView:
             imgui.ImVec2(box.x, box.y), imgui.ImVec2(box.x + box.width, box.y + box.height), True
         )
         self._draw_marks(draw, box, picture, options, paused=session.paused)
+        if options.overlays.estimate:
+            self._estimate.draw(draw, box, picture, console.estimates)
         if options.overlays.crosshair:
             self._crosshair(draw, box, picture)
         if options.overlays.docking:

@@ -22,7 +22,7 @@ from gui.flight.recorder import FlightRecorder
 from gui.flight.session import FRAME_STEP_S, RATES, STEP_S, Session
 from gui.flight.telemetry import telemetry_of
 from gui.picture.view_settings import ViewSettings, apply_view_settings, reduced_camera
-from gui.views.camera import Letterbox
+from gui.views.letterbox import Letterbox
 from simulator.errors import UserError
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight

@@ -1,0 +1,101 @@
+"""Commands of captures beside the flight."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from gui.command_table import Argument, Command
+from gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
+from gui.jobs.program import new_folder
+from simulator.errors import UserError
+from simulator.runtime.files import write_atomic
+from simulator.scenario.load import list_scenarios, load_scenario
+from simulator.scenario.write import to_toml
+
+if TYPE_CHECKING:
+    from gui.console import Console
+
+FOLDER = Path("out") / "console"
+THIS, NEW = "this-flight", "new"
+
+
+def _what(console: Console, what: str) -> str:
+    """What `flyaround capture` is given: a name, a file, or this flight's scenario written as one."""
+    if what != THIS:
+        return what
+    scenario = console.session.plan.scenario
+    if scenario.name in list_scenarios() and load_scenario(scenario.name) == scenario:
+        return scenario.name
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    path = FOLDER / f"{scenario.name}-flown.toml"
+    write_atomic(path, to_toml(msgspec.to_builtins(scenario)).encode())
+    return str(path)
+
+
+def _start(
+    console: Console,
+    frames: int,
+    what: str | None = None,
+    folder: str | None = None,
+    formats: str | None = None,
+    workers: int | None = None,
+) -> None:
+    given = _what(console, what or THIS)
+    place = new_folder(FOLDER, f"set-{Path(given).stem}") if folder in {None, NEW} else Path(str(folder))
+    console.capture.start(
+        CaptureRequest(
+            what=given, frames=frames, folder=place, formats=formats or "native", workers=workers or 1
+        )
+    )
+    console.say(f"capturing {frames} frames of {given} into {place}")
+
+
+def _stop(console: Console) -> None:
+    console.capture.stop()
+
+
+def _resume(console: Console) -> None:
+    last = console.capture.request
+    if last is None:
+        raise UserError("there is no capture to go on with: start one")
+    console.capture.start(replace(last, resume=True))
+    console.say(f"going on with {last.folder}")
+
+
+def keep_capture(console: Console) -> None:
+    """Look at the capture, and tell its end; once a turn."""
+    told = console.capture.update()
+    if told is not None:
+        console.say(told, "note" if told.startswith(("captured", "the capture was stopped")) else "caution")
+
+
+COMMANDS = (
+    Command(
+        "capture.start",
+        "Capture",
+        "a labelled data set of a scenario or recipe, drawn beside the flight",
+        _start,
+        arguments=(
+            Argument("frames", "whole", "how many", least=1, most=MOST_FRAMES),
+            Argument("what", "word", f"scenario, recipe or file; {THIS} unless given", optional=True),
+            Argument(
+                "folder", "word", f"new or empty; {NEW}, or left out: one in out/console", optional=True
+            ),
+            Argument("formats", "word", "beside the native one, with commas", optional=True),
+            Argument("workers", "whole", "processes that draw", least=1, most=MOST_WORKERS, optional=True),
+        ),
+        cli="flyaround capture SCENARIO -o DIR -n N",
+    ),
+    Command("capture.stop", "Stop capture", "end it; what is written stays, and can be gone on with", _stop),
+    Command(
+        "capture.resume",
+        "Go on with capture",
+        "go on with the last capture where it ended",
+        _resume,
+        cli="flyaround capture SCENARIO -o DIR -n N --resume",
+    ),
+)

@@ -1,0 +1,73 @@
+"""Commands of the estimator beside the flight."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui.command_table import STATE, Argument, Command
+
+if TYPE_CHECKING:
+    from gui.console import Console
+
+
+def _run(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+    estimates = console.estimates
+    on = not estimates.on if state is None else state
+    if on:
+        estimates.start()
+    else:
+        estimates.stop()
+
+
+def _method(console: Console, method: str) -> None:
+    console.estimates.choose(method)
+
+
+def _stages(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+    estimates = console.estimates
+    estimates.want_stages(wanted=not estimates.stages_wanted if state is None else state)
+
+
+def _forget(console: Console) -> None:
+    console.estimates.forget()
+
+
+def keep_estimates(console: Console) -> None:
+    """Give the estimator the newest picture, and tell what went wrong; once a turn."""
+    estimates = console.estimates
+    estimates.update(console.feed.newest)
+    for trouble in estimates.take_troubles():
+        console.say(trouble, "caution")
+
+
+COMMANDS = (
+    Command(
+        "estimator.run",
+        "Estimate",
+        "run the method on the newest picture, again and again, in a process of its own",
+        _run,
+        arguments=(STATE,),
+        state=lambda console: console.estimates.on,
+        cli="flyaround estimate IMAGE --target NAME --camera CAMERA.json",
+    ),
+    Command(
+        "estimator.method",
+        "Method",
+        "which estimator: a name of flyaround evaluate, or net:FILE",
+        _method,
+        arguments=(
+            Argument("method", "word", "svd, svd-2018, svd-thesis, svd-track, net:FILE or a package's"),
+        ),
+        cli="flyaround estimate IMAGE --method METHOD",
+    ),
+    Command(
+        "estimator.stages",
+        "Stages as pictures",
+        "a picture of each stage with every estimate; it takes about twice as long",
+        _stages,
+        arguments=(STATE,),
+        state=lambda console: console.estimates.stages_wanted,
+        cli="flyaround estimate IMAGE --debug DIR",
+    ),
+    Command("estimator.forget", "Forget estimates", "begin the estimator's plots again", _forget),
+)

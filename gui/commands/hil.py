@@ -1,0 +1,140 @@
+"""Commands of the link to a board: a session on this flight, a board of this machine, faults on purpose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from gui.command_table import Argument, Command
+from gui.jobs.program import new_folder
+from hil.host.link_process.ipc import LinkConfig
+from hil.host.run import RunConfig
+from hil.host.truth_policy import check_access
+from simulator.scenario.faults import (
+    Bandwidth,
+    Blinding,
+    ClockDrift,
+    ColumnLoss,
+    Corrupt,
+    DeadPixels,
+    Delay,
+    Disconnect,
+    Drop,
+    Duplicate,
+    FrozenPicture,
+    GainStep,
+    HalfFrame,
+    Jitter,
+    Reorder,
+    RepeatedNumber,
+    RowLoss,
+    StuckPixels,
+)
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from simulator.scenario.faults import CameraFault, LineFault
+
+LISTEN = "tcp://127.0.0.1:5600"
+FOLDER = Path("out") / "console"
+POSE_S, CONNECT_S = 10.0, 600.0
+FAULT_S = 10.0
+FAULTS: dict[str, tuple[CameraFault | LineFault, str]] = {
+    "stuck_pixels": (StuckPixels(share=0.01), "one pixel in a hundred gives one number"),
+    "dead_pixels": (DeadPixels(share=0.01), "one pixel in a hundred gives 0"),
+    "row_loss": (RowLoss(rows=40), "forty rows of each picture are 0"),
+    "column_loss": (ColumnLoss(columns=40), "forty columns are 0"),
+    "half_frame": (HalfFrame(), "the lower half of each picture is 0"),
+    "frozen": (FrozenPicture(), "the same picture again and again"),
+    "blinding": (Blinding(), "a bright source in the middle"),
+    "gain_step": (GainStep(factor=3.0), "three times the numbers"),
+    "repeated_number": (RepeatedNumber(), "the camera's counter stands still"),
+    "delay": (Delay(delay_ms=300.0), "every packet to the board 0.3 s later"),
+    "jitter": (Jitter(most_ms=300.0), "pictures up to 0.3 s later"),
+    "drop": (Drop(chance=0.02), "two packets in a hundred are lost"),
+    "corrupt": (Corrupt(chance=0.02), "two packets in a hundred are damaged"),
+    "duplicate": (Duplicate(chance=0.2), "one packet in five comes twice"),
+    "reorder": (Reorder(chance=0.1), "one packet in ten comes late"),
+    "bandwidth": (Bandwidth(bytes_per_s=500_000.0), "half a megabyte a second"),
+    "disconnect": (Disconnect(), "the line is cut once"),
+    "clock_drift": (ClockDrift(ppm=500.0), "the board's clock runs fast"),
+}
+
+
+def _start(console: Console, url: str | None = None) -> None:
+    link = LinkConfig(url=url or LISTEN, mode="lockstep", truth="off", timeout_s=POSE_S, adds_faults=True)
+    check_access(link)
+    target = console.session.plan.target
+    config = RunConfig(
+        link=link,
+        log_dir=new_folder(FOLDER, f"hil-{console.session.plan.scenario.name}"),
+        connect_timeout_s=CONNECT_S,
+        target_name=target.name,
+        target_sha256=target.sha256,
+    )
+    console.hil.start(console.session, config, console.device_index)
+
+
+def _stop(console: Console) -> None:
+    console.hil.stop()
+
+
+def _board(console: Console, method: str | None = None) -> None:
+    console.hil.start_board(console.session.plan.target.name, method or "svd")
+
+
+def _stop_board(console: Console) -> None:
+    console.hil.stop_board()
+
+
+def _fault(console: Console, kind: str, seconds: float | None = None) -> None:
+    fault, text = FAULTS[kind]
+    start = console.session.t_s
+    length = FAULT_S if seconds is None else seconds
+    console.hil.add_fault(msgspec.structs.replace(fault, start_s=start, end_s=start + length))
+    console.say(f"fault {kind} for {length:g} s of the flight: {text}")
+
+
+def keep_hil(console: Console) -> None:
+    """Give the session the newest moment, and tell what it has to say; once a turn."""
+    for note in console.hil.update(console.session):
+        console.say(note.text, "caution" if note.warning else "note")
+
+
+COMMANDS = (
+    Command(
+        "hil.start",
+        "Start session",
+        "send this flight's pictures to a board that connects, each when the last one is answered",
+        _start,
+        arguments=(
+            Argument("url", "word", "tcp://HOST:PORT or serial:///DEVICE?baud=N to listen on", optional=True),
+        ),
+        cli="flyaround hil host SCENARIO --listen URL --log DIR",
+    ),
+    Command("hil.stop", "End session", "say goodbye to the board, and close the ledger", _stop),
+    Command(
+        "hil.board",
+        "Start board here",
+        "a board's process on this machine that connects to the session",
+        _board,
+        arguments=(Argument("method", "word", "its estimator; svd unless given", optional=True),),
+        cli="flyaround hil board URL --target NAME",
+    ),
+    Command("hil.board-stop", "Stop board here", "end the board's process of this machine", _stop_board),
+    Command(
+        "hil.fault",
+        "Fault",
+        "a fault of the camera or the line from the next picture on",
+        _fault,
+        arguments=(
+            Argument("kind", "word", "which one", tuple(FAULTS)),
+            Argument(
+                "seconds", "number", "of the flight; 10 unless given", least=0.1, most=3600.0, optional=True
+            ),
+        ),
+        cli="flyaround hil host SCENARIO --faults FILE",
+    ),
+)

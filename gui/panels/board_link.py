@@ -1,0 +1,130 @@
+"""The link to a board: a session on this flight, what came back, how long it took, faults at a button."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gui import style
+from gui.commands.hil import FAULT_S, FAULTS, LISTEN
+from gui.jobs.hil_session import BIN_EDGES_MS
+from gui.picture.estimates import known_methods
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.jobs.hil_session import HilSession
+    from gui.window import Window
+
+SEEN = {
+    "off": style.QUIET,
+    "starting": style.WARN,
+    "waiting for a board": style.WARN,
+    "streaming": style.GOOD,
+}
+
+
+class BoardLinkPanel:
+    """Starts and ends a session, and shows the ledger as it grows."""
+
+    name, title, place, shown = "board-link", "Board link", "left", False
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+        self._url = LISTEN
+        self._methods: tuple[str, ...] = ()
+        self._method = 0
+        self._fault = 0
+        self._seconds = FAULT_S
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, imgui, hil = self._w, self._w.imgui, console.hil
+        w.text(hil.state, SEEN.get(hil.state, style.WARN))
+        if hil.board_name:
+            w.text(hil.board_name)
+        if hil.on:
+            w.text(f"on {hil.url}" if hil.url else "opening the port ...", style.QUIET)
+            w.button(console, "hil.stop", width=w.width)
+        else:
+            imgui.set_next_item_width(-1)
+            _, self._url = imgui.input_text("##url", self._url)
+            w.tip("where a board connects: tcp://HOST:PORT, or serial:///dev/ttyUSB0?baud=921600")
+            w.button(console, "hil.start", self._url, width=w.width)
+            w.text(
+                "The board is sent a picture of the newest moment whenever it has answered the last one.",
+                style.QUIET,
+            )
+        w.section("Board of this machine")
+        self._methods = self._methods or known_methods()
+        imgui.set_next_item_width(-1)
+        _, self._method = imgui.combo("##method", self._method, list(self._methods))
+        if hil.board_running:
+            w.button(console, "hil.board-stop", width=w.width)
+        else:
+            w.button(console, "hil.board", self._methods[self._method], width=w.width)
+        w.section("Answers")
+        self._answers(hil)
+        w.section("Faults on purpose")
+        self._faults(console)
+
+    def _answers(self, hil: HilSession) -> None:
+        w = self._w
+        w.row("Pictures", (hil.sent,), "{:d}", "sent since the session began")
+        w.row("Accepted", (hil.accepted,), "{:d}", "poses that the board stands by")
+        w.row("Declined", (hil.outcomes["declined"],), "{:d}", "answers without a pose to be used")
+        w.row("Rate", (hil.per_s,), "{:.2f}/s", "answers a second, over five seconds")
+        for cause, n in hil.drops.items():
+            w.coloured(style.BAD)
+            w.row(f"Lost: {cause}", (n,), "{:d}", "pictures without an answer")
+            w.imgui.pop_style_color()
+        latencies = hil.latencies_ms()
+        if len(latencies):
+            w.row(
+                "Latency", np.percentile(latencies, [50, 99]).tolist(), "{:.0f}", "ms: median, and 99 of 100"
+            )
+            self._distribution(hil)
+        poses = [r for r in hil.rows if r.outcome == "accepted" and r.E_R_deg is not None]
+        if poses:
+            last = poses[-1]
+            w.row("Attitude", (last.E_R_deg or 0.0,), "{:.3f}°", "error of the last accepted pose")
+            w.row("Position", (1e3 * (last.E_T_m or 0.0),), "{:.1f} mm", "error of the last accepted pose")
+
+    def _distribution(self, hil: HilSession) -> None:
+        """Answered pictures by latency, on a log scale of milliseconds."""
+        w, implot = self._w, self._w.implot
+        counts = hil.latency_counts()
+        flags = implot.Flags_
+        quiet = flags.no_legend | flags.no_menus | flags.no_mouse_text | flags.no_title | flags.no_inputs
+        if not implot.begin_plot("##latency", w.vec(-1, 120 * w.window.scale), quiet):
+            return
+        axis = implot.AxisFlags_
+        implot.setup_axes("latency [ms]", "pictures", axis.no_highlight, axis.no_highlight)
+        filled = np.flatnonzero(counts)
+        low, high = BIN_EDGES_MS[max(filled[0] - 2, 0)], BIN_EDGES_MS[min(filled[-1] + 3, len(counts))]
+        implot.setup_axis_scale(implot.ImAxis_.x1, implot.Scale_.log10)
+        implot.setup_axes_limits(low, high, 0, 1.1 * float(counts.max()), w.imgui.Cond_.always)
+        spec = implot.Spec()
+        spec.line_color = w.imgui.ImVec4(*style.ACCENT)
+        spec.line_weight = 1.6
+        steps = np.append(counts, 0.0)
+        implot.plot_stairs("pictures", np.array(BIN_EDGES_MS), np.ascontiguousarray(steps), spec)
+        implot.end_plot()
+
+    def _faults(self, console: Console) -> None:
+        w, imgui = self._w, self._w.imgui
+        kinds = list(FAULTS)
+        imgui.set_next_item_width(-1)
+        _, self._fault = imgui.combo("##fault", self._fault, [k.replace("_", " ") for k in kinds])
+        w.text(FAULTS[kinds[self._fault]][1], style.QUIET)
+        imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.5 * w.width))
+        _, self._seconds = imgui.input_double("s##seconds", self._seconds, 0.0, 0.0, "%.3g")
+        w.tip("how long it acts, in seconds of the flight")
+        w.flow(6 * imgui.get_font_size(), first=False)
+        imgui.begin_disabled(not console.hil.on)
+        seconds = min(max(self._seconds, 0.1), 3600.0)
+        w.button(console, "hil.fault", kinds[self._fault], seconds, label="Inject")
+        imgui.end_disabled()
+        for kind, n in console.hil.struck.items():
+            w.row(kind.replace("_", " "), (n,), "{:d}", "pictures or answers that it struck")

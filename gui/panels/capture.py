@@ -1,0 +1,115 @@
+"""A data set beside the flight: what, how many, where; how far it is, and its last pictures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui import style
+from gui.commands.capture import NEW, THIS
+from gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS
+from gui.widgets import Widgets
+from simulator.dataset.formats.registry import writable
+from simulator.recipes.load import list_recipes
+from simulator.scenario.load import list_scenarios
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.jobs.capture_job import CaptureJob
+    from gui.window import Window
+
+THUMB = 120.0
+
+
+class CapturePanel:
+    """Starts, stops and goes on with a capture."""
+
+    name, title, place, shown = "capture", "Capture", "left", False
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+        self._what = 0
+        self._names: tuple[str, ...] = ()
+        self._frames, self._workers = 20, 1
+        self._folder = ""
+        self._formats: set[str] = set()
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        if console.capture.running:
+            self._under_way(console)
+        else:
+            self._form(console)
+        self._thumbnails(console.capture)
+
+    def _form(self, console: Console) -> None:
+        w, imgui, job = self._w, self._w.imgui, console.capture
+        self._names = self._names or (THIS, *list_scenarios(), *list_recipes())
+        self._label("What")
+        _, self._what = imgui.combo(
+            "##what", self._what, [n.replace(THIS, "this flight's scenario") for n in self._names]
+        )
+        self._label("Frames")
+        _, self._frames = imgui.input_int("##frames", self._frames, 10, 100)
+        self._label("Folder")
+        _, self._folder = imgui.input_text_with_hint("##folder", "a new one in out/console", self._folder)
+        self._label("Processes")
+        _, self._workers = imgui.input_int("##workers", self._workers, 1, 1)
+        w.text("Beside the native layout", style.QUIET)
+        for k, name in enumerate(writable()[1:]):
+            w.flow(imgui.calc_text_size(name).x + 2.2 * imgui.get_frame_height(), first=k == 0)
+            changed, on = imgui.checkbox(name, name in self._formats)
+            if changed:
+                (self._formats.add if on else self._formats.discard)(name)
+        self._frames = min(max(self._frames, 1), MOST_FRAMES)
+        self._workers = min(max(self._workers, 1), MOST_WORKERS)
+        if imgui.button("Capture##start", w.vec(w.width, 0)):
+            what, formats = self._names[self._what], ",".join(sorted(self._formats)) or "native"
+            console.do("capture.start", self._frames, what, self._folder or NEW, formats, self._workers)
+        w.tip(console.table["capture.start"].help)
+        if job.outcome:
+            w.text(job.outcome, style.GOOD if job.outcome.startswith("captured") else style.WARN)
+            if not job.outcome.startswith("captured"):
+                w.button(console, "capture.resume", width=w.width)
+
+    def _label(self, text: str) -> None:
+        """A name before the part that comes next, which takes the rest of the line."""
+        imgui = self._w.imgui
+        imgui.align_text_to_frame_padding()
+        self._w.coloured(style.QUIET)
+        imgui.text_unformatted(text)
+        imgui.pop_style_color()
+        imgui.same_line(6 * imgui.get_font_size())
+        imgui.set_next_item_width(-1)
+
+    def _under_way(self, console: Console) -> None:
+        w, imgui, job = self._w, self._w.imgui, console.capture
+        request = job.request
+        if request is None:
+            return
+        w.text(request.what)
+        w.text(f"into {request.folder}", style.QUIET)
+        share = min(job.done / max(request.frames, 1), 1.0)
+        imgui.progress_bar(share, w.vec(-1, 0), f"{job.done} of {request.frames}")
+        left = "" if job.left_s is None else f", {_time(job.left_s)} left"
+        w.text("stopping ..." if job.stopping else f"{_time(job.elapsed_s)}{left}", style.QUIET)
+        w.button(console, "capture.stop", width=w.width, label="Kill" if job.stopping else None)
+
+    def _thumbnails(self, job: CaptureJob) -> None:
+        w, imgui = self._w, self._w.imgui
+        if not job.thumbnails:
+            return
+        w.section("Last pictures")
+        spacing = imgui.get_style().item_spacing.x
+        columns = max(1, int((w.width + spacing) / (THUMB * w.window.scale + spacing)))
+        width = (w.width - (columns - 1) * spacing) / columns
+        for k, thumb in enumerate(reversed(job.thumbnails)):
+            if k % columns:
+                imgui.same_line()
+            texture = w.window.show_picture(f"thumbnail/{k}", thumb, thumb.image, 8)
+            imgui.image(texture, w.vec(width, width * thumb.image.shape[0] / thumb.image.shape[1]))
+            w.tip(thumb.name)
+
+
+def _time(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

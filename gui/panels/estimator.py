@@ -1,0 +1,195 @@
+"""The estimator: method at a click, what it says of the newest picture, errors over time, stages as pictures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from gui import style
+from gui.picture.estimates import known_methods
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.picture.estimates import Estimate, Estimates
+    from gui.window import Window
+    from simulator.runtime.arrays import ByteArray
+
+PLOT_HEIGHT = 92.0
+LEAST_DEG, LEAST_M = 1e-3, 1e-4
+"""Errors are drawn on a log scale; smaller ones lie on its edge."""
+THUMB = 150.0
+STATES = {
+    "off": "off",
+    "starting": "starting its process ...",
+    "waiting": "waits for a picture",
+    "estimating": "at work",
+}
+
+
+class EstimatorPanel:
+    """Runs an estimator beside the flight and shows what it thinks."""
+
+    name, title, place, shown = "estimator", "Estimator", "left", False
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+        self._methods: tuple[str, ...] = ()
+        self._network = "net:"
+        self._pictures: dict[str, ByteArray] = {}
+        self._pictures_of: Estimate | None = None
+        self._stage = ""
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, estimates = self._w, console.estimates
+        w.switch(console, "estimator.run")
+        w.flow(12 * w.imgui.get_font_size(), first=False)
+        state = STATES[estimates.state]
+        if estimates.per_s:
+            state = f"{state}, {estimates.per_s:.1f}/s"
+        w.text(state, style.GOOD if estimates.on else style.QUIET)
+        self._choose(console)
+        newest = estimates.newest
+        if newest is None:
+            w.text("It estimates the pose in the newest picture, and draws it over the view.", style.QUIET)
+        else:
+            self._figures(newest)
+        w.section("Over the flight")
+        self._plots(estimates)
+        w.button(console, "estimator.forget", label="Begin plots again")
+        w.section("Stages")
+        w.switch(console, "estimator.stages")
+        if newest is not None and newest.answer.stages:
+            self._stages(newest)
+        elif estimates.stages_wanted:
+            w.text("with the next estimate", style.QUIET)
+
+    def _choose(self, console: Console) -> None:
+        w, imgui, estimates = self._w, self._w.imgui, console.estimates
+        self._methods = self._methods or known_methods()
+        for k, method in enumerate(self._methods):
+            width = imgui.calc_text_size(method).x + 2 * imgui.get_style().frame_padding.x
+            w.flow(width, first=k == 0)
+            w.button(console, "estimator.method", method, label=method, on=method == estimates.method)
+        button = imgui.calc_text_size("Network").x + 2 * imgui.get_style().frame_padding.x
+        imgui.set_next_item_width(max(w.width - button - 8, 60))
+        _, self._network = imgui.input_text("##network", self._network)
+        w.tip("net: and the file that flyaround train has written")
+        w.flow(button, first=False)
+        w.button(
+            console,
+            "estimator.method",
+            self._network,
+            label="Network",
+            on=estimates.method == self._network,
+        )
+
+    def _figures(self, e: Estimate) -> None:
+        w, answer = self._w, e.answer
+        w.section(f"{e.method} at T+{e.t_s:.2f} s")
+        if answer.accepted:
+            w.text("accepted", style.GOOD)
+        else:
+            w.text(f"declined: {answer.reason}", style.WARN)
+        w.row("Confidence", (answer.confidence,), "{:.3f}", "0 to 1; accepted from 0.9 on by svd")
+        if e.E_R_deg is not None and e.E_T_m is not None:
+            w.row("Attitude", (e.E_R_deg,), "{:.3f}°", "error against the truth of its picture")
+            w.row("Position", (1e3 * e.E_T_m,), "{:.1f} mm", "error against the truth of its picture")
+            share = 100 * e.E_T_m / max(e.range_m, 1e-9)
+            w.row("of range", (share,), "{:.2f} %", "position error over the range")
+        w.row("Took", (e.took_ms,), "{:.0f} ms", "all stages; making the estimator is not counted")
+        w.row("Picture", e.size_px, "{:d}", "pixels of the picture that it was given")
+        slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
+        w.text(", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest), style.QUIET)
+
+    # --- plots
+
+    def _plots(self, estimates: Estimates) -> None:
+        if len(estimates.history) == 0:
+            self._w.text("no estimate yet", style.QUIET)
+            return
+        rows = list(estimates.history)
+        t = np.array([e.t_s for e in rows])
+        good = np.array([e.answer.accepted for e in rows])
+        turn = np.array([np.nan if e.E_R_deg is None else max(e.E_R_deg, LEAST_DEG) for e in rows])
+        shift = np.array([np.nan if e.E_T_m is None else max(e.E_T_m, LEAST_M) for e in rows])
+        sure = np.array([e.answer.confidence for e in rows])
+        self._plot("attitude error [deg]", t, turn, good, log=True)
+        self._plot("position error [m]", t, shift, good, log=True)
+        self._plot("confidence", t, sure, good, log=False)
+        self._w.text("dots: accepted; rings: declined", style.QUIET)
+
+    def _plot(self, name: str, t: Any, values: Any, good: Any, *, log: bool) -> None:  # noqa: ANN401 - arrays
+        w, implot = self._w, self._w.implot
+        w.text(name)
+        flags = implot.Flags_
+        quiet = flags.no_legend | flags.no_menus | flags.no_title | flags.no_mouse_text
+        if not implot.begin_plot(f"##{name}", w.vec(-1, PLOT_HEIGHT * w.window.scale), quiet):
+            return
+        axis = implot.AxisFlags_
+        implot.setup_axes("", "", axis.no_highlight, axis.no_highlight)
+        low, high = float(t[0]), float(t[-1])
+        implot.setup_axis_limits(implot.ImAxis_.x1, low, max(high, low + 1.0), w.imgui.Cond_.always)
+        if log:
+            seen = values[np.isfinite(values)]
+            least, most = (float(seen.min()), float(seen.max())) if len(seen) else (0.1, 1.0)
+            implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
+            implot.setup_axis_limits(implot.ImAxis_.y1, least / 2, 2 * most, w.imgui.Cond_.always)
+        else:
+            implot.setup_axis_limits(implot.ImAxis_.y1, -0.05, 1.05, w.imgui.Cond_.always)
+        colour = w.imgui.ImVec4(*style.ESTIMATE)
+        for filled, which in ((True, good), (False, ~good)):
+            if not which.any():
+                continue
+            spec = implot.Spec()
+            spec.marker, spec.marker_size = implot.Marker_.circle, 2.6 * w.window.scale
+            spec.marker_line_color = colour if filled else w.imgui.ImVec4(*style.WARN)
+            spec.marker_fill_color = colour if filled else w.imgui.ImVec4(0.0, 0.0, 0.0, 0.0)
+            implot.plot_scatter(
+                f"{name} {filled}", np.ascontiguousarray(t[which]), np.ascontiguousarray(values[which]), spec
+            )
+        implot.end_plot()
+
+    # --- stages
+
+    def _stages(self, estimate: Estimate) -> None:
+        w, imgui = self._w, self._w.imgui
+        if self._pictures_of is not estimate:
+            self._pictures_of = estimate
+            self._pictures = {
+                n: p for n, d in estimate.answer.stages.items() if (p := _decoded(d)) is not None
+            }
+        if not self._pictures:
+            return
+        if self._stage not in self._pictures:
+            self._stage = next(reversed(self._pictures))
+        self._picture(self._stage, w.width)
+        w.text(f"{self._stage.replace('_', ' ')}; a click on a small one shows it here", style.QUIET)
+        spacing = imgui.get_style().item_spacing.x
+        columns = max(2, int((w.width + spacing) / (THUMB * w.window.scale + spacing)))
+        width = (w.width - (columns - 1) * spacing) / columns
+        for k, name in enumerate(self._pictures):
+            if k % columns:
+                imgui.same_line()
+            imgui.begin_group()
+            self._picture(name, width)
+            if imgui.is_item_clicked():
+                self._stage = name
+            w.tip(name.replace("_", " "))
+            w.coloured(style.ACCENT if name == self._stage else style.QUIET)
+            imgui.text_unformatted(w.elided(name.replace("_", " "), width))
+            imgui.pop_style_color()
+            imgui.end_group()
+
+    def _picture(self, name: str, width: float) -> None:
+        w, picture = self._w, self._pictures[name]
+        texture = w.window.show_picture(f"stage/{name}", picture, picture, 8)
+        w.imgui.image(texture, w.vec(width, width * picture.shape[0] / picture.shape[1]))
+
+
+def _decoded(data: ByteArray) -> ByteArray | None:
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
+    return None if image is None else np.asarray(image, np.uint8)

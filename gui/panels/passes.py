@@ -1,0 +1,67 @@
+"""What each pass of the picture takes, as a table with bars."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui import style
+from gui.views.camera import shown_passes
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.window import Window
+
+
+class PassesPanel:
+    """Times of the passes, medians of five pictures, and what draws."""
+
+    name, title, place, shown = "passes", "Passes", "right-low", False
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+
+    def draw(self, console: Console) -> None:
+        """Draw into the panel that is begun."""
+        w, imgui, feed = self._w, self._w.imgui, console.feed
+        rows = shown_passes(feed.pass_ms)
+        if not rows:
+            w.text("timing the passes ...", style.QUIET)
+            return
+        total = sum(ms for _, ms in rows)
+        flags = imgui.TableFlags_.sizing_stretch_prop
+        if imgui.begin_table("passes", 3, flags):
+            imgui.table_setup_column("pass", imgui.TableColumnFlags_.width_stretch, 0.45)
+            imgui.table_setup_column("ms", imgui.TableColumnFlags_.width_stretch, 0.2)
+            imgui.table_setup_column("share", imgui.TableColumnFlags_.width_stretch, 0.35)
+            for name, ms in (*rows, ("picture", total)):
+                imgui.table_next_row()
+                imgui.table_next_column()
+                colour = style.WARN if name == "picture" else style.INK
+                w.coloured(colour)
+                imgui.text_unformatted(w.elided(name, w.width))
+                imgui.pop_style_color()
+                imgui.table_next_column()
+                imgui.text_unformatted(f"{ms:.1f}")
+                imgui.table_next_column()
+                self._bar(ms / total, colour)
+            imgui.end_table()
+        picture = feed.newest
+        if picture is not None:
+            height, width = picture.frame.image.shape[:2]
+            w.text(f"{width} x {height} px, {picture.frame.scene.quality}", style.QUIET)
+        w.text(
+            "The renderer waits after each pass while this is open: a few milliseconds a picture.",
+            style.QUIET,
+        )
+
+    def _bar(self, share: float, rgba: style.Rgba) -> None:
+        imgui, w = self._w.imgui, self._w
+        at, height = imgui.get_cursor_screen_pos(), imgui.get_text_line_height()
+        across = max(w.width * share, 1.0)
+        imgui.get_window_draw_list().add_rect_filled(
+            w.vec(at.x, at.y + 0.25 * height),
+            w.vec(at.x + across, at.y + 0.75 * height),
+            w.color((*rgba[:3], 0.8)),
+        )
+        imgui.dummy(w.vec(across, height))

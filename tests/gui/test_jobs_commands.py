@@ -1,0 +1,124 @@
+"""Commands of the estimator, the board's link and captures: what they ask for, and what they refuse."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from gui.app import command_table, options_of
+from gui.command_table import CommandTable
+from gui.commands.capture import keep_capture
+from gui.commands.estimator import keep_estimates
+from gui.commands.hil import FAULTS, keep_hil
+from gui.console import Console
+from gui.flight.session import Session
+from gui.jobs.capture_job import CaptureRequest
+from gui.picture.feed import Feed
+from simulator.scenario.load import load_scenario
+
+
+class NoRenderer:
+    """Takes no picture."""
+
+    def submit(self, request: object) -> bool:
+        return False
+
+    def finished(self) -> tuple[()]:
+        return ()
+
+
+@pytest.fixture(scope="module")
+def table() -> CommandTable:
+    return command_table()
+
+
+@pytest.fixture
+def console(table: CommandTable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Console:
+    monkeypatch.chdir(tmp_path)
+    session = Session.of(load_scenario("tango-flyaround"))
+    return Console(session, Feed(NoRenderer()), options_of(session), table)
+
+
+@pytest.fixture
+def asked(console: Console, monkeypatch: pytest.MonkeyPatch) -> list[CaptureRequest]:
+    """What captures are asked for; none is started."""
+    requests: list[CaptureRequest] = []
+    monkeypatch.setattr(console.capture, "start", requests.append)
+    return requests
+
+
+def test_a_capture_of_the_flight_is_of_its_scenario(console: Console, asked: list[CaptureRequest]) -> None:
+    console.do("capture.start", 5)
+    assert asked[0].arguments == (
+        "capture",
+        "tango-flyaround",
+        "-o",
+        "out/console/set-tango-flyaround",
+        "-n",
+        "5",
+    )
+    console.do_line("capture.start 7 eval-black my-set coco,speed 3")
+    assert " ".join(asked[1].arguments) == (
+        "capture eval-black -o my-set -n 7 --format coco,speed --workers 3"
+    )
+    console.do("capture.start", 0)
+    assert "from 1 to" in console.messages[-1].text
+    assert len(asked) == 2
+
+
+def test_an_edited_flight_is_captured_as_it_was_edited(console: Console, asked: list[CaptureRequest]) -> None:
+    edited = msgspec.structs.replace(load_scenario("tango-flyaround"), duration_s=30.0)
+    console.session = Session.of(edited)
+    console.do("capture.start", 5)
+    written = load_scenario(asked[0].what)
+    assert written == edited
+
+
+def test_going_on_needs_a_capture(console: Console) -> None:
+    console.do("capture.resume")
+    assert "start one" in console.messages[-1].text
+    console.do("capture.stop")
+    keep_capture(console)
+
+
+def test_a_session_only_listens_where_it_may(console: Console) -> None:
+    console.do("hil.start", "tcp://0.0.0.0:5600")
+    assert "key" in console.messages[-1].text
+    assert not console.hil.on
+    console.do("hil.fault", "gain_step")
+    assert "start one" in console.messages[-1].text
+    console.do("hil.fault", "bogus")
+    assert "allowed" in console.messages[-1].text
+    console.do("hil.board")
+    assert "no host listens" in console.messages[-1].text
+    console.do("hil.stop")
+    console.do("hil.board-stop")
+    keep_hil(console)
+    assert all(m.level == "caution" for m in console.messages)
+
+
+def test_every_fault_of_a_button_is_one_of_the_files(
+    console: Console, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    struck: list[msgspec.Struct] = []
+    monkeypatch.setattr(console.hil, "add_fault", struck.append)
+    for kind in FAULTS:
+        console.do("hil.fault", kind, 3.0)
+    assert [f.__struct_config__.tag for f in struck] == list(FAULTS)
+    assert {(f.start_s, f.end_s) for f in struck} == {(0.0, 3.0)}  # type: ignore[attr-defined]
+
+
+def test_the_estimator_is_switched_by_commands(console: Console) -> None:
+    console.do("estimator.method", "svd-thesis")
+    console.do("estimator.stages", True)
+    console.do("estimator.run", True)
+    assert (console.estimates.on, console.estimates.method) == (True, "svd-thesis")
+    assert console.estimates.stages_wanted
+    console.do("estimator.run")
+    assert not console.estimates.on
+    console.do("estimator.forget")
+    keep_estimates(console)
+    assert console.messages == []
+    console.close()
