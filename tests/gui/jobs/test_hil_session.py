@@ -117,7 +117,7 @@ def test_a_board_answers_the_flight_and_faults_strike(session: Session, tmp_path
         hil.add_fault(Drop(start_s=now, end_s=now + 10, chance=1.0, direction="to_board"))
         turns.until(lambda: hil.struck["gain_step"] > 0 and hil.struck["drop"] > 0)
         assert hil.drops
-        assert turns.longest_s < 0.5, "the window waited"
+        assert turns.longest_s < 2.0, "the window waited"
         hil.stop()
         turns.until(lambda: not hil.on)
         turns.until(lambda: not hil.board_running)
