@@ -89,12 +89,23 @@ class BurnNodes:
         if path is None or not burns:
             return
         canvas.stroke(port.at(path.points_lvlh_m), COLOUR, 1.6, dashed=True)
+        written: list[Point] = []
         for burn, node in zip(burns, path.nodes_lvlh_m, strict=False):
             at = _point(port.at(node))
             canvas.arrow(at, handle(at, burn, port.plane), COLOUR, 1.8)
             canvas.dot(handle(at, burn, port.plane), 3.5, style.INK)
             canvas.diamond(at, 5.0, COLOUR)
-            canvas.text((at[0] + 8, at[1] + 4), f"{burn.size_m_s:.3f} m/s", style.INK)
+            self._write(canvas, port, handle(at, burn, port.plane), f"{burn.size_m_s:.3f} m/s", written)
+
+    @staticmethod
+    def _write(canvas: Canvas, port: MapPort, tip: Point, text: str, written: list[Point]) -> None:
+        """A burn's size beside its handle, inside the map, unless another's is there already."""
+        x, y, w, h = port.rect
+        width, height = canvas.size(text)
+        at = (min(tip[0] + 8, x + w - width - 4), min(max(tip[1] - height / 2, y), y + h - height))
+        if all(abs(at[0] - a) > width or abs(at[1] - b) > height for a, b in written):
+            canvas.text(at, text, style.INK)
+            written.append(at)
 
     @property
     def path_lvlh_m(self) -> FloatArray:

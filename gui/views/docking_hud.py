@@ -26,6 +26,8 @@ RING_SHARE = 0.31
 """Radius of the ring over the smaller side of the picture."""
 LEAST_RING = 105.0
 """In a smaller picture the figures are the panel's alone."""
+WIDE = 700.0
+"""A narrower picture has other letters up to the middle of its upper edge."""
 LABELLED = 60.0
 """Squares of hold points beyond the next are named from this width on."""
 FULL_SCALE_DEG = 15.0
@@ -57,8 +59,12 @@ class DockingHud:
         self._corridor(canvas, box, camera, figures, docking)
         self._port(canvas, box, camera, figures, rows)
         self._window.imgui.push_font(self._window.figure_font, 0.0)
-        self._ring(canvas, box, camera, figures, rows)
-        self._status(canvas, box, console)
+        centre = box.at((camera.cx_px, camera.cy_px))
+        radius = RING_SHARE * min(box.width, box.height)
+        if radius < LEAST_RING * self._window.scale:
+            radius = 0.0
+        self._ring(canvas, centre, radius, figures, rows)
+        self._status(canvas, box, centre, radius, console)
         self._window.imgui.pop_font()
 
     # --- in the picture
@@ -126,18 +132,18 @@ class DockingHud:
     def _ring(
         self,
         canvas: Canvas,
-        box: Letterbox,
-        camera: Camera,
+        centre: Point,
+        radius: float,
         figures: DockingFigures,
         rows: dict[str, Judged],
     ) -> None:
-        cx, cy = box.at((camera.cx_px, camera.cy_px))
+        """The boresight's reticle and, unless the radius is 0, the ring with its figures."""
+        cx, cy = centre
         for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
             canvas.stroke([(cx + r * dx, cy + r * dy) for r in (6, 22)], style.INK, 1.4)
-        radius = RING_SHARE * min(box.width, box.height)
-        if radius < LEAST_RING * self._window.scale:
+        if radius == 0.0:
             return
-        canvas.circle((cx, cy), radius, (*style.INK[:3], 0.55), 1.2)
+        canvas.circle((cx, cy), radius, (*style.INK[:3], 0.8), 1.4)
         self._needles(canvas, (cx, cy), radius, figures, rows)
         line = self._w.line
         self._pair(canvas, (cx, cy - radius - 2.2 * line), rows["roll"], rows["roll rate"], 0.5)
@@ -185,13 +191,18 @@ class DockingHud:
         text = f"{name} {row.text} {row.unit}".strip() + style.LIMIT_MARKS[row.state]
         self._text(canvas, at, text, style.LIMIT_COLORS[row.state], share)
 
-    def _status(self, canvas: Canvas, box: Letterbox, console: Console) -> None:
-        """What flies, and what the operator is waited for."""
-        session = console.session
+    def _status(self, canvas: Canvas, box: Letterbox, centre: Point, radius: float, console: Console) -> None:
+        """What flies, and what the operator is waited for: where the view's other letters leave room."""
         text, colour = status(console)
-        if session.steering.plume:
+        if console.session.steering.plume:
             text, colour = f"{text}   PLUME ON TARGET".strip(), style.OUTSIDE
-        self._text(canvas, (box.x + box.width / 2, box.y + 0.6 * self._w.line), text, colour, 0.5)
+        line = self._w.line
+        x, y = box.x + box.width / 2, box.y + 0.6 * line
+        if radius == 0.0:
+            y = box.y + box.height - 1.8 * line
+        elif box.width < WIDE * self._window.scale:
+            x, y = centre[0], centre[1] - radius + 0.8 * line
+        self._text(canvas, (x, y), text, colour, 0.5)
 
 
 _SQUARE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
