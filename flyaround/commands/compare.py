@@ -76,7 +76,7 @@ def compare(
         raise UserError("--poses takes its sensor and its list itself; leave out --labels and --sensor")
     model = load_target(target)
     if poses is not None:
-        found = read_references(reference, load_camera(camera), n, poses)
+        found = read_references(reference, load_camera(camera), n, poses, posed=True)
         empty_folder(output)
         with Renderer(device_index=gpu) as renderer, progress_bar("fit", quiet=as_json) as progress:
             fitted, factors = fit_pictures(renderer, found, model, materials=materials, progress=progress)

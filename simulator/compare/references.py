@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,11 +9,16 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from simulator.dataset.formats.posed_pictures import checked_pose, read_json
+from simulator.dataset.formats.speed_reader import POSITION, QUATERNION
+from simulator.dataset.importing import is_coloured, read_picture
 from simulator.errors import UserError
 from simulator.labels.truth import read_truth
 from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from simulator.camera.lens.camera_model import Camera
     from simulator.runtime.arrays import ByteArray
 
@@ -27,6 +31,7 @@ SKIPPED = (
     ".clean.png",
 )  # label layers of our data sets
 LARGEST_PX = 2048
+SHAPE_WITHIN = 0.01  # of the ratio of width and height that a camera and its picture have
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +51,9 @@ class Reference:
     pose: Pose | None
 
 
-def read_references(folder: Path, camera: Camera, count: int, labels: Path | None = None) -> list[Reference]:
+def read_references(
+    folder: Path, camera: Camera, count: int, labels: Path | None = None, *, posed: bool = False
+) -> list[Reference]:
     """Up to ``count`` pictures of a folder, evenly over its sorted names.
 
     Parameters
@@ -54,11 +61,12 @@ def read_references(folder: Path, camera: Camera, count: int, labels: Path | Non
     camera : taken to have made them: its focal length is scaled to each picture's width, its principal point moves
         with the middle of the picture. A truth record beside a picture (same name, .json) tells camera and pose.
     labels : list of ``filename q_vbs2tango r_Vo2To_vbs_true``, as SPEED and SPEED+ have it.
+    posed : each is wanted grey, as the camera takes it and with a pose.
 
     Raises
     ------
     UserError
-        If the folder or the list cannot be read, or the folder has no picture.
+        If the folder or the list cannot be read, the folder has no picture, or one is not as wanted.
     """
     if not folder.is_dir():
         raise UserError(f"there is no folder {folder}; name the folder of pictures with --reference")
@@ -70,7 +78,31 @@ def read_references(folder: Path, camera: Camera, count: int, labels: Path | Non
     if len(paths) > count:
         paths = [paths[k] for k in np.unique(np.linspace(0, len(paths) - 1, count).astype(int))]
     poses = {} if labels is None else read_speed_labels(labels)
+    if posed:
+        _check_posed(paths, camera, poses, folder if labels is None else labels)
     return [_read(path, camera, poses.get(path.name)) for path in paths]
+
+
+def _check_posed(paths: Sequence[Path], camera: Camera, poses: dict[str, Pose], labels: Path) -> None:
+    without = [path.name for path in paths if path.name not in poses]
+    if without:
+        many = f"{len(without)} of {len(paths)} pictures" if len(without) > 1 else "a picture"
+        raise UserError(
+            f"{labels} has no pose of {many}, {without[0]} for one: the pose is not known; give the list of these "
+            "pictures with --poses"
+        )
+    for path in paths:
+        image = read_picture(path)
+        height, width = image.shape[:2]
+        if abs(width * camera.height_px / (height * camera.width_px) - 1) > SHAPE_WITHIN:
+            raise UserError(
+                f"picture {path} is {width} x {height} pixels, which is not the shape of the camera's "
+                f"{camera.width_px} x {camera.height_px}; give the camera that took it with --camera"
+            )
+        if is_coloured(image):
+            raise UserError(
+                f"picture {path} is in colour, and light is fitted to grey ones; save the pictures in grey"
+            )
 
 
 def _read(path: Path, camera: Camera, pose: Pose | None) -> Reference:
@@ -108,20 +140,22 @@ def read_speed_labels(path: Path) -> dict[str, Pose]:
     Raises
     ------
     UserError
-        If the file is not such a list.
+        If the file is not such a list, or a pose in it is none.
     """
-    try:
-        rows = json.loads(path.read_text(encoding="utf-8"))
-        poses = {}
-        for row in rows:
-            q = (
-                row["q_vbs2tango"] if "q_vbs2tango" in row else row["q_vbs2tango_true"]
-            )  # SPEED+ writes the second
-            t = np.asarray(row["r_Vo2To_vbs_true"], float)
-            poses[str(row["filename"])] = Pose.of("camera", "target", np.asarray(q, float), t)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    rows = read_json(path)
+    if not isinstance(rows, list):
         raise UserError(
-            f"cannot read labels {path} ({type(error).__name__}: {error}); "
-            "give SPEED's list of filename, q_vbs2tango, r_Vo2To_vbs_true"
-        ) from error
+            f"{path} is no list of poses; give SPEED's list of filename, q_vbs2tango, r_Vo2To_vbs_true"
+        )
+    poses = {}
+    for k, row in enumerate(rows):
+        where = f"{path} entry {k + 1}"
+        fields = row if isinstance(row, dict) else {}
+        q = [fields[name] for name in QUATERNION.values() if name in fields]
+        if not q or POSITION not in fields or not isinstance(fields.get("filename"), str):
+            raise UserError(
+                f"{where} has no pose; give SPEED's list of filename, {' or '.join(sorted(set(QUATERNION.values())))}, "
+                f"{POSITION}"
+            )
+        poses[fields["filename"]] = checked_pose(q[0], fields[POSITION], where)
     return poses

@@ -12,7 +12,7 @@ from simulator.dataset.card import CARD_NAME, DatasetCard, card_to_json
 from simulator.dataset.formats.base import FolderOutput
 from simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files, native_names
 from simulator.dataset.formats.registry import NATIVE, find_format, parse_formats, read_foreign
-from simulator.dataset.importing import camera_of, import_card, imported_frames
+from simulator.dataset.importing import camera_of, check_grey, import_card, imported_frames
 from simulator.dataset.labelled_dataset import open_dataset
 from simulator.dataset.split import SPLIT_NAME, Ratio, SplitAssigner, split_file
 from simulator.errors import UserError
@@ -81,6 +81,8 @@ def open_source(
     if not name:
         raise UserError(f"{place} does not say what craft it shows; name it with --target")
     craft, lens = load_target(name), camera_of(found, camera)
+    if camera is None:
+        check_grey(found)
     frames = (frame_from_files(k, files) for k, files in imported_frames(found, lens, craft))
     return Source(import_card(found, lens, craft, kind), kind, frames)
 

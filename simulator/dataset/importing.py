@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from simulator.world.frames.pose import Pose
 
 MOST_PICTURE_BYTES = 500_000_000
+LOOKED_AT = 8  # pictures of a set that are looked at for colour, evenly over it
+COLOURED_SHARE, COLOURED_DN = 0.01, 16  # of the pixels, and how far bands of a coloured one are apart, of 255
 SCHEMA = "flyaround.imported"
 """What the card's scenario calls itself where the pictures were not drawn here."""
 
@@ -69,6 +71,35 @@ def camera_of(found: PosedPictures, given: str | None) -> Camera:
                 f"{camera.height_px}; give the camera that took it with --camera"
             )
     return camera
+
+
+def is_coloured(image: NDArray[np.unsignedinteger]) -> bool:
+    """Whether a picture (H, W) or (H, W, 3) is in colour: a mark of some pixels drawn into a grey one is none."""
+    if image.ndim == 2:
+        return False
+    apart = image.max(axis=2).astype(np.int32) - image.min(axis=2)
+    most = COLOURED_DN if image.dtype == np.uint8 else COLOURED_DN * 257
+    return float(np.mean(apart > most)) > COLOURED_SHARE
+
+
+def check_grey(found: PosedPictures) -> None:
+    """Look at some pictures of a set whose usual camera takes grey ones.
+
+    Raises
+    ------
+    UserError
+        If one is in colour: then another camera took it, and the usual one's lens says nothing of it.
+    """
+    if not found.usual_camera or not found.pictures:
+        return
+    places = np.linspace(0, len(found.pictures) - 1, min(len(found.pictures), LOOKED_AT)).astype(int)
+    for k in np.unique(places):
+        path = found.pictures[int(k)].path
+        if is_coloured(read_picture(path)):
+            raise UserError(
+                f"picture {path} is in colour and camera {found.usual_camera} takes grey ones; name the camera that "
+                "took it with --camera, or save the pictures in grey"
+            )
 
 
 def import_card(found: PosedPictures, camera: Camera, target: Target, form: str) -> DatasetCard:

@@ -208,8 +208,9 @@ def train(
     same: bool = False,
     rate: float = RATE,
     short: bool = False,
+    steps: int | None = None,
 ) -> Tree:
-    """Running means of weights and statistics after ``minutes``.
+    """Running means of weights and statistics after ``minutes``, or after ``steps`` where these are given.
 
     Parameters
     ----------
@@ -246,7 +247,7 @@ def train(
         weights,
         lambda: draw(rng, BATCH),
         step,
-        Budget(minutes=minutes),
+        Budget(minutes=minutes, steps=steps),
         lambda _done, text, means: report(text, means),
         rate,
     )
@@ -266,6 +267,7 @@ def main() -> None:
     parser.add_argument("views", type=Path)
     parser.add_argument("-o", "--output", required=True, type=Path)
     parser.add_argument("--minutes", type=float, default=50.0)
+    parser.add_argument("--steps", type=int, default=None, help="so many steps instead of minutes")
     parser.add_argument("--views-used", type=int, default=None)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--start", default=None, help="craft whose network to begin with")
@@ -286,7 +288,7 @@ def main() -> None:
         write(options.output, folded(means), options.target)
         print(text, "|", recall(ProposalNetwork.read(str(options.output)), held), flush=True)
 
-    how = {"same": same, "rate": options.rate, "short": options.short}
+    how = {"same": same, "rate": options.rate, "short": options.short, "steps": options.steps}
     train(draw, options.minutes, options.seed, report, start, **how)
 
 

@@ -1,9 +1,11 @@
 """Training samples of a learned proposal under any light: what `lit_views` drew, mixed, burnt out, veiled and framed.
 
-Two kinds of sample. *Orbit*: one light and a little of all others, exposed and made noisy as `proposal_samples` does.
+Two kinds of sample. *Orbit*: the Sun and a little of all others, exposed and made noisy as `proposal_samples` does.
 *Laboratory*: several lights of random strength; every surface brighter or darker than its paint by chance, some of
-them mirrors of a lamp; a fall-off across the craft; burnt out by up to a half of it; a glow round what is bright; a
-black level; specks, textures behind, parts hidden, blur and another tone curve.
+them mirrors of a lamp; a fall-off across the craft; other textures on it (as of Park & D'Amico 2024, Robust multi-task
+learning and online refinement for spacecraft pose estimation across domain gap), bars and cables that the model has
+not, a shape a little bent; burnt out by up to a half of it; a glow round what is bright, light that strays across the
+picture, a black level; specks, textures behind, parts hidden, blur and another tone curve.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
+from tools.train.lit_views import SUNS
 from tools.train.proposal_samples import (
     ASTRAY,
     ASTRAY_SHARE,
@@ -45,12 +48,20 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import Float32Array, FloatArray
 
 # Share of samples in orbit, and of those of the laboratory with a texture behind.
-ORBIT_SHARE, LAB_EARTH_SHARE = 0.35, 0.4
+ORBIT_SHARE, LAB_EARTH_SHARE = 0.25, 0.4
+
+# Shares of those of the laboratory with another texture on the craft, with bars and cables, bent, with stray light.
+TEXTURED, CABLED, BENT, STRAY = 0.3, 0.3, 0.3, 0.25
+
+# By how much a sample is bent, standard deviation, and over what length [px].
+BENT_PX, BENT_OVER_PX = 0.6, 10.0
 
 # Brightest signal that is kept [full scale].
 MOST = 12.0
 
 _Y, _X = (np.mgrid[:VIEW_PX, :VIEW_PX] / (0.5 * VIEW_PX) - 1.0).astype(np.float32)
+
+_V, _U = (np.mgrid[:INPUT_PX, :INPUT_PX] / (0.5 * INPUT_PX) - 1.0).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +147,7 @@ def _in_orbit(views: LitViews, k: int, rng: Generator) -> Float32Array:
     """The craft in the light of the Sun, and a little of what the Earth gives back."""
     lights = views.lit.shape[1]
     weights = np.full(lights, rng.uniform(0.0, 0.02))
-    weights[rng.integers(lights)] = 1.0
+    weights[rng.integers(min(lights, SUNS))] = 1.0
     return _mixed(views, k, weights)
 
 
@@ -195,6 +206,13 @@ def _laboratory_picture(
     rng: Generator,
 ) -> Float32Array:
     picture = np.minimum(shadowed(signal, rng), MOST)
+    if rng.random() < TEXTURED:
+        texture = window(views.earths, reduced / 4 * rng.uniform(0.25, 1.0), rng)
+        texture = (texture - texture.mean()) / max(float(texture.std()), 1e-3)
+        strength = np.float32(rng.uniform(0.1, 0.7))
+        picture = picture * np.exp(strength * np.clip(texture, -2.5, 2.5) * cover)
+    if rng.random() < CABLED:
+        _cabled(picture, rng)
     if craft == 0.0 or rng.random() < LAB_EARTH_SHARE:
         behind = window(views.earths, reduced / 4 * rng.uniform(0.5, 2.0), rng)
         behind = behind ** np.float32(rng.uniform(0.6, 1.6)) * np.float32(np.exp(rng.uniform(-2.5, 0.8)))
@@ -202,19 +220,48 @@ def _laboratory_picture(
     for _ in range(rng.integers(4) if rng.random() < 0.4 else 0):
         at = rng.integers(INPUT_PX, size=2).tolist()
         cv2.circle(picture, at, 0, float(rng.uniform(0.1, 0.8)), -1)
-    if rng.random() < 0.12:
+    if rng.random() < 0.15:
         # something in front, as bright as anything
         x, y = rng.integers(INPUT_PX, size=2)
         w, h = rng.integers(4, 24, size=2)
         picture[y : y + h, x : x + w] = rng.choice([0.0, rng.uniform(0, 1.2)])
+    if rng.random() < BENT:
+        picture = _bent(picture, rng)
     if rng.random() < 0.6:
         glow = cv2.GaussianBlur(picture, (0, 0), float(rng.uniform(1.5, 9.0)))
         picture = picture + np.float32(rng.uniform(0.0, 0.12)) * glow
     if rng.random() < 0.5:
         picture = cv2.GaussianBlur(picture, (0, 0), float(rng.uniform(0.3, 1.0)))
     picture = np.clip(picture, 0.0, 1.0) ** np.float32(np.exp(rng.normal(0, 0.2)))
+    if rng.random() < STRAY:
+        a = rng.uniform(0, 2 * np.pi)
+        ramp = np.clip(0.5 + 0.5 * (np.cos(a) * _U + np.sin(a) * _V), 0, 1) ** np.float32(
+            rng.uniform(0.5, 4.0)
+        )
+        picture = picture + np.float32(rng.uniform(0.0, 0.2)) * ramp
     # a black level that was taken away but for a rest
     return np.minimum(picture + np.float32(max(rng.normal(0, 0.03), 0.0)), 1.0)
+
+
+def _cabled(picture: Float32Array, rng: Generator) -> None:
+    """Draws bars and cables across the picture."""
+    top = max(float(np.quantile(picture, 0.99)), 1e-3)
+    for _ in range(int(rng.integers(1, 5))):
+        middle = 0.5 * INPUT_PX + rng.normal(0, 0.2 * INPUT_PX, 2)
+        half = rng.normal(0, 0.12 * INPUT_PX, 2)
+        a, b = np.rint(middle - half).astype(int).tolist(), np.rint(middle + half).astype(int).tolist()
+        cv2.line(picture, a, b, top * float(rng.choice([0.0, rng.uniform(0, 1)])), 1, cv2.LINE_AA)
+
+
+def _bent(picture: Float32Array, rng: Generator) -> Float32Array:
+    """The picture with its places moved a little, those beside each other alike."""
+    off = rng.standard_normal((2, INPUT_PX, INPUT_PX), np.float32)
+    moved = []
+    for o, at in zip(off, np.mgrid[:INPUT_PX, :INPUT_PX][::-1], strict=True):
+        smooth = cv2.GaussianBlur(o, (0, 0), BENT_OVER_PX)
+        moved.append((at + smooth * (BENT_PX / max(float(smooth.std()), 1e-6))).astype(np.float32))
+    x, y = moved
+    return np.asarray(cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
 def _warped(

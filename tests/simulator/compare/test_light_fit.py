@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from flyaround.__main__ import run as run_of_command
 from flyaround.cli import app
 from simulator.camera.lens.files import load_camera
 from simulator.compare.fitted_pairs import correlation, fit_pictures, structural_similarity
 from simulator.compare.light_fit import candidate_lights, fit_light, fit_materials, light_basis, scene_at_pose
-from simulator.compare.references import Reference, fitted
+from simulator.compare.references import Reference, fitted, read_references
 from simulator.imaging.image_formation import digitise_scene, expose_scene
 from simulator.targets.library import load_target
 from simulator.world.frames.pose import Pose
@@ -105,12 +106,59 @@ def test_the_command_writes_a_page_and_says_mistakes(pictures, tmp_path):
     assert document["summary"]["all_ncc"] > 0.9
     assert json.loads((out / "fit.json").read_text()) == document
     assert (out / "index.html").is_file()
-    (tmp_path / "none.json").write_text("[]")
-    for more, says in (
-        (["--poses", str(tmp_path / "none.json")], "pose is not known"),
-        (["--fit-materials"], "--poses"),
-        (["--poses", str(folder / "poses.json"), "--sensor", "speed"], "--sensor"),
-    ):
-        wrong = CliRunner().invoke(app, [*words[:-1], str(tmp_path / "wrong"), *more])
-        assert wrong.exit_code != 0
-        assert says in str(wrong.exception)
+    assert run_of_command(["compare", "--reference", str(folder), "--fit-materials"]) == 2
+    poses = ["--poses", str(folder / "poses.json")]
+    assert run_of_command([*words, *poses, "--sensor", "speed"]) == 2
+
+
+def test_what_cannot_be_fitted_is_told_before_anything_is_written(tmp_path, capsys):
+    folder, out, labels = tmp_path / "pictures", tmp_path / "page", tmp_path / "poses.json"
+    folder.mkdir()
+    row = {"filename": "a.png", "q_vbs2tango_true": [1, 0, 0, 0], "r_Vo2To_vbs_true": [0, 0, 5]}
+    grey = np.random.default_rng(1).integers(0, 90, (60, 96)).astype(np.uint8)
+
+    def told(rows, image=grey, *more, at=folder):
+        labels.write_text(rows if isinstance(rows, str) else json.dumps(rows))
+        cv2.imwrite(str(folder / "a.png"), image)
+        words = ["compare", "--reference", str(at), "--poses", str(labels), "-o", str(out), *more]
+        assert run_of_command(words) == 2
+        assert not out.exists()
+        error = capsys.readouterr().err.strip()
+        assert "Traceback" not in error
+        return " ".join(error.split())
+
+    assert "pose is not known" in told([])
+    assert "no pose of 2 of 2 pictures" in told([], grey, at=two_pictures(tmp_path / "two", grey))
+    assert "entry 1 has no pose" in told([{"filename": "a.png"}])
+    assert "entry 2 has no pose" in told([row, 7])
+    assert "is no list of poses" in told({})
+    assert "is not JSON" in told("[")
+    assert "nests more than 64 brackets" in told("[" * 1000)
+    assert "length is 2" in told([row | {"q_vbs2tango_true": [2, 0, 0, 0]}])
+    assert "not before the camera" in told([row | {"r_Vo2To_vbs_true": [0, 0, -5]}])
+    # another camera
+    assert "not the shape of the camera's 1920 x 1200" in told([row], grey[:, :60], "--camera", "speedplus")
+    # colour, but for a mark of some pixels
+    coloured = np.dstack([grey, grey // 2, grey // 3])
+    assert "is in colour" in told([row], coloured)
+    marked = np.dstack([grey] * 3)
+    marked[5, 7] = (255, 0, 0)
+    cv2.imwrite(str(folder / "a.png"), marked)
+    assert len(read_references(folder, load_camera("speed"), 1, write(labels, [row]), posed=True)) == 1
+    nowhere = told([row], grey, at=tmp_path / "nowhere")
+    assert "there is no folder" in nowhere
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    assert "has no picture" in told([row], grey, at=empty)
+
+
+def two_pictures(folder, image):
+    folder.mkdir()
+    for name in ("b.png", "c.png"):
+        cv2.imwrite(str(folder / name), image)
+    return folder
+
+
+def write(path, rows):
+    path.write_text(json.dumps(rows))
+    return path

@@ -141,6 +141,11 @@ def test_what_is_wrong_in_a_foreign_set_is_told_and_nothing_is_written(lightbox,
     labels.write_text("[")
     assert "is not JSON" in told()
     assert "480 x 300 pixels, camera speedplus 1920 x 1200" in told(rows, "--camera", "speedplus")
+    second = lightbox / "images" / "img000002.jpg"
+    grey = cv2.imread(str(second))
+    cv2.imwrite(str(second), grey // np.array([1, 2, 3], np.uint8))
+    assert "img000002.jpg is in colour and camera speedplus takes grey ones" in told(rows)
+    cv2.imwrite(str(second), grey)
     assert "unknown data-set format 'sped': did you mean speed" in told(None, "--from", "sped")
     (lightbox / "train.json").write_text(json.dumps(rows))
     assert "several sets" in told()
