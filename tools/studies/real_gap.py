@@ -1,0 +1,316 @@
+"""What lies between pictures of a real mock-up and ours: one cause swapped at a time.
+
+    python -m tools.studies.real_gap FOLDER -o OUT                      # FOLDER: pictures and test.json in SPEED's form
+    python -m tools.studies.real_gap FOLDER -o OUT --page docs/validation/real.md
+
+Each picture gets a twin of ours: the craft at its pose under light fitted to it, the mock-up's surfaces, the recipe's
+lens and noise. Then one thing of the twin is replaced by another of ours, or by the picture's own:
+
+| row | what is swapped |
+|---|---|
+| light: one box | the boxes that were fitted for the strongest of them alone |
+| light: of the recipe | for those of a frame of the recipe `lightbox` |
+| light: theirs, smooth | the brightness over some 24 px and more for the picture's |
+| material: flight | the mock-up's surfaces for the flight model's |
+| lens: sharp | blur and glow for none |
+| lens: soft | for twice the blur and three times the glow |
+| noise: none | the detector's noise for none |
+| background: theirs | what lies outside the craft for the picture's, noise and screen and stray light |
+| inside: theirs | what lies inside for the picture's: all but the background |
+| model: bent | the estimator's model for one bent at random, 8 mm along each axis |
+
+NCC is of the silhouette's pixels with the picture; the estimator is given `tango` and never the truth. Nothing of the
+pictures is written.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import msgspec
+import numpy as np
+
+from hil.board.svd import CameraIntrinsics
+from hil.board.svd.estimator import PoseEstimator
+from hil.evaluate.method_choice import board_model
+from hil.evaluate.metrics import wilson_interval
+from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
+from simulator.camera.lens.files import load_camera
+from simulator.compare.fitted_pairs import correlation
+from simulator.compare.light_fit import RECIPE, fit_light, light_basis
+from simulator.compare.references import read_references
+from simulator.imaging.image_formation import digitise_scene, expose_scene
+from simulator.recipes.plan import plan_recipe
+from simulator.recipes.vary import varied_plan
+from simulator.render.renderer import Renderer
+from simulator.runtime.arrays import vec3
+from simulator.scenario.poses import scene_with_pose
+from simulator.targets.library import load_target
+from simulator.world.frames.pose import Pose
+from tools.studies.paired_tables import write_into_page
+from tools.studies.published_methods import wrong_model
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.board.svd.base import PoseResult
+    from simulator.compare.references import Reference
+    from simulator.runtime.arrays import BoolArray, ByteArray
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+MOCKUP, FLIGHT = "tango-mockup", "tango"
+BENT_M, SMOOTH_PX, SEED = 0.008, 24.0, 29601
+
+# Share of a picture's light above black below which its ratio to ours says nothing [DN].
+LEAST_DN = 4.0
+
+# Columns of a picture of failures [px].
+SHOWN_PX = 420
+
+
+@dataclass(frozen=True, eq=False)
+class SwapRow:
+    """One picture of a row: its likeness to the real one, and how the estimator fares on it."""
+
+    ncc: float
+    deg: float
+    share: float
+    metres: float
+    score: float
+    accepted: bool
+
+    @property
+    def right(self) -> bool:
+        """Whether the pose is."""
+        return self.deg <= COARSE_DEG and self.share <= COARSE_SHARE
+
+
+@dataclass(frozen=True, eq=False)
+class Twin:
+    """A picture's twin: the scene that it is drawn from, and the silhouette."""
+
+    reference: Reference
+    scene: SceneState
+    on: BoolArray
+    image: ByteArray
+
+
+def drawn(renderer: Renderer, scene: SceneState, target: Target) -> ByteArray:
+    """The picture of a scene, with a target put into it."""
+    named = replace(scene.target, name=target.name, sha256=target.sha256)
+    scene = replace(scene, target=named)
+    return np.asarray(
+        digitise_scene(scene, expose_scene(scene, renderer.render(scene, target).radiance)), np.uint8
+    )
+
+
+def twin_of(renderer: Renderer, reference: Reference, target: Target) -> Twin:
+    """The craft at a picture's pose under the light that is fitted to it."""
+    basis = light_basis(renderer, reference, target)
+    light = fit_light(basis)
+    scene = replace(_with_black(basis.scene, light.black_dn), lights=light.lights)
+    on = renderer.surfaces(scene, target, layers=False).depth_m
+    return Twin(reference, scene, np.isfinite(on), drawn(renderer, scene, target))
+
+
+def _with_black(scene: SceneState, black_dn: float) -> SceneState:
+    detector = scene.sensor.detector
+    if detector is None:
+        return scene
+    level = float(np.clip(black_dn, 0.0, 200.0))
+    return replace(scene, sensor=replace(scene.sensor, detector=replace(detector, black_level_dn=level)))
+
+
+def swaps(
+    renderer: Renderer, twin: Twin, mockup: Target, flight: Target, number: int
+) -> dict[str, ByteArray]:
+    """The twin with one thing replaced, by the row's name."""
+    scene, seen = twin.scene, twin.reference.image
+    strongest = max(scene.area_lights, key=lambda one: one.radiance_w_m2_sr)
+    detector = scene.sensor.detector
+    if detector is None:
+        raise RuntimeError("the laboratory's sensor is in electrons")
+    quiet = replace(scene.sensor, detector=replace(detector, read_noise_e=0.0))
+    sharp = replace(
+        scene,
+        sensor=replace(scene.sensor, blur_sigma_px=0.3),
+        optics=replace(scene.optics, glow_share=0.0),
+    )
+    soft = replace(
+        scene,
+        sensor=replace(scene.sensor, blur_sigma_px=2 * scene.sensor.blur_sigma_px),
+        optics=replace(scene.optics, glow_share=min(3 * scene.optics.glow_share, 0.5)),
+    )
+    plain = drawn(renderer, replace(scene, sensor=quiet), mockup)
+    inside, on = _soft(twin.on), twin.on
+    return {
+        "light: one box": drawn(renderer, replace(scene, lights=(strongest,)), mockup),
+        "light: of the recipe": drawn(renderer, replace(scene, lights=_recipe_lights(scene, number)), mockup),
+        "light: theirs, smooth": _with_their_light(seen, twin.image, plain, on),
+        "material: flight": drawn(renderer, scene, flight),
+        "lens: sharp": drawn(renderer, sharp, mockup),
+        "lens: soft": drawn(renderer, soft, mockup),
+        "noise: none": plain,
+        "background: theirs": _laid(twin.image, seen, inside),
+        "inside: theirs": _laid(seen, twin.image, inside),
+    }
+
+
+def _recipe_lights(scene: SceneState, number: int) -> tuple[Any, ...]:
+    """The boxes of a frame of the recipe, as they stand about its craft."""
+    plan = varied_plan(plan_recipe(RECIPE, number + 1, seed=SEED))
+    other = plan.scene(number)
+    shift = np.asarray(scene.t_camera_from_target_m) - np.asarray(other.t_camera_from_target_m)
+    return tuple(
+        msgspec.structs.replace(one, position_m=vec3(np.asarray(one.position_m) + shift))
+        for one in other.area_lights
+    )
+
+
+def _soft(on: BoolArray) -> np.ndarray[Any, Any]:
+    """Share of the craft in each pixel, a little wider than it: its border is the lens's."""
+    wide = cv2.dilate(on.astype(np.uint8), np.ones((7, 7), np.uint8))
+    return cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 1.5)
+
+
+def _laid(inside: ByteArray, outside: ByteArray, share: np.ndarray[Any, Any]) -> ByteArray:
+    return np.rint(share * inside + (1 - share) * outside).astype(np.uint8)
+
+
+def _with_their_light(seen: ByteArray, ours: ByteArray, plain: ByteArray, on: BoolArray) -> ByteArray:
+    """Ours, brighter and darker inside as the picture is over many pixels; detail and noise stay."""
+    black = float(np.percentile(plain[~on], 20)) if (~on).any() else 0.0
+    their_black = float(np.percentile(seen[~on], 20)) if (~on).any() else 0.0
+    weight = on.astype(np.float32)
+
+    def smooth(image: ByteArray, level: float) -> np.ndarray[Any, Any]:
+        above = np.maximum(image.astype(np.float32) - level, 0) * weight
+        total, share = (cv2.GaussianBlur(a, (0, 0), SMOOTH_PX) for a in (above, weight))
+        return np.asarray(total / np.maximum(share, 1e-3))
+
+    ratio = np.clip((smooth(seen, their_black) + LEAST_DN) / (smooth(plain, black) + LEAST_DN), 0.1, 10.0)
+    noise = ours.astype(np.float32) - plain
+    lit = black + np.where(on, ratio, 1.0) * (plain - black)
+    return np.clip(np.rint(lit + noise), 0, 255).astype(np.uint8)
+
+
+def swap_row(estimator: PoseEstimator, image: ByteArray, twin: Twin) -> tuple[SwapRow, PoseResult]:
+    """A picture measured, and the estimator's answer."""
+    pose = twin.reference.pose
+    if pose is None:
+        raise RuntimeError("the pose of a twin is known")
+    result = estimator.estimate(image)
+    q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
+    if q is None or t is None:
+        errors = (9.0, 9.0, 180.0)
+    else:
+        errors = frame_errors(np.asarray(pose.q_wxyz), np.asarray(pose.t_m), q, t)
+    score = 0.0 if result.evidence is None or result.evidence.score is None else result.evidence.score
+    like = correlation(twin.reference.image[twin.on], image[twin.on])
+    return SwapRow(like, float(errors[2]), float(errors[1]), float(errors[0]), score, result.accepted), result
+
+
+def table(rows: dict[str, Sequence[SwapRow]]) -> str:
+    """A line for each swap, in Markdown."""
+    lines = [
+        "| picture | NCC | right (95 %) | median error of the right ones | explained | accepted, wrong |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, some in rows.items():
+        good = [r for r in some if r.right]
+        low, high = wilson_interval(len(good), len(some)) or (0.0, 1.0)
+        error = "-"
+        if good:
+            deg, metres = (float(np.median([getattr(r, k) for r in good])) for k in ("deg", "metres"))
+            error = f"{deg:.2f} deg, {1e3 * metres:.0f} mm"
+        accepted = [r for r in some if r.accepted]
+        wrong = sum(not r.right for r in accepted)
+        explained = float(np.median([r.score for r in some]))
+        like = float(np.median([r.ncc for r in some]))
+        lines.append(
+            f"| {name} | {like:.2f} | {len(good)} of {len(some)} ({100 * low:.0f}-{100 * high:.0f} %) | {error} | "
+            f"{explained:.2f} | {len(accepted)}, {wrong} |"
+        )
+    return "\n".join(lines)
+
+
+def failures_picture(
+    renderer: Renderer, lost: Sequence[tuple[Twin, PoseResult]], target: Target
+) -> ByteArray | None:
+    """Our drawing at the true pose and at the returned one beside each other, a line for each failure."""
+    lines = []
+    for twin, result in lost:
+        q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
+        if q is None or t is None:
+            continue
+        other = scene_with_pose(twin.scene, target, Pose.of("camera", "target", q, t), 0)
+        shift = np.asarray(t) - np.asarray(twin.scene.t_camera_from_target_m)
+        lights = tuple(
+            msgspec.structs.replace(one, position_m=vec3(np.asarray(one.position_m) + shift))
+            for one in twin.scene.area_lights
+        )
+        there = drawn(renderer, replace(other, lights=lights), target)
+        found = np.isfinite(renderer.surfaces(other, target, layers=False).depth_m)
+        either = twin.on | found
+        rows, columns = np.flatnonzero(either.any(axis=1)), np.flatnonzero(either.any(axis=0))
+        size = int(1.15 * max(np.ptp(rows), np.ptp(columns))) + 20
+        x, y = int(columns.mean()) - size // 2, int(rows.mean()) - size // 2
+        cut = [_window(image, x, y, size) for image in (twin.image, there)]
+        lines.append(np.hstack(cut))
+    return np.vstack(lines) if lines else None
+
+
+def _window(image: ByteArray, x: int, y: int, size: int) -> ByteArray:
+    """A square of the picture, black where it ends, at the shown size."""
+    padded = cv2.copyMakeBorder(image, size, size, size, size, cv2.BORDER_CONSTANT, value=0)
+    part = padded[y + size : y + 2 * size, x + size : x + 2 * size]
+    method = cv2.INTER_AREA if size > SHOWN_PX else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(part, (SHOWN_PX, SHOWN_PX), interpolation=method), np.uint8)
+
+
+def main() -> None:
+    """Measure the pictures of a folder and their twins."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("-o", "--output", required=True, type=Path)
+    parser.add_argument("--camera", default="speedplus")
+    parser.add_argument("-n", type=int, default=1000, help="pictures at most")
+    parser.add_argument("--page", type=Path, default=None, help="page with a place for the table")
+    options = parser.parse_args()
+    options.output.mkdir(parents=True, exist_ok=True)
+    camera, mockup, flight = load_camera(options.camera), load_target(MOCKUP), load_target(FLIGHT)
+    references = read_references(options.folder, camera, options.n, options.folder / "test.json", posed=True)
+    model = board_model(flight)
+    intrinsics = CameraIntrinsics.from_dict(msgspec.to_builtins(references[0].camera))
+    estimator, bent = (PoseEstimator(m, intrinsics) for m in (model, wrong_model(model, BENT_M)))
+    rows: dict[str, list[SwapRow]] = {}
+    lost: list[tuple[Twin, PoseResult]] = []
+    with Renderer() as renderer:
+        for k, reference in enumerate(references):
+            twin = twin_of(renderer, reference, mockup)
+            row, result = swap_row(estimator, reference.image, twin)
+            rows.setdefault("theirs", []).append(row)
+            if not row.right:
+                lost.append((twin, result))
+                print(f"{reference.path.name}: {row.deg:.1f} deg, {100 * row.share:.1f} %", flush=True)
+            rows.setdefault("the twin", []).append(swap_row(estimator, twin.image, twin)[0])
+            for name, image in swaps(renderer, twin, mockup, flight, k).items():
+                rows.setdefault(name, []).append(swap_row(estimator, image, twin)[0])
+            rows.setdefault("model: bent", []).append(swap_row(bent, twin.image, twin)[0])
+        picture = failures_picture(renderer, lost, mockup)
+    if picture is not None:
+        cv2.imwrite(str(options.output / "failures.jpg"), picture)
+    text = table({name: tuple(some) for name, some in rows.items()})
+    (options.output / "table.md").write_text(text + "\n", encoding="utf-8")
+    print(text)
+    if options.page is not None:
+        write_into_page(options.page, "real-gap", "swaps", text)
+
+
+if __name__ == "__main__":
+    main()
