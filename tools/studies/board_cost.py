@@ -1,0 +1,101 @@
+"""Time and memory of the estimator over a data set, in a process that has nothing but what a board has.
+
+    python -m tools.studies.board_cost SET --target tango
+
+Processor time, one thread: of the frames that are accepted, of the others, and of each stage; peak memory of the
+process, Python, numpy and OpenCV included (Linux).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import msgspec
+import numpy as np
+
+from hil.evaluate.greyscale import grey
+from simulator.dataset.card import read_card
+from simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from simulator.targets.board_model.write import write_board_model
+from simulator.targets.library import load_target
+
+BOARD = """
+import json, sys, time
+import cv2, numpy as np
+from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
+import hil.board.svd.image.observation as observation
+cv2.setNumThreads(1)
+# stages by processor time: other work on the machine counts nothing
+observation.time.perf_counter = time.process_time
+memory = lambda key: int(dict(line.split(":", 1) for line in open("/proc/self/status"))[key].split()[0]) / 1024
+folder = sys.argv[1]
+bare = memory("VmRSS")
+model = BoardModel.read(folder + "/model.json")
+camera = CameraIntrinsics.from_dict(json.load(open(folder + "/camera.json")))
+estimator = make_estimator(model, camera)
+ready = memory("VmRSS")
+rows = []
+for k in range(len(np.load(folder + "/frames.npy", mmap_mode="r"))):
+    image = np.array(np.load(folder + "/frames.npy", mmap_mode="r")[k])
+    began = time.process_time()
+    result = estimator.estimate(image)
+    took = time.process_time() - began
+    rows.append({"ms": 1000 * took, "accepted": bool(result.accepted), "stages": dict(result.stages_ms)})
+print(json.dumps({"rows": rows, "bare": bare, "ready": ready, "peak": memory("VmHWM")}))
+"""
+
+
+def main() -> None:
+    """Run the process over a set, and tell."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser.add_argument("dataset", type=Path)
+    parser.add_argument("--target", default=None, help="the estimator's model (default: the set's own)")
+    parser.add_argument("-n", type=int, default=30, help="frames")
+    options = parser.parse_args()
+    card = read_card(options.dataset)
+    whole = [k for k in range(card.n_frames) if is_whole(options.dataset, k)][: options.n]
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        write_board_model(load_target(options.target or card.target.name), folder / "model.json")
+        (folder / "camera.json").write_bytes(msgspec.json.encode(card.camera))
+        pictures = [grey(read_png(frame_paths(options.dataset, k).image)) for k in whole]
+        np.save(folder / "frames.npy", np.stack(pictures))
+        answer = subprocess.run(
+            [sys.executable, "-c", BOARD, name],
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+            stdout=subprocess.PIPE,
+            check=True,
+            text=True,
+        )
+    figures = json.loads(answer.stdout)
+    rows = figures["rows"][1:]  # the first frame pays for what is made once
+    for what, some in (
+        ("all", rows),
+        ("accepted", [r for r in rows if r["accepted"]]),
+        ("declined", [r for r in rows if not r["accepted"]]),
+    ):
+        times = [r["ms"] for r in some]
+        if times:
+            half, most = np.quantile(times, [0.5, 0.95])
+            print(
+                f"{what}: {len(times)} frames, {half:.0f} ms in the median, {most:.0f} at the 95th percentile"
+            )
+    stages = {name: 0.0 for r in rows for name in r["stages"]}
+    for name in stages:
+        stages[name] = float(np.mean([r["stages"].get(name, 0.0) for r in rows if r["accepted"]] or [0.0]))
+    for name, ms in sorted(stages.items(), key=lambda s: -s[1]):
+        if ms >= 1:
+            print(f"  {name}: {ms:.0f} ms of a frame that is accepted")
+    print(
+        f"memory: {figures['bare']:.0f} MB imported, {figures['ready']:.0f} prepared, {figures['peak']:.0f} at most"
+    )
+
+
+if __name__ == "__main__":
+    main()
