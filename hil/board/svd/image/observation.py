@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from functools import cached_property
-from typing import Any, Dict, Optional
+from typing import Any, Dict, Optional, Tuple
 
 import numpy as np
 
@@ -25,6 +25,7 @@ class Observation:
     black : what the camera adds to light. background : level of empty space, negative when it is not empty.
     likely : (h, w) map of the craft against a textured background, see saliency_map; None where it was not needed.
     trace : receives what ``keep`` is given; None costs nothing. drawn : what poses were drawn as on each patch.
+    straight : the last part of it that was straightened, with its box.
     """
 
     def __init__(self, image: Array, trace: Optional[Trace] = None) -> None:
@@ -36,6 +37,8 @@ class Observation:
         self.likely: Optional[Array] = None
         # a second search begins with poses of the first: what was drawn for them, by patch
         self.drawn: Dict[Any, Dict[Any, Any]] = {}
+        # what the lens bent, straightened: the last box and its pixels
+        self.straight: Optional[Tuple[Any, Array]] = None
         self.stages_ms: Dict[str, float] = {}
         self.counts: Dict[str, int] = {}
         self._last = time.perf_counter()

@@ -29,7 +29,10 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
     box : x0, y0, x1, y1 in the pixels of ``target.camera.pinhole``.
     """
     if target.camera.distorted:
-        gray, factor = straightened(frame.image, target.camera, box, longest_px)
+        # one box is often wanted at two sizes
+        if frame.straight is None or frame.straight[0] != box:
+            frame.straight = (box, straightened(frame.image, target.camera, box))
+        gray, factor = shrink(frame.straight[1], 0, 0, box[2] - box[0], box[3] - box[1], longest_px)
         whole = box[2:]
     else:
         gray, factor = shrink(frame.image, *box, longest_px)
@@ -44,19 +47,22 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
     )
 
 
-def straightened(image: Array, camera: CameraIntrinsics, box: Box, longest_px: int) -> Tuple[Array, float]:
-    """What a pinhole would have seen in ``box``, float32, reduced as ``shrink`` does; black outside the picture."""
+# The lens bends smoothly: the place of every eighth pixel is enough, of some round the box too.
+EVERY_PX, ROUND_PX = 8, 16
+
+
+def straightened(image: Array, camera: CameraIntrinsics, box: Box) -> Array:
+    """(h, w) what a pinhole would have seen in ``box``; black outside the picture."""
     w, h = box[2] - box[0], box[3] - box[1]
-    # the lens bends smoothly: every eighth pixel's place is enough
-    x = box[0] + (np.arange(-8, w + 16, 8) - camera.cx_px)
-    y = box[1] + (np.arange(-8, h + 16, 8) - camera.cy_px)
+    x = box[0] + (np.arange(-EVERY_PX, w + ROUND_PX, EVERY_PX) - camera.cx_px)
+    y = box[1] + (np.arange(-EVERY_PX, h + ROUND_PX, EVERY_PX) - camera.cy_px)
     u, v = np.meshgrid(x / camera.fx_px, y / camera.fy_px)
     bent_u, bent_v = camera.distort(u, v)
     at = np.stack([bent_u * camera.fx_px + camera.cx_px, bent_v * camera.fy_px + camera.cy_px], axis=-1)
-    col, row = np.meshgrid((np.arange(w) + 8) / 8.0, (np.arange(h) + 8) / 8.0)
-    place = cv2.remap(at.astype(np.float32), col.astype(np.float32), row.astype(np.float32), cv2.INTER_LINEAR)
-    crop = cv2.remap(image, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-    return shrink(crop, 0, 0, w, h, longest_px)
+    between = np.array([[1 / EVERY_PX, 0.0, 1.0], [0.0, 1 / EVERY_PX, 1.0]])
+    how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    col, row = cv2.split(cv2.warpAffine(at.astype(np.float32), between, (w, h), flags=how))
+    return np.asarray(cv2.remap(image, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
 
 
 def pinhole_box(camera: CameraIntrinsics, box: Box) -> Box:
