@@ -1,4 +1,4 @@
-"""The live feed, the sink behind the window: asks for frames of the newest moment, never for more than can be drawn."""
+"""A view's live feed, the sink behind it: asks for frames of the newest moment, never for more than can be drawn."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from gui.picture.view_settings import ViewSettings
     from simulator.camera.lens.camera_model import Camera
     from simulator.frame import Frame
+    from simulator.labels.request import LabelRequest
     from simulator.scene.state import Quality, SceneState
 
+    SceneOf = Callable[[Session, ViewSettings, int, Quality | None], SceneState]
 
 TIMED_PICTURES = 5
 """The pass times that are shown are medians of so many pictures."""
@@ -31,6 +33,8 @@ ENOUGH = 3
 """Pictures of one size before it is judged."""
 MEMORY_S = 15.0
 """How long a size that was too slow is not tried again."""
+SEEN_S = 0.5
+"""A view that has not been drawn for so long is not looked at, and gets no pictures."""
 
 
 class FramesOnRequest(Protocol):
@@ -53,14 +57,38 @@ class Picture:
     divisor: int
 
 
+def chaser_scene(
+    session: Session, settings: ViewSettings, divisor: int, quality: Quality | None
+) -> SceneState:
+    """What the chaser's camera sees now, as the operator wants it drawn."""
+    return apply_view_settings(session.scene(), settings, divisor=divisor, quality=quality)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureKind:
+    """What a feed asks for.
+
+    Parameters
+    ----------
+    scene : of the moment: given session, settings, pixels of the camera per pixel drawn, quality (None: its own).
+    labels : label layers that come with every picture. every_s : the least time between two pictures.
+    """
+
+    scene: SceneOf = chaser_scene
+    labels: LabelRequest | None = None
+    every_s: float = 0.0
+
+
+CHASER_CAMERA = PictureKind()
+
+
 @dataclass
 class _Request:
     scene: SceneState
     moment: Moment
     divisor: int
-    labels: bool
+    saved: bool
     timed: bool
-    asked_s: float
 
 
 class Feed:
@@ -68,13 +96,20 @@ class Feed:
 
     Parameters
     ----------
-    producer : draws in another process; the UI owns the window's context alone.
-    clock : seconds, monotonic.
+    producer : draws in another process; the UI owns the window's context alone. Several feeds share one by `Turns`.
+    clock : seconds, monotonic. kind : what it asks for.
     """
 
-    def __init__(self, producer: FramesOnRequest, clock: Callable[[], float] = time.perf_counter) -> None:
+    def __init__(
+        self,
+        producer: FramesOnRequest,
+        clock: Callable[[], float] = time.perf_counter,
+        kind: PictureKind = CHASER_CAMERA,
+    ) -> None:
         self._producer = producer
         self._clock = clock
+        self._kind = kind
+        self._asked_s = self._seen_s = -1e9
         self._waiting: list[_Request] = []
         self._detail = AdaptiveResolution()
         self._last: SceneState | None = None
@@ -98,7 +133,16 @@ class Feed:
     @property
     def saving(self) -> bool:
         """Whether a picture to be saved is on its way."""
-        return self._save_wanted or any(r.labels for r in self._waiting)
+        return self._save_wanted or any(r.saved for r in self._waiting)
+
+    def look(self) -> None:
+        """Note that its view is on the screen; without it `looked_at` ends."""
+        self._seen_s = self._clock()
+
+    @property
+    def looked_at(self) -> bool:
+        """Whether its view is on the screen."""
+        return self._clock() - self._seen_s < SEEN_S
 
     @property
     def pass_ms(self) -> dict[str, float]:
@@ -149,18 +193,17 @@ class Feed:
             return
         if self._save_wanted:
             scene = apply_view_settings(session.scene(), settings)
-            request = _Request(scene, session.moment, 1, labels=True, timed=False, asked_s=self._clock())
-            if self._submit(request):
+            if self._submit(_Request(scene, session.moment, 1, saved=True, timed=False)):
                 self._save_wanted = False
+            return
+        if self._clock() - self._asked_s < self._kind.every_s:
             return
         divisor = self.divisor(settings, paused=session.paused)
         quality: Quality | None = None if session.paused else "draft"
-        scene = apply_view_settings(session.scene(), settings, divisor=divisor, quality=quality)
+        scene = self._kind.scene(session, settings, divisor, quality)
         # when nothing moves the picture that is there is the picture, unless its passes are to be timed
         if scene != self._last or (timed and len(self._passes) < TIMED_PICTURES):
-            self._submit(
-                _Request(scene, session.moment, divisor, labels=False, timed=timed, asked_s=self._clock())
-            )
+            self._submit(_Request(scene, session.moment, divisor, saved=False, timed=timed))
 
     def divisor(self, settings: ViewSettings, *, paused: bool) -> int:
         """Pixels of the camera per pixel drawn."""
@@ -171,9 +214,11 @@ class Feed:
         return self._detail.divisor
 
     def _submit(self, request: _Request) -> bool:
-        asked = FrameRequest(scene=request.scene, labels=request.labels, timed=request.timed)
+        labels = request.saved or self._kind.labels or False
+        asked = FrameRequest(scene=request.scene, labels=labels, timed=request.timed)
         if not self._producer.submit(asked):
             return False
+        self._asked_s = self._clock()
         self._last = request.scene
         self._waiting.append(request)
         self._due_s = self._clock() + 0.7e-3 * self.frame_ms
@@ -189,7 +234,7 @@ class Feed:
         self._account(frame, request)
         telemetry = telemetry_of(request.moment.world, request.scene)
         self.newest = Picture(frame, request.moment, telemetry, request.divisor)
-        if request.labels:
+        if request.saved:
             self.saved.append(self.newest)
 
     def _account(self, frame: Frame, request: _Request) -> None:
@@ -199,7 +244,7 @@ class Feed:
         if len(self._ends_s) > 1:
             self.frames_s = (len(self._ends_s) - 1) / max(self._ends_s[-1] - self._ends_s[0], 1e-6)
         ms = sum(v for k, v in frame.stage_ms.items() if "." not in k and k != "labels")
-        if request.labels or ms <= 0:
+        if request.saved or ms <= 0:
             return
         if request.timed:
             kept = [(c, p) for c, p in self._passes if c == request.scene.camera]

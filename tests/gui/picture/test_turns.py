@@ -1,0 +1,178 @@
+"""Several picture views at one render process: fair shares, no starving, every view told of a loss."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+
+from gui.flight.session import Session
+from gui.picture.feed import Feed, PictureKind
+from gui.picture.turns import Channel, Turns
+from gui.picture.view_settings import ViewSettings, apply_view_settings
+from simulator.frame import Frame
+from simulator.labels.request import LabelRequest
+from simulator.loop import FrameRequest, FramesLostError
+from simulator.scenario.load import load_scenario
+from simulator.scene.state import SceneState
+
+
+class Slow:
+    """A producer of one process on a clock of its own: two under way, each as long as its ``cost_ms`` says."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.cost_ms: dict[float, float] = {}
+        self.asked: list[FrameRequest] = []
+        self.drawn_ms: Counter[float] = Counter()
+        self.lose = ""
+
+    def submit(self, request: FrameRequest) -> bool:
+        if len(self.asked) == 2:
+            return False
+        self.asked.append(request)
+        return True
+
+    def finished(self) -> Iterable[Frame]:
+        if self.lose:
+            why, self.lose = self.lose, ""
+            self.asked.clear()
+            raise FramesLostError(why)
+        return []
+
+    def draw(self) -> Frame:
+        request = self.asked.pop(0)
+        scene = request.scene
+        ms = self.cost_ms.get(scene.exposure_s, 20.0)
+        self.now_s += ms / 1e3
+        self.drawn_ms[scene.exposure_s] += ms
+        return Frame(scene, np.zeros((2, 2), np.uint8), np.zeros((2, 2), np.float32), stage_ms={"render": ms})
+
+
+class Bench:
+    """Channels that always want, and a producer that is always at work."""
+
+    def __init__(self, scene: SceneState, costs_ms: dict[float, float], shares: dict[float, float]) -> None:
+        self.producer = Slow()
+        self.producer.cost_ms = costs_ms
+        self.turns = Turns(self.producer, lambda: self.producer.now_s)
+        self.scenes = {key: _marked(scene, key) for key in costs_ms}
+        self.channels = {key: self.turns.channel(shares.get(key, 1.0)) for key in costs_ms}
+        self.taken: Counter[float] = Counter()
+
+    def run(self, until_s: float, wanting: set[float]) -> None:
+        finished: list[Frame] = []
+        self.producer.finished = lambda: [finished.pop()] if finished else []  # type: ignore[method-assign]
+        while self.producer.now_s < until_s:
+            for _ in range(3):
+                for key in wanting:
+                    self.channels[key].submit(FrameRequest(scene=self.scenes[key], labels=False))
+            assert self.producer.asked, "the render process has nothing to do"
+            finished.append(self.producer.draw())
+            for key, channel in self.channels.items():
+                for frame in channel.finished():
+                    assert frame.scene is self.scenes[key], "a picture came to another view"
+                    self.taken[key] += 1
+
+
+def _marked(scene: SceneState, exposure_s: float) -> SceneState:
+    return apply_view_settings(
+        scene,
+        ViewSettings(
+            bands=scene.bands,
+            environment=scene.environment,
+            exposure_stops=float(np.log2(exposure_s / scene.exposure_s)),
+        ),
+    )
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return Session.of(load_scenario("tango-flyaround"))
+
+
+def of_exposure(counter: Counter[float], key: float) -> float:
+    return next(v for k, v in counter.items() if k == pytest.approx(key))
+
+
+def test_time_is_shared_evenly_whatever_a_picture_costs(session: Session) -> None:
+    costs = {1e-3: 20.0, 2e-3: 20.0, 4e-3: 300.0}
+    bench = Bench(session.scene(), costs, {})
+    bench.producer.cost_ms = {s.exposure_s: costs[k] for k, s in bench.scenes.items()}
+    bench.run(60.0, set(costs))
+    spent = [of_exposure(bench.producer.drawn_ms, k) for k in costs]
+    assert max(spent) < 1.1 * min(spent)
+    assert sum(bench.taken.values()) > 100
+
+
+def test_a_larger_share_gets_more(session: Session) -> None:
+    costs = {1e-3: 25.0, 2e-3: 25.0}
+    bench = Bench(session.scene(), costs, {1e-3: 3.0})
+    bench.producer.cost_ms = {s.exposure_s: costs[k] for k, s in bench.scenes.items()}
+    bench.run(20.0, set(costs))
+    assert bench.taken[1e-3] / bench.taken[2e-3] == pytest.approx(3.0, rel=0.1)
+
+
+def test_who_comes_late_does_not_push_the_others_out(session: Session) -> None:
+    costs = {1e-3: 20.0, 2e-3: 20.0}
+    bench = Bench(session.scene(), costs, {})
+    bench.producer.cost_ms = {s.exposure_s: costs[k] for k, s in bench.scenes.items()}
+    bench.run(30.0, {1e-3})
+    before = bench.taken[1e-3]
+    bench.run(32.0, set(costs))
+    assert bench.taken[1e-3] - before == pytest.approx(50, abs=5)
+    # and who has left does not hold a place
+    before = bench.taken[1e-3]
+    bench.run(34.0, {1e-3})
+    assert bench.taken[1e-3] - before > 70
+
+
+def test_every_view_hears_of_lost_pictures_and_asks_again(session: Session) -> None:
+    producer = Slow()
+    turns = Turns(producer, lambda: producer.now_s)
+    settings = ViewSettings(bands="mono", environment=session.scene().environment)
+    feeds = [Feed(turns.channel(), lambda: producer.now_s) for _ in range(2)]
+    for feed in feeds:
+        feed.update(session, settings)
+    assert len(producer.asked) == 2
+    producer.lose = "the drawing process died"
+    for feed in feeds:
+        feed.update(session, settings)
+    assert [f.restarts for f in feeds] == [1, 1]
+    for feed in feeds:
+        feed.update(session, settings)
+    assert len(producer.asked) == 2
+
+
+def test_a_feed_of_labels_asks_for_them_now_and_then_only(session: Session) -> None:
+    producer = Slow()
+    kind = PictureKind(labels=LabelRequest(layers=("depth",)), every_s=1.0)
+    feed = Feed(producer, lambda: producer.now_s, kind)
+    settings = ViewSettings(bands="mono", environment=session.scene().environment)
+    asked = 0
+    for _ in range(30):
+        session.advance(0.1)
+        producer.now_s += 0.1
+        feed.update(session, settings)
+        if producer.asked:
+            asked += 1
+            assert producer.asked[-1].labels == LabelRequest(layers=("depth",))
+            feed.write(producer.draw())
+    assert asked == 3
+    assert feed.saved == []
+
+
+def test_a_view_that_is_not_drawn_is_not_looked_at(session: Session) -> None:
+    producer = Slow()
+    feed = Feed(producer, lambda: producer.now_s)
+    assert not feed.looked_at
+    feed.look()
+    assert feed.looked_at
+    producer.now_s += 1.0
+    assert not feed.looked_at
+
+
+def test_a_channel_is_what_a_feed_needs() -> None:
+    assert {"submit", "finished"} <= set(dir(Channel))
