@@ -24,6 +24,8 @@ from gui.flight.session import Session
 from gui.flight.telemetry import telemetry_of
 from gui.layout import Layout, layout_file, panel_commands, read_layout
 from gui.picture.feed import Feed
+from gui.picture.further import CAMERA_SHARE, further_feeds
+from gui.picture.turns import Turns
 from gui.picture.view_settings import Options, ViewSettings
 from gui.script import Script
 from gui.window import Window, import_parts
@@ -125,11 +127,13 @@ def run(request: Request) -> dict[str, Any]:
     ):
         if request.record is not None:
             recorder.keep_in(request.record, session.plan.scenario)
+        turns = Turns(producer)
         console = Console(
             session,
-            Feed(producer),
+            Feed(turns.channel(CAMERA_SHARE)),
             options,
             table,
+            feeds=further_feeds(turns, options),
             device_index=request.device_index,
             window_gl=window.gl_renderer,
         )
@@ -158,6 +162,7 @@ def options_of(session: Session, overlays: tuple[str, ...] = ()) -> Options:
         If there is no such overlay.
     """
     options = Options(ViewSettings(bands=session.plan.bands, environment=session.scene().environment))
+    options.orbit.reset(session.moment.world.range_m)
     for name in overlays:
         if not hasattr(options.overlays, name):
             known = ", ".join(vars(options.overlays))
@@ -209,11 +214,7 @@ class Loop:
             last_ms = now_ms
             for name, *arguments in self._gamepad.commands(window.gamepad()):
                 console.do(name, *arguments)
-            changed |= console.feed.update(
-                console.session,
-                console.options.settings,
-                timed=console.options.overlays.times or console.shown.get("passes", False),
-            )
+            changed |= self._update_feeds()
             self._tell_troubles()
             if now - drawn >= (least_s if changed else 1 / STILL_HZ):
                 keys = self._draw(first_picture is not None)
@@ -230,6 +231,17 @@ class Loop:
             write_atomic(self._request.screenshot, _png(self._look_of_window()))
         self._layout.keep(console, self._layout_file)
         return self._last_state()
+
+    def _update_feeds(self) -> bool:
+        """Take what is drawn, ask for what is to be drawn; whether a picture came."""
+        console = self._console
+        session, settings = console.session, console.options.settings
+        timed = console.options.overlays.times or console.shown.get("passes", False)
+        changed = console.feed.update(session, settings, timed=timed)
+        for feed in console.feeds.values():
+            if feed.looked_at or feed.waiting:
+                changed |= feed.update(session, settings)
+        return changed
 
     def _draw(self, flying: bool) -> frozenset[str]:  # noqa: FBT001 - whether the first picture is up
         """One look of the window, and what its keys do; the held ones are returned."""
@@ -315,6 +327,7 @@ class Loop:
             "pictures": feed.finished,
             "drawing_restarts": feed.restarts,
             "pictures_per_s": round(feed.frames_s, 2),
+            "views": {name: f.finished for name, f in console.feeds.items() if f.finished},
             "pass_ms": {name: round(ms, 2) for name, ms in feed.pass_ms.items()},
             "picture_ms": round(feed.frame_ms, 1),
             "window_ms": round(self._window_ms, 1),

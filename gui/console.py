@@ -50,7 +50,7 @@ class Console:
     Parameters
     ----------
     session : the flight; replaced when another scenario is opened.
-    feed : pictures of the chaser's camera.
+    feed : pictures of the chaser's camera. feeds : of further views, by name.
     options : what the operator has switched.
     table : every command.
     shown : panels and views by name, whether they are open.
@@ -62,6 +62,7 @@ class Console:
     feed: Feed
     options: Options
     table: CommandTable
+    feeds: dict[str, Feed] = field(default_factory=dict)
     shown: dict[str, bool] = field(default_factory=dict)
     log: CommandLog = field(default_factory=CommandLog)
     messages: list[Message] = field(default_factory=list)

@@ -297,7 +297,7 @@ class Layout:
             and imgui.begin_menu_bar()
         ):
             self._master_caution(console)
-            rates = f"window {console.window_hz:.0f}/s   pictures {console.feed.frames_s:.0f}/s"
+            rates = rates_text(console)
             free = w.width - imgui.calc_text_size(rates).x - 32 * self._window.scale
             text, colour = self._message(console)
             if free > 40:
@@ -341,6 +341,13 @@ class Layout:
             more = f" ({len(waiting) - 1} more; F9: seen)" if len(waiting) > 1 else " (F9: seen)"
             return worst.text + more, style.BAD if worst.level == "warning" else style.WARN
         return (console.messages[-1].text if console.messages else "F1: commands and keys"), style.QUIET
+
+
+def rates_text(console: Console) -> str:
+    """How often the window and each picture view that is looked at are drawn."""
+    views = [f"{name.replace('-', ' ')} {f.frames_s:.0f}" for name, f in console.feeds.items() if f.looked_at]
+    pictures = f"pictures {console.feed.frames_s:.0f}/s"
+    return f"window {console.window_hz:.0f}/s   {', '.join([pictures, *(f'{v}/s' for v in views)])}"
 
 
 def _window_name(panel: Panel | type[Panel]) -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from gui.command_table import Argument, Command
 from gui.flight.relative_map import LEAST_WIDTH_M, MOST_WIDTH_M
+from gui.picture.orbit_camera import ABOUT, FARTHEST_M, NEAREST_M
 
 if TYPE_CHECKING:
     from gui.console import Console
@@ -22,6 +23,18 @@ def _zoom(console: Console, factor: float) -> None:
 
 def _place(console: Console, along_m: float, radial_m: float, cross_m: float, width_m: float) -> None:
     console.options.map.place((radial_m, along_m, cross_m), width_m)
+
+
+def _about(console: Console, about: str) -> None:
+    console.options.orbit.about = next(a for a in ABOUT if a == about)
+
+
+def _turn(console: Console, azimuth_deg: float, elevation_deg: float, distance_m: float) -> None:
+    console.options.orbit.place(azimuth_deg, elevation_deg, distance_m)
+
+
+def _first_turn(console: Console) -> None:
+    console.options.orbit.reset(console.session.moment.world.range_m)
 
 
 def _metres(name: str, of: str) -> Argument:
@@ -53,5 +66,29 @@ COMMANDS = (
             _metres("cross", "middle, cross-track"),
             Argument("width", "number", "metres across", least=LEAST_WIDTH_M, most=MOST_WIDTH_M),
         ),
+    ),
+    Command(
+        "orbit-camera.about",
+        "Orbit camera about",
+        "what the free camera circles and looks at",
+        _about,
+        arguments=(Argument("about", "word", "the centre", ABOUT),),
+    ),
+    Command(
+        "orbit-camera.place",
+        "Orbit camera: place",
+        "where the free camera is, about the target's LVLH axes",
+        _turn,
+        arguments=(
+            Argument("azimuth", "number", "0 looks along the flight [deg]", least=-360, most=360),
+            Argument("elevation", "number", "above the orbit [deg]", least=-90, most=90),
+            Argument("distance", "number", "from the centre [m]", least=NEAREST_M, most=FARTHEST_M),
+        ),
+    ),
+    Command(
+        "orbit-camera.reset",
+        "Orbit camera: reset",
+        "the free camera where it was at first, with target and chaser in view",
+        _first_turn,
     ),
 )

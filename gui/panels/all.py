@@ -22,7 +22,9 @@ from gui.panels.target import TargetPanel
 from gui.panels.time import TimePanel
 from gui.panels.timeline import TimelinePanel
 from gui.views.camera import CameraView
+from gui.views.labels import DepthView, KeypointsView, PartsView
 from gui.views.lvlh_map import LvlhMap
+from gui.views.orbit_camera import OrbitCameraView
 
 if TYPE_CHECKING:
     from gui.console import Console
@@ -60,6 +62,10 @@ PANELS: tuple[type[Panel], ...] = (
     TimePanel,
     ChaserPanel,
     LvlhMap,
+    OrbitCameraView,
+    DepthView,
+    PartsView,
+    KeypointsView,
     PicturePanel,
     WorldPanel,
     PassesPanel,

@@ -140,6 +140,11 @@ class Feed:
         self._seen_s = self._clock()
 
     @property
+    def waiting(self) -> bool:
+        """Whether a picture of it is under way."""
+        return bool(self._waiting)
+
+    @property
     def looked_at(self) -> bool:
         """Whether its view is on the screen."""
         return self._clock() - self._seen_s < SEEN_S

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from gui.flight.relative_map import MapLook
+from gui.picture.orbit_camera import OrbitCamera
 from simulator.camera.detector.sensor import noiseless
 from simulator.scene.environments import Environment
 from simulator.scene.illumination.bands import Bands
@@ -96,6 +97,7 @@ class Options:
     overlays: Overlays = field(default_factory=Overlays)
     panel: bool = True
     map: MapLook = field(default_factory=MapLook)
+    orbit: OrbitCamera = field(default_factory=OrbitCamera)
 
 
 def apply_view_settings(

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from gui.picture.truth_overlay import Pixel
+    from simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -35,3 +38,7 @@ class Letterbox:
     def at(self, pixel: Pixel) -> Pixel:
         """Screen position of a point of the picture; pixel (0, 0) is the centre of the first one."""
         return (self.x + (pixel[0] + 0.5) * self.scale, self.y + (pixel[1] + 0.5) * self.scale)
+
+    def all_at(self, pixels: FloatArray) -> FloatArray:
+        """The same for many (..., 2); not finite where they are not."""
+        return np.array([self.x, self.y]) + (pixels + 0.5) * self.scale

@@ -1,0 +1,37 @@
+"""Feeds beside that of the chaser's camera: the free camera's, and the one of labels."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gui.picture.feed import Feed, PictureKind
+from gui.picture.label_images import LABELS, LABELS_EVERY_S
+from gui.picture.orbit_camera import orbit_scene
+
+if TYPE_CHECKING:
+    from gui.flight.session import Session
+    from gui.picture.turns import Turns
+    from gui.picture.view_settings import Options, ViewSettings
+    from simulator.scene.state import Quality, SceneState
+
+ORBIT_CAMERA, LABEL_VIEWS = "orbit-camera", "labels"
+CAMERA_SHARE = 2.0
+"""Of the render process's time the chaser's camera gets so many times what another view gets."""
+
+
+def further_feeds(turns: Turns, options: Options) -> dict[str, Feed]:
+    """A feed for each kind of further view, by name; one is updated only while it is looked at.
+
+    Parameters
+    ----------
+    turns : at the render process. options : of the operator, read anew for every picture.
+    """
+
+    def orbit(session: Session, settings: ViewSettings, divisor: int, quality: Quality | None) -> SceneState:
+        return orbit_scene(session, settings, options.orbit, divisor, quality)
+
+    kinds = {
+        ORBIT_CAMERA: PictureKind(scene=orbit),
+        LABEL_VIEWS: PictureKind(labels=LABELS, every_s=LABELS_EVERY_S),
+    }
+    return {name: Feed(turns.channel(), kind=kind) for name, kind in kinds.items()}

@@ -1,0 +1,175 @@
+"""Label layers as pictures for people: depth in colours with a scale, parts by class with a legend."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from gui import style
+from gui.flight.relative_map import nice_step
+from simulator.labels.part_classes import PART_CLASSES, PartClass, part_class
+from simulator.labels.request import LabelRequest
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from gui.style import Rgba
+    from simulator.frame import Frame
+    from simulator.labels.truth import KeypointState
+    from simulator.runtime.arrays import ByteArray, Float32Array
+
+LABELS = LabelRequest(layers=("depth", "parts"))
+LABELS_EVERY_S = 1.0
+"""Labels cost several times what a picture does."""
+OFF_RGB = (14, 17, 21)
+DIMMED = 0.35
+"""What is left of the picture under parts and keypoints."""
+
+CLOSE_UP_MARGIN = 1.5
+"""A close-up is so many times as large as the target in it."""
+CLOSE_UP_LEAST_PX = 48
+
+PART_COLOURS: dict[PartClass, Rgba] = {
+    "body": (0.62, 0.64, 0.66, 1.0),
+    "solar_array": style.BLUE,
+    "antenna": style.YELLOW,
+    "propulsion": style.VERMILLION,
+    "docking": style.GREEN,
+    "sensor": style.PURPLE,
+    "radiator": style.SKY_BLUE,
+}
+STATE_COLOURS: dict[KeypointState, Rgba] = {
+    "visible": style.GREEN,
+    "shadowed": style.YELLOW,
+    "eclipsed": style.BLUE,
+    "saturated": style.PURPLE,
+    "below_noise": style.SKY_BLUE,
+    "self_occluded": style.VERMILLION,
+    "out_of_frame": style.QUIET,
+}
+
+
+@dataclass(frozen=True)
+class DepthPicture:
+    """Depth in colours.
+
+    Parameters
+    ----------
+    image : (H, W, 3) RGB. near_m, far_m : what the ends of the colours mean. ticks_m : round depths between.
+    """
+
+    image: ByteArray
+    near_m: float
+    far_m: float
+    ticks_m: tuple[float, ...]
+
+
+@lru_cache(maxsize=1)
+def depth_colours() -> ByteArray:
+    """(256, 3) RGB, near bright and far dark: its brightness rises evenly, so that it reads without colour vision."""
+    ramp = np.arange(255, -1, -1, dtype=np.uint8)[:, None]
+    return np.ascontiguousarray(cv2.applyColorMap(ramp, cv2.COLORMAP_CIVIDIS)[:, 0, ::-1])
+
+
+def depth_picture(depth_m: Float32Array) -> DepthPicture | None:
+    """Depth as a picture, its colours spread over what there is; None where the camera sees no target.
+
+    Parameters
+    ----------
+    depth_m : (H, W) camera z, NaN off the target.
+    """
+    on = np.isfinite(depth_m)
+    if not on.any():
+        return None
+    near, far = float(depth_m[on].min()), float(depth_m[on].max())
+    # a flat face across the boresight is one colour, and not noise
+    span = max(far - near, 1e-3 * near, 1e-3)
+    image = np.empty((*depth_m.shape, 3), np.uint8)
+    image[:] = OFF_RGB
+    index = np.clip((depth_m[on] - near) / span * 255, 0, 255).astype(np.uint8)
+    image[on] = depth_colours()[index]
+    return DepthPicture(image, near, near + span, round_ticks(near, near + span))
+
+
+def round_ticks(low: float, high: float, most: int = 5) -> tuple[float, ...]:
+    """Round numbers inside a span, not more than ``most``."""
+    step = nice_step((high - low) / 2)
+    while (high - low) / step > most - 1:
+        step *= 2
+    first = np.ceil(low / step - 1e-9)
+    last = np.floor(high / step + 1e-9)
+    return tuple(float(k * step) for k in np.arange(first, last + 1))
+
+
+def part_picture(frame: Frame) -> tuple[ByteArray, tuple[PartClass, ...]] | None:
+    """Parts of the target in the colours of their classes over the dimmed picture, and the classes that are seen.
+
+    None where the frame has no parts, or the camera sees none.
+    """
+    parts = frame.layers.get("parts")
+    if parts is None or frame.truth is None:
+        return None
+    classes = [part_class(name) for name in frame.truth.parts]
+    table = np.zeros((int(parts.max(initial=0)) + 1, 4), np.uint8)
+    for number, name in enumerate(classes, 1):
+        if number < len(table):
+            table[number] = [*(round(255 * c) for c in PART_COLOURS[name][:3]), 255]
+    drawn = table[parts]
+    on = drawn[..., 3] > 0
+    if not on.any():
+        return None
+    image = dimmed(frame)
+    # some of the picture stays in it, so that edges inside a part are seen
+    light = 0.6 + 0.4 * grey(frame)[on].astype(np.float32)[:, None] / 255
+    image[on] = np.clip(drawn[on][:, :3] * light, 0, 255).astype(np.uint8)
+    there = {classes[k - 1] for k in np.unique(parts).tolist() if 0 < k <= len(classes)}
+    return image, tuple(name for name in PART_CLASSES if name in there)
+
+
+def mask_picture(frame: Frame) -> ByteArray | None:
+    """The picture, with everything that is not the target tinted dark blue; None without a mask."""
+    if frame.mask is None:
+        return None
+    image = np.repeat(grey(frame)[..., None], 3, axis=2)
+    off = frame.mask == 0
+    tint = np.array([0, 60, 110], np.float32)
+    image[off] = np.clip(0.35 * image[off] + 0.6 * tint, 0, 255).astype(np.uint8)
+    outline, _ = cv2.findContours(frame.mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(image, outline, -1, (230, 159, 0), max(1, image.shape[1] // 600))
+    return image
+
+
+def close_up(frame: Frame) -> tuple[slice, slice]:
+    """Rows and columns about the target, of the picture's form; all of them without a target."""
+    height, width = frame.image.shape[:2]
+    box = None if frame.truth is None else frame.truth.box_px
+    if box is None:
+        return slice(0, height), slice(0, width)
+    x0, y0, x1, y1 = box
+    share = max((x1 - x0) / width, (y1 - y0) / height) * CLOSE_UP_MARGIN
+    share = min(max(share, CLOSE_UP_LEAST_PX / width), 1.0)
+    spans = []
+    for low, high, whole in ((y0, y1, height), (x0, x1, width)):
+        size = min(max(round(share * whole), 1), whole)
+        first = min(max(round((low + high) / 2 - size / 2), 0), whole - size)
+        spans.append(slice(first, first + size))
+    return spans[0], spans[1]
+
+
+def grey(frame: Frame) -> ByteArray:
+    """(H, W) the picture in eight bits of one band."""
+    image = frame.image
+    bits = frame.scene.sensor.bits
+    eight: NDArray[np.uint8] = (
+        image.astype(np.uint8) if bits == 8 else (image >> max(bits - 8, 0)).astype(np.uint8)
+    )
+    return eight if eight.ndim == 2 else np.asarray(cv2.cvtColor(eight, cv2.COLOR_RGB2GRAY), np.uint8)
+
+
+def dimmed(frame: Frame) -> ByteArray:
+    """(H, W, 3) the picture, darker, for what is drawn over it."""
+    return np.repeat((DIMMED * grey(frame)).astype(np.uint8)[..., None], 3, axis=2)

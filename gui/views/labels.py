@@ -1,0 +1,221 @@
+"""The labels of one instant as pictures: depth with its scale, parts with their legend, keypoints with their states."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gui import style
+from gui.canvas import Canvas
+from gui.picture.further import LABEL_VIEWS
+from gui.picture.label_images import (
+    PART_COLOURS,
+    STATE_COLOURS,
+    DepthPicture,
+    close_up,
+    depth_colours,
+    depth_picture,
+    dimmed,
+    mask_picture,
+    part_picture,
+)
+from gui.views.letterbox import Letterbox
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gui.canvas import Point
+    from gui.console import Console
+    from gui.picture.feed import Picture
+    from gui.window import Window
+    from simulator.labels.truth import KeypointState, Truth
+    from simulator.runtime.arrays import ByteArray
+
+Place = tuple[float, float, float, float]
+SCALE_STEPS = 32
+NO_TARGET = "the camera sees no target"
+
+
+class _LabelView:
+    """A view of the feed of labels; each kind makes its picture once for every frame."""
+
+    name, title, place, shown = "", "", "left", False
+    bare = True
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._imgui = window.imgui
+        self._made_of: Picture | None = None
+        self._part = (slice(0, 1), slice(0, 1))
+
+    def draw(self, console: Console) -> None:
+        """Draw into the view that is begun."""
+        imgui = self._imgui
+        corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+        place = (corner.x, corner.y, max(free.x, 32.0), max(free.y, 32.0))
+        canvas = Canvas(self._window)
+        canvas.clip(place[:2], place[2:])
+        feed = console.feeds.get(LABEL_VIEWS)
+        picture = None
+        if feed is not None:
+            feed.look()
+            picture = feed.newest
+        if picture is None or picture.frame.truth is None:
+            canvas.text((place[0] + 8, place[1] + 6), "the first labels are made ...", style.QUIET)
+        else:
+            if picture is not self._made_of:
+                self._part = close_up(picture.frame)
+                self._make(picture)
+                self._made_of = picture
+            self._show(canvas, place)
+        canvas.unclip()
+
+    def _make(self, picture: Picture) -> None:
+        raise NotImplementedError
+
+    def _show(self, canvas: Canvas, place: Place) -> None:
+        raise NotImplementedError
+
+    def _image(self, canvas: Canvas, place: Place, image: ByteArray) -> Letterbox:
+        """The part of the picture about the target; what the whole picture's pixels have on the screen."""
+        rows, columns = self._part
+        part = image[rows, columns]
+        box = Letterbox.fit((part.shape[1], part.shape[0]), place)
+        texture = self._window.show_picture(self.name, self._made_of, part, 8)
+        canvas.image(texture, (box.x, box.y), (box.width, box.height))
+        if part.shape[1] < image.shape[1] and place[3] > 5 * canvas.line:
+            text = f"x{image.shape[1] / part.shape[1]:.1f}"
+            canvas.text((place[0] + 8, place[1] + place[3] - 1.2 * canvas.line), text, style.QUIET)
+        left, top = box.x - columns.start * box.scale, box.y - rows.start * box.scale
+        return Letterbox(left, top, image.shape[1] * box.scale, image.shape[0] * box.scale, box.scale)
+
+    def _legend(self, canvas: Canvas, place: Place, rows: Sequence[tuple[str, style.Rgba]]) -> None:
+        """Names with their colours, in the place for them."""
+        x, y, _, h = place
+        line = canvas.line
+        left, top = x + 10, y + 6
+        for k, (name, colour) in enumerate(rows):
+            if top + (k + 1) * line > y + h:
+                return
+            canvas.box((left, top + k * line + 0.15 * line), (0.6 * line, 0.6 * line), colour, 2.0)
+            canvas.plain_text((left + line, top + k * line), name)
+
+    def _split(
+        self, canvas: Canvas, place: Place, names: Sequence[str], rows: int | None = None
+    ) -> tuple[Place, Place]:
+        """Where the picture goes and where its legend: at the right, or below where the view is narrow."""
+        x, y, w, h = place
+        width = self._legend_width(canvas, names)
+        if w > 2.4 * width or h < 0.6 * w:
+            width = min(width, 0.6 * w)
+            return (x, y, w - width, h), (x + w - width, y, width, h)
+        height = min((len(names) if rows is None else rows) * canvas.line + 12, 0.6 * h)
+        return (x, y, w, h - height), (x, y + h - height, w, height)
+
+    @staticmethod
+    def _legend_width(canvas: Canvas, names: Sequence[str]) -> float:
+        return max((canvas.size(n)[0] for n in names), default=0.0) + canvas.line + 20.0
+
+
+class DepthView(_LabelView):
+    """Depth in colours, bright is near, with its scale in metres."""
+
+    name, title = "depth", "Depth"
+
+    def __init__(self, window: Window) -> None:
+        super().__init__(window)
+        self._depth: DepthPicture | None = None
+
+    def _make(self, picture: Picture) -> None:
+        depth = picture.frame.layers.get("depth")
+        self._depth = None if depth is None else depth_picture(depth)
+
+    def _show(self, canvas: Canvas, place: Place) -> None:
+        depth = self._depth
+        if depth is None:
+            canvas.text((place[0] + 8, place[1] + 6), NO_TARGET, style.QUIET)
+            return
+        picture, scale = self._split(canvas, place, ("0000.00 m    ",), rows=7)
+        self._image(canvas, picture, depth.image)
+        x, y, _, h = scale
+        line = canvas.line
+        left, top = x + 12, y + 1.3 * line
+        height = max(h - 2.6 * line, line)
+        steps = np.linspace(0, 255, SCALE_STEPS + 1).astype(int)
+        for k in range(SCALE_STEPS):
+            r, g, b = (float(c) / 255 for c in depth_colours()[steps[k]])
+            # each a little higher than its share, so that no ground shows between
+            canvas.box((left, top + k * height / SCALE_STEPS), (16, height / SCALE_STEPS + 1), (r, g, b, 1.0))
+        digits = max(0, int(np.ceil(-np.log10(max(depth.far_m - depth.near_m, 1e-6)))) + 1)
+        canvas.plain_text((left, top - 1.1 * line), f"{depth.near_m:.{digits}f} m")
+        canvas.plain_text((left, top + height + 0.1 * line), f"{depth.far_m:.{digits}f} m")
+        for tick in depth.ticks_m:
+            at = top + (tick - depth.near_m) / (depth.far_m - depth.near_m) * height
+            canvas.stroke([(left + 16, at), (left + 21, at)], style.INK, 1.0, halo=False)
+            if top + 0.6 * line < at < top + height - 0.6 * line:
+                canvas.plain_text((left + 25, at - line / 2), f"{tick:.{digits}f}", style.QUIET)
+
+
+class PartsView(_LabelView):
+    """Parts of the target in the colours of their classes; the mask where there are none."""
+
+    name, title = "parts", "Parts and mask"
+
+    def __init__(self, window: Window) -> None:
+        super().__init__(window)
+        self._image_rgb: ByteArray | None = None
+        self._rows: list[tuple[str, style.Rgba]] = []
+
+    def _make(self, picture: Picture) -> None:
+        made = part_picture(picture.frame)
+        self._image_rgb = mask_picture(picture.frame) if made is None else made[0]
+        self._rows = [] if made is None else [(n.replace("_", " "), PART_COLOURS[n]) for n in made[1]]
+
+    def _show(self, canvas: Canvas, place: Place) -> None:
+        if self._image_rgb is None or not self._rows:
+            canvas.text((place[0] + 8, place[1] + 6), NO_TARGET, style.QUIET)
+            return
+        picture, legend = self._split(canvas, place, [name for name, _ in self._rows])
+        self._image(canvas, picture, self._image_rgb)
+        self._legend(canvas, legend, self._rows)
+
+
+class KeypointsView(_LabelView):
+    """Keypoints as a data set's labels have them, by their states, over the dimmed picture."""
+
+    name, title = "keypoints", "Keypoints"
+
+    def __init__(self, window: Window) -> None:
+        super().__init__(window)
+        self._image_rgb: ByteArray | None = None
+        self._truth: Truth | None = None
+
+    def _make(self, picture: Picture) -> None:
+        self._image_rgb, self._truth = dimmed(picture.frame), picture.frame.truth
+
+    def _show(self, canvas: Canvas, place: Place) -> None:
+        truth = self._truth
+        if truth is None or self._image_rgb is None:
+            return
+        count: dict[KeypointState, int] = {}
+        for k in truth.keypoints:
+            count[k.state] = count.get(k.state, 0) + 1
+        rows = [(f"{n} {s.replace('_', ' ')}", STATE_COLOURS[s]) for s, n in count.items()]
+        picture, legend = self._split(canvas, place, [name for name, _ in rows])
+        box = self._image(canvas, picture, self._image_rgb)
+        for k in truth.keypoints:
+            if k.pixel_px is not None and k.state != "out_of_frame":
+                mark(canvas, box.at(k.pixel_px), k.state)
+        self._legend(canvas, legend, rows)
+
+
+def mark(canvas: Canvas, at: Point, state: KeypointState | Any) -> None:  # noqa: ANN401 - a word of the labels
+    """A keypoint by form as well as by colour: a dot is seen, a diamond is not lit, a ring is hidden."""
+    colour = STATE_COLOURS[state]
+    if state in {"visible", "saturated"}:
+        canvas.dot(at, 4.0, colour)
+    elif state in {"shadowed", "eclipsed", "below_noise"}:
+        canvas.diamond(at, 5.0, colour)
+    else:
+        canvas.circle(at, 4.5, colour, 1.4)

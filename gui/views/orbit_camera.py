@@ -1,0 +1,148 @@
+"""The free camera's view: drag to turn, wheel to come nearer, double click for the first place."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gui import style
+from gui.canvas import Canvas, Point
+from gui.picture.further import ORBIT_CAMERA
+from gui.picture.orbit_camera import ABOUT, TRAIL_POINTS, ChaserMarks, chaser_marks
+from gui.views.letterbox import Letterbox
+from gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from gui.console import Console
+    from gui.picture.feed import Picture
+    from gui.window import Window
+    from simulator.runtime.arrays import FloatArray
+
+DEGREES_PER_UNIT = 0.4
+WHEEL_FACTOR = 1.15
+
+
+class OrbitCameraView:
+    """Target and chaser from outside, by the same renderer; the chaser as axes and frustum of its camera."""
+
+    name, title, place, shown = ORBIT_CAMERA, "Orbit camera", "bottom", False
+    bare = True
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._imgui = window.imgui
+        self._w = Widgets(window)
+        self._turning = False
+        self._marks: ChaserMarks | None = None
+        self._marks_of: Picture | None = None
+
+    def draw(self, console: Console) -> None:
+        """Draw into the view that is begun."""
+        imgui = self._imgui
+        look = console.options.orbit
+        corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+        place = (corner.x, corner.y, max(free.x, 32.0), max(free.y, 32.0))
+        look.fill(place[2], place[3])
+        imgui.set_next_item_allow_overlap()
+        imgui.invisible_button("orbit", self._w.vec(place[2], place[3]))
+        self._mouse(console)
+        canvas = Canvas(self._window)
+        feed = console.feeds.get(ORBIT_CAMERA)
+        if feed is None:
+            canvas.text((place[0] + 8, place[1] + 6), "no pictures here", style.QUIET)
+            return
+        feed.look()
+        picture = feed.newest
+        if picture is None:
+            canvas.text((place[0] + 8, place[1] + 6), "the first picture is drawn ...", style.QUIET)
+            return
+        image = picture.frame.image
+        box = Letterbox.fit((image.shape[1], image.shape[0]), place)
+        texture = self._window.show_picture(self.name, picture, image, picture.frame.scene.sensor.bits)
+        canvas.clip(place[:2], place[2:])
+        canvas.image(texture, (box.x, box.y), (box.width, box.height))
+        self._chaser(canvas, box, self._marks_for(console, picture))
+        canvas.text(
+            (place[0] + 8, place[1] + 6),
+            f"about {look.about}, {look.azimuth_deg:.0f}°, {look.elevation_deg:.0f}°, {look.distance_m:.1f} m",
+        )
+        rate = f"{image.shape[1]}x{image.shape[0]}  {feed.frames_s:.0f}/s"
+        if place[3] > 6 * canvas.line:
+            canvas.text((place[0] + 8, place[1] + 6 + canvas.line), rate, style.QUIET)
+        canvas.unclip()
+        self._buttons(console, place)
+
+    def _marks_for(self, console: Console, picture: Picture) -> ChaserMarks:
+        if self._marks is None or self._marks_of is not picture:
+            session, moment = console.session, picture.moment
+            trail = np.vstack([*session.trail[-4000:], moment.world.position_lvlh_m])
+            trail = trail[:: max(1, len(trail) // TRAIL_POINTS)]
+            frame = session.flight.lvlh(moment.world.t_s)
+            camera = session.plan.camera
+            self._marks = chaser_marks(picture.frame.scene, moment, camera, frame, trail)
+            self._marks_of = picture
+        return self._marks
+
+    def _chaser(self, canvas: Canvas, box: Letterbox, marks: ChaserMarks) -> None:
+        canvas.stroke(box.all_at(marks.trail), (*style.ACCENT[:3], 0.9), 1.5)
+        for line in box.all_at(marks.frustum):
+            canvas.stroke(line, style.INK, 1.2)
+        for line, colour in zip(box.all_at(marks.axes), style.AXIS_COLORS, strict=True):
+            canvas.stroke(line, colour, 2.4)
+        if np.isfinite(marks.place).all():
+            x, y = _point(box.all_at(marks.place))
+            canvas.dot((x, y), 3.0, style.ACCENT)
+            canvas.text((x + 8, y + 4), "chaser", style.ACCENT)
+
+    def _buttons(self, console: Console, place: tuple[float, float, float, float]) -> None:
+        """About what, and back to the first place, in the lower left corner."""
+        imgui, look = self._imgui, console.options.orbit
+        height = imgui.get_frame_height()
+        if place[3] < 5 * height:
+            return
+        imgui.set_cursor_screen_pos(self._w.vec(place[0] + 8, place[1] + place[3] - height - 8))
+        for k, about in enumerate(ABOUT):
+            if k:
+                imgui.same_line()
+            self._w.button(console, "orbit-camera.about", about, label=about, on=look.about == about)
+        imgui.same_line()
+        self._w.button(console, "orbit-camera.reset", label="reset")
+
+    def _mouse(self, console: Console) -> None:
+        """Turn and come nearer at once; a whole gesture is one command, at its end."""
+        imgui, look = self._imgui, console.options.orbit
+        io = imgui.get_io()
+        if imgui.is_item_hovered():
+            if imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
+                console.do("orbit-camera.reset")
+                return
+            if io.mouse_wheel:
+                look.place(
+                    look.azimuth_deg, look.elevation_deg, look.distance_m / WHEEL_FACTOR**io.mouse_wheel
+                )
+                self._keep(console)
+        if imgui.is_item_active() and imgui.is_mouse_dragging(imgui.MouseButton_.left, 2.0):
+            self._turning = True
+            look.place(
+                look.azimuth_deg + DEGREES_PER_UNIT * io.mouse_delta.x,
+                look.elevation_deg + DEGREES_PER_UNIT * io.mouse_delta.y,
+                look.distance_m,
+            )
+        elif self._turning:
+            self._turning = False
+            self._keep(console)
+
+    @staticmethod
+    def _keep(console: Console) -> None:
+        look = console.options.orbit
+        console.do(
+            "orbit-camera.place",
+            round(look.azimuth_deg, 1),
+            round(look.elevation_deg, 1),
+            round(look.distance_m, 2),
+        )
+
+
+def _point(p: FloatArray) -> Point:
+    return (float(p[0]), float(p[1]))
