@@ -22,6 +22,7 @@ from gui.panels.target import TargetPanel
 from gui.panels.time import TimePanel
 from gui.panels.timeline import TimelinePanel
 from gui.views.camera import CameraView
+from gui.views.earth_map import EarthMap
 from gui.views.labels import DepthView, KeypointsView, PartsView
 from gui.views.lvlh_map import LvlhMap
 from gui.views.orbit_camera import OrbitCameraView
@@ -62,6 +63,7 @@ PANELS: tuple[type[Panel], ...] = (
     TimePanel,
     ChaserPanel,
     LvlhMap,
+    EarthMap,
     OrbitCameraView,
     DepthView,
     PartsView,

@@ -1,0 +1,72 @@
+"""The ground as a map with day and night: our own layers of the Earth or the Moon at a low resolution."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.render.earth.maps import DAY, NIGHT, decode_file
+from simulator.render.moon.moon_pass import moon_map
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import ByteArray, Float32Array
+    from simulator.world.ephemeris.bodies import BodyName
+
+WIDTH_PX, HEIGHT_PX = 720, 360
+NIGHT_SHARE = 0.22
+"""What is left of the day's brightness at night, so that coasts are seen."""
+TWILIGHT_SINE = math.sin(math.radians(6.0))
+"""The Sun so far below the horizon: civil twilight ends."""
+DIMMED = 0.8
+"""The whole map is this bright: tracks and letters stand over it."""
+
+
+@dataclass(frozen=True, eq=False)
+class GroundMap:
+    """Equirectangular maps of a body, from 180 degrees west and from the north.
+
+    Parameters
+    ----------
+    day, night : (360, 720, 3) RGB, 0..255.
+    """
+
+    body: BodyName
+    day: Float32Array
+    night: Float32Array
+
+    def lit(self, subsolar_latitude_deg: float, subsolar_longitude_deg: float) -> ByteArray:
+        """(360, 720, 3) RGB: the day where the Sun is up, the night's lights elsewhere, twilight between."""
+        latitude = np.radians(90.0 - (np.arange(HEIGHT_PX, dtype=np.float32) + 0.5) * 180.0 / HEIGHT_PX)
+        longitude = np.radians((np.arange(WIDTH_PX, dtype=np.float32) + 0.5) * 360.0 / WIDTH_PX - 180.0)
+        sun_lat, sun_lon = math.radians(subsolar_latitude_deg), math.radians(subsolar_longitude_deg)
+        up = np.sin(latitude)[:, None] * math.sin(sun_lat)
+        up = up + np.cos(latitude)[:, None] * math.cos(sun_lat) * np.cos(longitude - sun_lon)[None, :]
+        day = np.clip(up / TWILIGHT_SINE + 1.0, 0.0, 1.0)[..., None].astype(np.float32)
+        return (self.night + day * (self.day - self.night)).astype(np.uint8)
+
+
+def load_ground_map(body: BodyName) -> GroundMap:
+    """The maps of a body; takes a few tenths of a second.
+
+    Raises
+    ------
+    UserError
+        If a map is missing or damaged.
+    """
+    if body == "moon":
+        grey = cv2.resize(moon_map(), (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA)
+        bright = np.asarray(grey, np.float32) / max(float(np.max(grey)), 1e-6) * 255 * DIMMED
+        day = np.repeat(bright.reshape(HEIGHT_PX, WIDTH_PX, 1), 3, axis=2)
+        return GroundMap(body, day, day * np.float32(NIGHT_SHARE))
+    day = _reduced(DAY) * np.float32(DIMMED)
+    return GroundMap(body, day, np.minimum(NIGHT_SHARE * day + 0.9 * _reduced(NIGHT), 255.0))
+
+
+def _reduced(name: str) -> Float32Array:
+    # a JPEG decodes to an eighth of its size at a small part of the cost
+    image = decode_file(name, cv2.IMREAD_REDUCED_COLOR_8)[..., ::-1]
+    return np.asarray(cv2.resize(image, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA), np.float32)

@@ -1,0 +1,238 @@
+"""The map of the Earth (or the Moon) below the target: ground track, day and night, shadow to come."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gui import style
+from gui.canvas import Canvas
+from gui.flight.ground_track import (
+    GroundTrack,
+    geodetic_deg,
+    ground_track,
+    subsolar_deg,
+    terminator_deg,
+    unbroken,
+)
+from gui.picture.ground_map import GroundMap, load_ground_map
+from gui.views.letterbox import Letterbox
+from simulator.errors import UserError
+from simulator.world.constants import FLATTENING
+from simulator.world.frames.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+    from gui.canvas import Point
+    from gui.console import Console
+    from gui.flight.session import Session
+    from gui.window import Window
+    from simulator.runtime.arrays import FloatArray
+    from simulator.world.ephemeris.bodies import BodyName
+    from simulator.world.flight.world_state import WorldState
+
+TRACK_EVERY_S = 60.0
+"""Simulated time between two tracks, at 60x and less; beyond that one a second of the window's."""
+SHADE_EVERY_DEG = 0.5
+"""The day and night of the map follow the Sun in such steps."""
+PAST, SUNLIT, SHADOWED = style.ACCENT, style.YELLOW, (0.62, 0.62, 0.7, 1.0)
+
+
+class EarthMap:
+    """Where the target is over the ground; the orbit behind and before it; when shadow begins and ends."""
+
+    name, title, place, shown = "earth-map", "Earth map", "bottom", False
+    bare = True
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._imgui = window.imgui
+        # decoding maps and propagating an orbit must not hold the window up
+        self._aside = ThreadPoolExecutor(1)
+        self._maps: dict[BodyName, Future[GroundMap]] = {}
+        self._shade: tuple[object, ...] = ()
+        self._shaded: np.ndarray | None = None
+        self._session: Session | None = None
+        self._track: GroundTrack | None = None
+        self._coming: Future[GroundTrack] | None = None
+        self._asked_s = -math.inf
+
+    def draw(self, console: Console) -> None:
+        """Draw into the view that is begun."""
+        imgui, session = self._imgui, console.session
+        corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+        place = (corner.x, corner.y, max(free.x, 32.0), max(free.y, 32.0))
+        canvas = Canvas(self._window)
+        canvas.clip(place[:2], place[2:])
+        world = session.moment.world
+        self._follow(session)
+        rows = self._figures(session, world)
+        line = canvas.line
+        below = place[3] > 0.5 * place[2] + 2 * line
+        side = max(canvas.size(text)[0] for text, _ in rows) + 20
+        wide = not below and place[2] - side > 1.1 * place[3]
+        across = place[2] - side if wide else place[2]
+        box = Letterbox.fit((360, 180), (place[0], place[1], across, place[3]))
+        if below:
+            box = Letterbox(box.x, place[1], box.width, box.height, box.scale)
+        self._ground(canvas, box, world)
+        self._graticule(canvas, box)
+        self._paths(canvas, box, session.t_s)
+        self._marks(canvas, box, world)
+        left = box.x + box.width + 10 if wide else place[0] + 8
+        top = place[1] + box.height + 4 if below else place[1] + 6
+        for k, (text, colour) in enumerate(rows):
+            if top + (k + 1) * line < place[1] + place[3]:
+                canvas.text((left, top + k * line), text, colour)
+        canvas.unclip()
+
+    # --- what is worked out aside
+
+    def _follow(self, session: Session) -> None:
+        """A new track where the last one has grown old."""
+        if self._session is not session:
+            self._session, self._track, self._asked_s = session, None, -math.inf
+            self._coming = None
+        if self._coming is not None and self._coming.done():
+            if self._coming.exception() is None:
+                self._track = self._coming.result()
+            self._coming = None
+        old = abs(session.t_s - self._asked_s) > max(TRACK_EVERY_S, session.rate)
+        if old and self._coming is None:
+            self._asked_s = session.t_s
+            self._coming = self._aside.submit(ground_track, session.flight, session.t_s)
+
+    def _ground(self, canvas: Canvas, box: Letterbox, world: WorldState) -> None:
+        body = world.central_body
+        if body not in self._maps:
+            self._maps[body] = self._aside.submit(load_ground_map, body)
+        canvas.box((box.x, box.y), (box.width, box.height), style.RAISED)
+        loading = self._maps[body]
+        if not loading.done():
+            return
+        try:
+            ground = loading.result()
+        except UserError:
+            # the track is worth as much without the map
+            return
+        sun = self._subsolar(world)
+        key = (body, *(round(x / SHADE_EVERY_DEG) for x in sun))
+        if key != self._shade:
+            self._shade, self._shaded = key, ground.lit(*sun)
+        if self._shaded is not None:
+            texture = self._window.show_picture(self.name, self._shade, self._shaded, 8)
+            canvas.image(texture, (box.x, box.y), (box.width, box.height))
+
+    @staticmethod
+    def _fixed_from_eci(world: WorldState) -> FloatArray:
+        moon = world.central_body == "moon"
+        return matrix_from_quat(world.q_moon_from_eci_wxyz if moon else world.q_itrs_from_eci_wxyz)
+
+    @staticmethod
+    def _centre(world: WorldState) -> FloatArray:
+        return np.array(world.r_moon_eci_m if world.central_body == "moon" else (0.0, 0.0, 0.0))
+
+    def _subsolar(self, world: WorldState) -> tuple[float, float]:
+        to_sun = np.array(world.r_sun_eci_m) - self._centre(world)
+        return subsolar_deg(to_sun, self._fixed_from_eci(world))
+
+    def _below(self, world: WorldState) -> tuple[float, float]:
+        fixed = self._fixed_from_eci(world) @ (np.array(world.r_target_eci_m) - self._centre(world))
+        latitude, longitude = geodetic_deg(fixed, FLATTENING if world.central_body == "earth" else 0.0)
+        return float(latitude), float(longitude)
+
+    # --- what is drawn
+
+    def _graticule(self, canvas: Canvas, box: Letterbox) -> None:
+        for longitude in range(-150, 180, 30):
+            ends = [map_place(box, latitude, longitude) for latitude in (-90.0, 90.0)]
+            canvas.stroke(ends, (1, 1, 1, 0.3 if longitude == 0 else 0.12), 1.0, halo=False)
+        for latitude in range(-60, 90, 30):
+            ends = [map_place(box, latitude, longitude) for longitude in (-180.0, 180.0)]
+            canvas.stroke(ends, (1, 1, 1, 0.3 if latitude == 0 else 0.12), 1.0, halo=False)
+
+    def _paths(self, canvas: Canvas, box: Letterbox, now_s: float) -> None:
+        track = self._track
+        if track is None:
+            return
+        past = track.times_s <= now_s
+        shadowed = track.sunlit < 0.5
+        for chosen, colour, dashed in (
+            (past, PAST, False),
+            (~past & ~shadowed, SUNLIT, True),
+            (~past & shadowed, SHADOWED, True),
+        ):
+            # a stretch begins where the one before it ends
+            on = chosen | np.append(chosen[1:], False)
+            latitude = np.where(on, track.latitude_deg, np.nan)
+            latitude, longitude = unbroken(latitude, track.longitude_deg)
+            canvas.stroke(map_places(box, latitude, longitude), colour, 1.8, dashed=dashed)
+
+    def _marks(self, canvas: Canvas, box: Letterbox, world: WorldState) -> None:
+        sun = self._subsolar(world)
+        latitude, longitude = terminator_deg(*sun)
+        canvas.stroke(map_places(box, latitude, longitude), style.ORANGE, 1.2)
+        x, y = map_place(box, *sun)
+        radius = 5.0 * self._window.scale
+        canvas.dot((x, y), radius, style.YELLOW)
+        for turn in np.arange(0, 2 * np.pi, np.pi / 4):
+            d = np.array([math.cos(turn), math.sin(turn)])
+            ray = np.stack([1.4 * radius * d, 2.0 * radius * d]) + (x, y)
+            canvas.stroke(ray, style.YELLOW, 1.4)
+        at = map_place(box, *self._below(world))
+        canvas.dot(at, 4.5 * self._window.scale, style.INK if world.sun_visible_fraction > 0 else SHADOWED)
+        canvas.circle(at, 8.0 * self._window.scale, style.ACCENT, 1.6)
+
+    def _figures(self, session: Session, world: WorldState) -> list[tuple[str, style.Rgba]]:
+        latitude, longitude = self._below(world)
+        rows = [
+            (place_text(latitude, longitude), style.INK),
+            (f"{world.altitude_m / 1e3:.1f} km high", style.INK),
+        ]
+        lit = world.sun_visible_fraction
+        state = (
+            "in sunlight" if lit >= 1 else "in the shadow" if lit <= 0 else f"{100 * lit:.0f} % of the Sun"
+        )
+        rows.append((state, style.GOOD if lit >= 1 else style.WARN))
+        track = self._track
+        if track is not None:
+            for name, event_s in (("shadow in", track.enters_s), ("sunlight in", track.leaves_s)):
+                if event_s is not None and event_s > session.t_s:
+                    rows.append((f"{name} {duration_text(event_s - session.t_s)}", style.INK))
+            if track.enters_s is None and track.leaves_s is None:
+                rows.append(("no shadow ahead" if lit >= 1 else "no sunlight ahead", style.QUIET))
+        return rows
+
+
+def map_places(box: Letterbox, latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatArray:
+    """Screen places (n, 2) of places on the ground."""
+    return np.stack(
+        [
+            box.x + (longitude_deg + 180.0) / 360.0 * box.width,
+            box.y + (90.0 - latitude_deg) / 180.0 * box.height,
+        ],
+        axis=-1,
+    )
+
+
+def map_place(box: Letterbox, latitude_deg: float, longitude_deg: float) -> Point:
+    """Screen place of a place on the ground."""
+    x, y = map_places(box, np.array(latitude_deg), np.array(longitude_deg))
+    return (float(x), float(y))
+
+
+def place_text(latitude_deg: float, longitude_deg: float) -> str:
+    """A place as maps write it."""
+    north, east = "N" if latitude_deg >= 0 else "S", "E" if longitude_deg >= 0 else "W"
+    return f"{abs(latitude_deg):.1f}° {north}  {abs(longitude_deg):.1f}° {east}"
+
+
+def duration_text(seconds: float) -> str:
+    """Minutes and seconds, and hours where there are some."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
