@@ -181,7 +181,7 @@ class EarthMap:
         canvas.dot((x, y), radius, style.YELLOW)
         for turn in np.arange(0, 2 * np.pi, np.pi / 4):
             d = np.array([math.cos(turn), math.sin(turn)])
-            ray = np.stack([1.4 * radius * d, 2.0 * radius * d]) + (x, y)
+            ray = np.array([x, y]) + np.outer([1.4 * radius, 2.0 * radius], d)
             canvas.stroke(ray, style.YELLOW, 1.4)
         at = map_place(box, *self._below(world))
         canvas.dot(at, 4.5 * self._window.scale, style.INK if world.sun_visible_fraction > 0 else SHADOWED)
