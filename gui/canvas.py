@@ -150,9 +150,23 @@ class Canvas:
         for r, c in ((radius + 2.0, (*style.HALO[:3], 0.7 * rgba[3])), (radius, rgba)):
             self.area([(x, y - r), (x + r, y), (x, y + r), (x - r, y)], c)
 
-    def image(self, texture: Any, corner: Point, size: Point) -> None:  # noqa: ANN401 - an imgui handle
-        """A texture over a rectangle."""
-        self._draw.add_image(texture, self.vec(corner), self.vec((corner[0] + size[0], corner[1] + size[1])))
+    def picture(
+        self,
+        view: str,
+        key: object,
+        image: np.ndarray,
+        bits: int,
+        place: tuple[float, float, float, float],
+    ) -> None:
+        """An image over a rectangle of whole units.
+
+        Parameters
+        ----------
+        view, key, image, bits : as `Window.show_picture` wants them. place : x, y, width, height.
+        """
+        x, y, w, h = (float(round(v)) for v in place)
+        texture = self._window.show_picture(view, key, image, bits, size=(w, h))
+        self._draw.add_image(texture, self.vec((x, y)), self.vec((x + w, y + h)))
 
 
 def thinned(points: FloatArray, most: int = MOST_POINTS) -> FloatArray:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from gui.picture.feed import Feed, PictureKind
 from gui.picture.label_images import LABELS, LABELS_EVERY_S
-from gui.picture.orbit_camera import orbit_scene
+from gui.picture.orbit_picture import orbit_scene
 
 if TYPE_CHECKING:
     from gui.flight.session import Session

@@ -124,8 +124,7 @@ class EarthMap:
         if key != self._shade:
             self._shade, self._shaded = key, ground.lit(*sun)
         if self._shaded is not None:
-            texture = self._window.show_picture(self.name, self._shade, self._shaded, 8)
-            canvas.image(texture, (box.x, box.y), (box.width, box.height))
+            canvas.picture(self.name, self._shade, self._shaded, 8, (box.x, box.y, box.width, box.height))
 
     @staticmethod
     def _fixed_from_eci(world: WorldState) -> FloatArray:

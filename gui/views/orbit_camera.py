@@ -9,7 +9,8 @@ import numpy as np
 from gui import style
 from gui.canvas import Canvas, Point
 from gui.picture.further import ORBIT_CAMERA
-from gui.picture.orbit_camera import ABOUT, TRAIL_POINTS, ChaserMarks, chaser_marks
+from gui.picture.orbit_camera import ABOUT
+from gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chaser_marks
 from gui.views.letterbox import Letterbox
 from gui.widgets import Widgets
 
@@ -59,9 +60,9 @@ class OrbitCameraView:
             return
         image = picture.frame.image
         box = Letterbox.fit((image.shape[1], image.shape[0]), place)
-        texture = self._window.show_picture(self.name, picture, image, picture.frame.scene.sensor.bits)
+        bits = picture.frame.scene.sensor.bits
         canvas.clip(place[:2], place[2:])
-        canvas.image(texture, (box.x, box.y), (box.width, box.height))
+        canvas.picture(self.name, picture, image, bits, (box.x, box.y, box.width, box.height))
         self._chaser(canvas, box, self._marks_for(console, picture))
         canvas.text(
             (place[0] + 8, place[1] + 6),

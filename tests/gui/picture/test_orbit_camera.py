@@ -13,10 +13,8 @@ from gui.picture.orbit_camera import (
     LARGEST_PX,
     NEAREST_M,
     OrbitCamera,
-    chaser_marks,
-    orbit_scene,
-    seen_from,
 )
+from gui.picture.orbit_picture import chaser_marks, orbit_scene, seen_from
 from gui.picture.view_settings import ViewSettings
 from simulator.scenario.load import load_scenario
 from simulator.scene.limits import scene_problem

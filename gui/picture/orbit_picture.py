@@ -1,0 +1,153 @@
+"""The free camera's picture: the same world and target from another place, and the chaser drawn over it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.camera.detector.presets import sensor_preset
+from simulator.camera.lens.camera_model import Camera
+from simulator.imaging.auto_exposure import AutoExposure
+from simulator.imaging.metering import wanted_exposure_s
+from simulator.runtime.arrays import quat, vec3
+from simulator.scene.build import build_scene
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+
+if TYPE_CHECKING:
+    from gui.flight.session import Moment, Session
+    from gui.picture.orbit_camera import OrbitCamera
+    from gui.picture.view_settings import ViewSettings
+    from simulator.runtime.arrays import FloatArray
+    from simulator.scene.state import Quality, SceneState
+    from simulator.world.flight.world_state import WorldState
+    from simulator.world.frames.lvlh import Lvlh
+
+FIELD_DEG = 40.0
+"""Across the picture's height."""
+TRAIL_POINTS = 300
+_METER = AutoExposure(level=0.45, share=0.9, longest_s=0.25)
+_NEAR_M = 0.02
+
+
+def orbit_scene(
+    session: Session, settings: ViewSettings, look: OrbitCamera, divisor: int, quality: Quality | None
+) -> SceneState:
+    """The moment as the free camera sees it: the same world and target, metered exposure, no noise.
+
+    The chaser's own lamp and the lights fixed to its camera are left out, for they would move along.
+
+    Parameters
+    ----------
+    divisor : pixels of the view per pixel drawn. quality : instead of the default.
+    """
+    own = session.scene()
+    world = seen_from(session.moment.world, session.flight.lvlh(session.t_s), look)
+    scene = build_scene(
+        world,
+        camera=pinhole(*(max(s // divisor, 16) for s in look.size_px)),
+        sensor=sensor_preset("ideal"),
+        exposure_s=1e-3,
+        target=own.target,
+        com_target_m=session.plan.target.mass.com_m,
+        frame_index=0,
+        seed=0,
+        quality=quality or "default",
+        bands=settings.bands,
+        environment=settings.environment,
+        lights=[light for light in own.area_lights if light.frame == "target"],
+    )
+    exposure = wanted_exposure_s(_METER, scene, session.plan.target) * 2.0**settings.exposure_stops
+    return replace(scene, exposure_s=exposure)
+
+
+def seen_from(world: WorldState, frame: Lvlh, look: OrbitCamera) -> WorldState:
+    """The world with the free camera in the chaser's place, at rest in LVLH."""
+    R = frame.R_eci_from_lvlh
+    away, up = R @ look.from_focus_lvlh, R[:, 0]
+    focus = np.zeros(3) if look.about == "target" else np.array(world.relative_eci_m)
+    place = focus + look.distance_m * away
+    right = np.cross(-away, up)
+    right /= np.linalg.norm(right)
+    R_camera_from_eci = np.stack([right, np.cross(-away, right), -away])
+    rate = np.cross(frame.omega_eci_rad_s, place)
+    return replace(
+        world,
+        r_chaser_eci_m=vec3(np.array(world.r_target_eci_m) + place),
+        v_chaser_eci_m_s=vec3(np.array(world.v_target_eci_m_s) + rate),
+        q_camera_from_eci_wxyz=quat(quat_from_matrix(R_camera_from_eci)),
+        omega_camera_rad_s=vec3(R_camera_from_eci @ frame.omega_eci_rad_s),
+        relative_eci_m=vec3(place),
+        relative_eci_m_s=vec3(rate),
+    )
+
+
+@lru_cache(maxsize=16)
+def pinhole(width_px: int, height_px: int) -> Camera:
+    """A camera without distortion, ``FIELD_DEG`` high."""
+    f = height_px / 2 / math.tan(math.radians(FIELD_DEG / 2))
+    return Camera(
+        width_px=width_px,
+        height_px=height_px,
+        fx_px=f,
+        fy_px=f,
+        cx_px=(width_px - 1) / 2,
+        cy_px=(height_px - 1) / 2,
+    )
+
+
+@dataclass(frozen=True)
+class ChaserMarks:
+    """The chaser over the free camera's picture, in its pixels; NaN where it is behind the camera.
+
+    Parameters
+    ----------
+    place : (2,) of its camera. frustum : lines (n, 2, 2) about what its camera sees.
+    axes : (3, 2, 2) lines of its camera's axes. trail : (n, 2) what it has flown. range_m : from the free camera.
+    """
+
+    place: FloatArray
+    frustum: FloatArray
+    axes: FloatArray
+    trail: FloatArray
+    range_m: float
+
+
+def chaser_marks(
+    scene: SceneState, moment: Moment, chaser: Camera, frame: Lvlh, trail_lvlh_m: FloatArray
+) -> ChaserMarks:
+    """Where the chaser is in the free camera's picture.
+
+    Parameters
+    ----------
+    scene : of the free camera. moment : the same one. chaser : its camera. frame : LVLH then.
+    trail_lvlh_m : (n, 3) flown.
+    """
+    R_free_from_eci = matrix_from_quat(scene.q_camera_from_eci_wxyz)
+    eye = np.array(scene.r_camera_eci_m) - np.array(scene.r_target_eci_m)
+    at = R_free_from_eci @ (np.array(moment.world.relative_eci_m) - eye)
+    R_free_from_chaser = R_free_from_eci @ matrix_from_quat(moment.world.q_camera_from_eci_wxyz).T
+    distance = float(np.linalg.norm(at))
+    size = max(0.08 * distance, 0.15)
+    corners_px = [(-0.5, -0.5), (chaser.width_px - 0.5, -0.5)]
+    corners_px += [(chaser.width_px - 0.5, chaser.height_px - 0.5), (-0.5, chaser.height_px - 0.5)]
+    rays = np.hstack([chaser.unproject(corners_px), np.ones((4, 1))])
+    rays = 2.2 * size * rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    lines = [(np.zeros(3), r) for r in rays] + [(rays[k], rays[(k + 1) % 4]) for k in range(4)]
+    axes = np.stack([np.stack([np.zeros(3), size * e]) for e in np.eye(3)])
+    trail = (R_free_from_eci @ (frame.R_eci_from_lvlh @ trail_lvlh_m[:, :].T - eye[:, None])).T
+
+    def project(points: FloatArray) -> FloatArray:
+        ahead = np.where(points[..., 2:] > _NEAR_M, points, np.nan)
+        return scene.camera.project(ahead)
+
+    return ChaserMarks(
+        place=project(at),
+        frustum=project(np.array(lines) @ R_free_from_chaser.T + at),
+        axes=project(axes @ R_free_from_chaser.T + at),
+        trail=project(trail),
+        range_m=distance,
+    )
