@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
 
 _SILHOUETTE_SIDE_PX = 512  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved
+_ROUNDING_PX = 1 / 128  # a corner's rounding to 1/256 px, with as much again for the driver's own arithmetic
 MAX_PARTS = 2048  # what the surface buffer's 16-bit floats count exactly
 
 
@@ -152,7 +153,11 @@ class LabelPass:
         program.set("u_label_clip", tuple(clip.T.ravel()))
         program.set("u_label_camera_from_target", tuple(camera_from_target.T.ravel()))
         eye_m = -camera_from_target[:3, :3].T @ camera_from_target[:3, 3]
+        # a face seen edge-on may be shown as far beside itself as corners are rounded, and its plane's depth there is
+        # anything: each is put back by what its depth changes over that, so that none shows through what is before it
+        self._context.polygon_offset = (_ROUNDING_PX, 0.0)
         (arrays.layers if layers else arrays.depth).render(np.append(eye_m, 1.0))
+        self._context.polygon_offset = (0.0, 0.0)
         # a software driver begins to draw once something else is drawn to, and then does so on threads of its own
         draw_to(self._aside)
         self._aside.clear()

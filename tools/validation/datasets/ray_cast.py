@@ -16,6 +16,7 @@ import trimesh
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from simulator.targets.glb.write import glb_bytes
+from tools.validation.datasets.rounded_raster import shown_parts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,10 +28,12 @@ _TURNED_BACK = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From a glTF viewer's y up to the model's z up."""
 
 # A raster rounds corners to 1/256 px, so at outlines, cracks and rods thinner than that rays a little beside the
-# centre may say otherwise: those of three rings are asked of the pixels where the centre's ray disagrees.
+# centre may say otherwise: those of three rings are asked of the pixels where the centre's ray disagrees; and where
+# those do too, the raster is done again there in whole numbers (faces thinner than its steps are missed by most rays).
 _RINGS_PX = (0.03, 0.1, 0.5)
 _DIRECTIONS = 12
 _COPLANAR_M = 2e-3  # a decal and what it lies on
+_NEAR_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -40,8 +43,8 @@ class Disagreement:
     Parameters
     ----------
     n_on : pixels of the mask. n_rays : pixels asked.
-    mask, parts : pixels whose label no ray about them gives. twice : pixels in the visible masks of two parts, or of
-        the mask and in none of them, or in one and not of the mask.
+    mask, parts : pixels whose label neither a ray about them gives nor the rounding of a raster.
+    twice : pixels in the visible masks of two parts, or of the mask and in none of them, or in one and not of the mask.
     """
 
     n_on: int
@@ -89,6 +92,19 @@ class ExportedMesh:
         far = np.linalg.norm(places - origins[0], axis=1)
         return set(self._parts[triangles[far <= far.min() + _COPLANAR_M]].tolist())
 
+    def rounded_parts(self, truth: Truth, pixel_px: NDArray[Any]) -> set[int]:
+        """Parts that a raster may show at one pixel's centre, 0 for none; nothing through a lens, where edges bend."""
+        if truth.camera.distortion.coefficients:
+            return set()
+        R, t_m, K = _rotation(truth), np.array(truth.t_camera_from_target_m), _matrix(truth)
+        depth_m = self._mesh.vertices @ R[2] + t_m[2]
+        ahead = np.all(depth_m[self._mesh.faces] > _NEAR_M, axis=1)
+        at = cv2.projectPoints(self._mesh.vertices, cv2.Rodrigues(R)[0], t_m, K, np.zeros(5))[0].reshape(
+            -1, 2
+        )
+        faces = self._mesh.faces[ahead]
+        return shown_parts(at[faces] - pixel_px, depth_m[faces], self._parts[ahead], _COPLANAR_M)
+
 
 def _check_root(scene: Any) -> None:  # noqa: ANN401 - trimesh's own
     name = scene.graph.nodes_geometry[0]
@@ -97,10 +113,25 @@ def _check_root(scene: Any) -> None:  # noqa: ANN401 - trimesh's own
         raise RuntimeError("the exported file's root is not the turn from z up to y up")
 
 
+def _matrix(truth: Truth) -> NDArray[Any]:
+    c = truth.camera
+    return np.array([[c.fx_px, 0, c.cx_px], [0, c.fy_px, c.cy_px], [0, 0, 1]])
+
+
+def _rotation(truth: Truth) -> NDArray[Any]:
+    w, x, y, z = truth.q_camera_from_target_wxyz
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
 def _rays(truth: Truth, pixels_px: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Origins and directions in the model's frame."""
-    camera = truth.camera
-    K = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
+    camera, K = truth.camera, _matrix(truth)
     lens = np.array(camera.distortion.coefficients or [0.0] * 5)
     at = np.ascontiguousarray(pixels_px, float).reshape(-1, 1, 2)
     if camera.distortion.model == "kannala_brandt":
@@ -108,14 +139,7 @@ def _rays(truth: Truth, pixels_px: NDArray[Any]) -> tuple[NDArray[Any], NDArray[
     else:
         stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
         xy = cv2.undistortPoints(at, K, lens, R=None, P=None, criteria=stop).reshape(-1, 2)
-    w, x, y, z = truth.q_camera_from_target_wxyz
-    R = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    R = _rotation(truth)
     ways = np.insert(xy, 2, 1.0, axis=1) @ R  # rows times R: by its transpose
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     return np.broadcast_to(-R.T @ np.array(truth.t_camera_from_target_m), ways.shape), ways
@@ -155,14 +179,20 @@ def _about(pixel: NDArray[Any]) -> NDArray[Any]:
 
 
 def _is_seen(truth: Truth, mesh: ExportedMesh, pixel: NDArray[Any], on: bool) -> bool:  # noqa: FBT001 - the label
-    """Whether a ray about a pixel's centre agrees with its mask."""
-    return bool(np.any((mesh.first_parts(truth, _about(pixel)) > 0) == on))
+    """Whether a ray about a pixel's centre agrees with its mask, or what a raster's rounding may show there does."""
+    if np.any((mesh.first_parts(truth, _about(pixel)) > 0) == on):
+        return True
+    return any((part > 0) == on for part in mesh.rounded_parts(truth, pixel))
 
 
 def _shows(truth: Truth, mesh: ExportedMesh, pixel: NDArray[Any], part: int) -> bool:
-    """Whether the ray through a pixel's centre or one about it meets a part first, or just behind the first."""
+    """Whether the ray through a pixel's centre or one about it meets a part first, or just behind the first, or a
+    raster's rounding may show it there.
+    """
     if part in mesh.near_parts(truth, pixel.astype(float)) or np.any(
         mesh.first_parts(truth, _about(pixel)) == part
     ):
         return True
-    return any(part in mesh.near_parts(truth, p) for p in _about(pixel))
+    if any(part in mesh.near_parts(truth, p) for p in _about(pixel)):
+        return True
+    return part in mesh.rounded_parts(truth, pixel)
