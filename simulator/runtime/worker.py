@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 _SHARE_FROM_BYTES = 1 << 16  # smaller results go through the pipe
+# Where many share a processor, one that works may take minutes to start; one that does nothing for long never will.
 _START_TIMEOUT_S = 60.0
+_LOOK_S = 0.5
 _END_TIMEOUT_S = 1.0  # for a process that is told to drop its work; then it is killed
 
 
@@ -104,10 +106,27 @@ class WorkerProcess(Generic[T]):
     def info(self) -> Any:  # noqa: ANN401 - the resource's own
         """What the resource says of itself; waits until it is there."""
         if self._info is None:
-            if not self._pipe.poll(_START_TIMEOUT_S):
-                raise RuntimeError(f"the {self._name} did not start within {_START_TIMEOUT_S:.0f} s")
+            self._wait_for_start()
             self._info = self._receive()
         return self._info
+
+    def _wait_for_start(self) -> None:
+        """Wait for the first message.
+
+        Raises
+        ------
+        RuntimeError
+            If the process has done nothing for a minute.
+        """
+        worked_s, since_s = 0.0, time.monotonic()
+        while not self._pipe.poll(min(_LOOK_S, _START_TIMEOUT_S)):
+            now_s = _processor_time_s(self.pid)
+            if now_s > worked_s:
+                worked_s, since_s = now_s, time.monotonic()
+            elif time.monotonic() - since_s >= _START_TIMEOUT_S:
+                raise RuntimeError(
+                    f"the {self._name} did not start: it has done nothing for {_START_TIMEOUT_S:.0f} s"
+                )
 
     @property
     def pid(self) -> int | None:
@@ -255,6 +274,16 @@ class WorkerProcess(Generic[T]):
                     continue
                 with contextlib.suppress(FileNotFoundError):  # the process freed this one itself
                     self._blocks[name] = shared_memory.SharedMemory(name=name)
+
+
+def _processor_time_s(pid: int | None) -> float:
+    """Processor time that a process has used; 0 where the system does not say."""
+    try:
+        with open(f"/proc/{pid}/stat", "rb") as file:  # noqa: PTH123 - no file of ours
+            fields = file.read().rpartition(b")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, IndexError, AttributeError):
+        return 0.0
 
 
 def _memory(block: shared_memory.SharedMemory) -> memoryview:

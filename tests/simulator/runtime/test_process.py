@@ -1,5 +1,6 @@
 """The renderer in its own process: order, errors, crash, clean end."""
 
+import itertools
 import multiprocessing
 import os
 import pickle
@@ -15,6 +16,7 @@ import pytest
 
 from simulator.errors import UserError
 from simulator.loop import OpenRenderer
+from simulator.runtime import worker
 from simulator.runtime.worker import WorkerProcess
 from simulator.targets.model import Target
 
@@ -112,6 +114,41 @@ def wait_until(condition) -> bool:
     return True
 
 
+class Opens:
+    """A resource that takes so long to open [s]."""
+
+    info = "open"
+
+    def __init__(self, lasts_s: float):
+        self.lasts_s = lasts_s
+
+    def __call__(self):
+        return self
+
+    def __enter__(self):
+        time.sleep(self.lasts_s)
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+
+def test_a_process_that_works_may_take_long_to_start_and_one_that_does_nothing_is_told(monkeypatch):
+    """As on a crowded machine, where starting takes longer than anyone should wait for a process that hangs."""
+    assert worker._processor_time_s(os.getpid()) > 0
+    monkeypatch.setattr(worker, "_START_TIMEOUT_S", 0.2)
+    ticks = itertools.count(1.0)
+    monkeypatch.setattr(worker, "_processor_time_s", lambda _pid: next(ticks))
+    with WorkerProcess(fail, open_resource=Opens(1.0)) as process:
+        assert process.info == "open"
+    monkeypatch.setattr(worker, "_processor_time_s", lambda _pid: 7.0)
+    with (
+        WorkerProcess(fail, open_resource=Opens(60.0)) as process,
+        pytest.raises(RuntimeError, match="did not start: it has done nothing"),
+    ):
+        _ = process.info
+
+
 def test_a_frame_in_work_is_given_up_and_its_memory_freed(draw_kit, target, tmp_path):
     busy = tmp_path / "busy"
     busy.touch()
@@ -133,6 +170,7 @@ import pickle, sys, time
 sys.path.insert(0, sys.argv[1])
 import test_process as here
 from simulator.loop import OpenRenderer
+from simulator.runtime import worker
 from simulator.runtime.worker import WorkerProcess
 if __name__ == "__main__":
     scene = pickle.loads(open(sys.argv[2], "rb").read())
