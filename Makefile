@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow test-train soak test-portable test-mutants test-starts test-formats test-scale proof-datasets lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
+.PHONY: demo test test-slow test-train soak test-portable test-mutants test-starts test-formats test-scale proof-datasets proof-captures lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -39,6 +39,12 @@ test-scale: $(STAMP) system
 IMAGES ?= 400
 proof-datasets: $(STAMP) system
 	$(BIN)/python -m tools.validation.datasets -n $(IMAGES)
+
+# Every recipe by capture with six formats and two processes, check, and each format read back: CAPTURES images of each.
+CAPTURES ?= 40
+proof-captures: $(STAMP) system
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[formats-test]'
+	$(BIN)/python -m tools.validation.captures -n $(CAPTURES)
 
 # Data sets in other formats, read by the libraries that people use.
 test-formats: $(STAMP) system

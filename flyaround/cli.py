@@ -20,6 +20,7 @@ COMMANDS = {
     "capture": "datasets",
     "check": "datasets",
     "convert": "conversion",
+    "overlay": "overlay",
     "estimate": "estimation",
     "evaluate": "estimation",
     "train": "training",

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.labels.truth import Truth
 from simulator.labels.wireframe import view_edges
 from simulator.targets.joined_mesh import mesh_of
 
@@ -15,6 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from simulator.camera.lens.camera_model import Camera
+    from simulator.labels.truth import Box, KeypointLabel, Truth
     from simulator.runtime.arrays import ByteArray
     from simulator.targets.model import Target
     from simulator.world.frames.pose import Pose
@@ -24,6 +24,12 @@ GREEN, ORANGE, BLUE, GREY = (0, 158, 115), (230, 159, 0), (86, 180, 233), (150, 
 AXES = ((213, 94, 0), (0, 158, 115), (86, 180, 233))
 AXIS_LENGTH_M = 0.5
 _FARTHEST_PX = 1e5
+
+
+def rgb_8bit(image: NDArray[np.unsignedinteger], bits: int) -> ByteArray:
+    """An RGB copy of an image (H, W) or (H, W, 3) of so many bits a pixel, in 8 bits."""
+    least = np.asarray(image >> max(bits - 8, 0), np.uint8)
+    return np.repeat(least[..., None], 3, axis=2) if least.ndim == 2 else least.copy()
 
 
 def draw_truth(
@@ -37,27 +43,56 @@ def draw_truth(
     truth, target : the record and the model it names.
     wireframe : draw what the camera sees of the edges.
     """
-    mono = np.asarray(image, np.uint8)
-    canvas: ByteArray = np.repeat(mono[..., None], 3, axis=2) if mono.ndim == 2 else mono.copy()
+    canvas = rgb_8bit(image, 8)
     pose, camera = truth.scene.camera_from_target, truth.camera
-    weight = max(1, round(camera.width_px / 1900))
+    weight = _weight(camera)
     if wireframe:
-        for view in view_edges(camera, pose, target, mesh_of(target)):
-            for stretch in view.stretches:
-                _line(canvas, view.at(np.array(stretch)), BLUE, weight)
-    if truth.box_px is not None:
-        x0, y0, x1, y1 = (round(v) for v in truth.box_px)
-        cv2.rectangle(canvas, (x0, y0), (x1, y1), GREY, weight, cv2.LINE_AA)
+        canvas = draw_wireframe(canvas, camera, pose, target)
+    canvas = draw_box(canvas, camera, truth.box_px)
     for axis, colour in zip(np.eye(3) * AXIS_LENGTH_M, AXES, strict=True):
         _line(canvas, camera.project(pose.apply(np.stack([np.zeros(3), axis]))), colour, 2 * weight)
-    for k in truth.keypoints:
+    return draw_keypoints(canvas, camera, truth.keypoints)
+
+
+def draw_wireframe(
+    canvas: ByteArray, camera: Camera, pose: Pose, target: Target, colour: tuple[int, int, int] = BLUE
+) -> ByteArray:
+    """What a camera sees of a target's edges at a pose, over an RGB image."""
+    drawn = canvas.copy()
+    for view in view_edges(camera, pose, target, mesh_of(target)):
+        for stretch in view.stretches:
+            _line(drawn, view.at(np.array(stretch)), colour, _weight(camera))
+    return drawn
+
+
+def draw_box(canvas: ByteArray, camera: Camera, box_px: Box | None) -> ByteArray:
+    """A box, if there is one, over an RGB image."""
+    drawn = canvas.copy()
+    if box_px is not None:
+        x0, y0, x1, y1 = (round(v) for v in box_px)
+        cv2.rectangle(drawn, (x0, y0), (x1, y1), GREY, _weight(camera), cv2.LINE_AA)
+    return drawn
+
+
+def draw_keypoints(canvas: ByteArray, camera: Camera, keypoints: tuple[KeypointLabel, ...]) -> ByteArray:
+    """Keypoints over an RGB image: green where visible, orange where light fails them, grey where hidden."""
+    drawn, weight = canvas.copy(), _weight(camera)
+    for k in keypoints:
         if k.pixel_px is None or k.state == "out_of_frame":
             continue
         centre = (round(k.pixel_px[0]), round(k.pixel_px[1]))
         hidden = k.state == "self_occluded"
         colour = GREY if hidden else GREEN if k.state == "visible" else ORANGE
-        cv2.circle(canvas, centre, 6 * weight, colour, weight if hidden else 2 * weight, cv2.LINE_AA)
-    return canvas
+        cv2.circle(drawn, centre, 6 * weight, colour, weight if hidden else 2 * weight, cv2.LINE_AA)
+    return drawn
+
+
+def draw_outline(canvas: ByteArray, camera: Camera, mask: ByteArray) -> ByteArray:
+    """The outline of a mask, over an RGB image."""
+    drawn = canvas.copy()
+    outlines, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(drawn, outlines, -1, ORANGE, _weight(camera))
+    return drawn
 
 
 def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) -> ByteArray:
@@ -86,12 +121,12 @@ def draw_pose(
 ) -> ByteArray:
     """The wireframe at an estimated pose, in orange, over an RGB image."""
     pose = type(truth.scene.camera_from_target).of("camera", "target", q_wxyz, t_m)
-    drawn = canvas.copy()
-    weight = max(1, round(truth.camera.width_px / 1900))
-    for view in view_edges(truth.camera, pose, target, mesh_of(target)):
-        for stretch in view.stretches:
-            _line(drawn, view.at(np.array(stretch)), ORANGE, weight)
-    return drawn
+    return draw_wireframe(canvas, truth.camera, pose, target, ORANGE)
+
+
+def _weight(camera: Camera) -> int:
+    """Width of lines [px]."""
+    return max(1, round(camera.width_px / 1900))
 
 
 def _line(canvas: ByteArray, ends: NDArray[np.float64], colour: tuple[int, int, int], weight: int) -> None:

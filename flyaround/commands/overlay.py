@@ -1,0 +1,31 @@
+"""overlay: a data set's pictures with their labels drawn over them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flyaround.commands.terminal import progress_bar, say
+from simulator.dataset.overlays import MARKS, parse_marks, write_overlays
+
+
+def overlay(
+    folder: Annotated[Path, typer.Argument(help="A data set written by capture or convert.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder of the pictures: new or empty, not within the set.")
+    ],
+    draw: Annotated[
+        str,
+        typer.Option("--draw", help=f"Out of {', '.join(MARKS)}; with commas. Axes: x red, y green, z blue."),
+    ] = "axes",
+    n: Annotated[
+        int | None, typer.Option("-n", min=1, help="Frames, spread evenly over the set (default: all).")
+    ] = None,
+) -> None:
+    """Draw labels over copies of a data set's pictures, to look at: the craft's axes, edges, keypoints, box, mask."""
+    marks = parse_marks(draw)
+    with progress_bar("overlay") as progress:
+        count = write_overlays(folder, output, marks, n, progress)
+    say(f"{count} pictures with {', '.join(marks)} in {output}")

@@ -1,0 +1,113 @@
+"""Copies of a data set's pictures with labels drawn over them, for people to look at."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.dataset.formats.native import encode_png
+from simulator.dataset.labelled_dataset import open_dataset
+from simulator.errors import UserError
+from simulator.labels.overlay import (
+    draw_axes,
+    draw_box,
+    draw_keypoints,
+    draw_outline,
+    draw_wireframe,
+    rgb_8bit,
+)
+from simulator.labels.truth import Truth
+from simulator.runtime.files import empty_folder, write_atomic
+from simulator.targets.joined_mesh import mesh_of
+from simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from simulator.runtime.arrays import ByteArray
+    from simulator.targets.model import Target
+
+MARKS = ("axes", "wireframe", "keypoints", "box", "mask")
+_AXIS = 0.6
+"""Length of an arrow over the distance of the mesh's farthest vertex."""
+
+
+def parse_marks(text: str) -> tuple[str, ...]:
+    """What to draw, from a comma-separated list.
+
+    Raises
+    ------
+    UserError
+        If it names nothing, or what there is not.
+    """
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    unknown = [name for name in names if name not in MARKS]
+    if unknown or not names:
+        what = f"there is no '{unknown[0]}'" if unknown else "nothing is named"
+        raise UserError(f"--draw '{text}': {what}; choose from {', '.join(MARKS)}")
+    return names
+
+
+def write_overlays(
+    folder: Path,
+    output: Path,
+    marks: tuple[str, ...] = ("axes",),
+    n: int | None = None,
+    progress: Callable[[int, int], None] = lambda _done, _of: None,
+) -> int:
+    """Write ``NNNNNN.png`` of a data set's frames, with marks over the pictures; returns how many.
+
+    Parameters
+    ----------
+    folder : of the data set. output : new or empty, and not within it. marks : out of `MARKS`, drawn in their order.
+    n : frames, spread evenly; all of them unless given.
+
+    Raises
+    ------
+    UserError
+        If the folder is no data set, its target is another one here, or ``output`` is in use or within the data set.
+    """
+    frames = open_dataset(folder)
+    target = load_target(frames.card.target.name)
+    if target.sha256 != frames.card.target.sha256:
+        raise UserError(
+            f"the target {target.name} of data set {folder} is not the one here ({target.sha256[:12]}, there "
+            f"{frames.card.target.sha256[:12]}); use the flyaround version named in its card"
+        )
+    if folder.resolve() in (output.resolve(), *output.resolve().parents):
+        raise UserError(f"{output} is within the data set {folder}; name a folder elsewhere with -o")
+    empty_folder(output)
+    chosen = np.linspace(0, len(frames) - 1, min(n or len(frames), len(frames))).round().astype(int)
+    for done, k in enumerate(chosen.tolist()):
+        write_atomic(output / f"{frames[k].number:06d}.png", encode_png(overlay(frames[k], target, marks)))
+        progress(done + 1, len(chosen))
+    return len(chosen)
+
+
+def overlay(frame: LabelledFrame, target: Target, marks: tuple[str, ...]) -> ByteArray:
+    """A frame's picture, (H, W, 3) RGB, with marks over it.
+
+    Parameters
+    ----------
+    target : the model that its data set names. marks : out of `MARKS`.
+    """
+    truth, camera, pose = frame.truth, frame.camera, frame.pose
+    bits = truth.scene.sensor.bits if isinstance(truth, Truth) else 8 * frame.image.itemsize
+    drawn = target if not isinstance(truth, Truth) else truth.scene.target.drawn(target)
+    radius_m = float(np.linalg.norm(mesh_of(drawn).positions_m, axis=1).max())
+    canvas = rgb_8bit(frame.image, bits)
+    for mark in marks:
+        if mark == "axes":
+            canvas = draw_axes(canvas, camera, pose, _AXIS * radius_m)
+        elif mark == "wireframe":
+            canvas = draw_wireframe(canvas, camera, pose, drawn)
+        elif mark == "keypoints":
+            canvas = draw_keypoints(canvas, camera, truth.keypoints)
+        elif mark == "box":
+            canvas = draw_box(canvas, camera, truth.box_px)
+        else:
+            canvas = draw_outline(canvas, camera, frame.mask)
+    return canvas

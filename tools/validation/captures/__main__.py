@@ -1,0 +1,8 @@
+"""Captures every recipe and reads it back: ``python -m tools.validation.captures``."""
+
+import sys
+
+from tools.validation.captures.run import main
+
+if __name__ == "__main__":
+    sys.exit(main())
