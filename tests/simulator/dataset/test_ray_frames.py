@@ -4,6 +4,7 @@ import dataclasses
 import os
 import socket
 
+import msgspec
 import pytest
 
 from simulator.contact_sheets.scenario_sheet import smaller
@@ -12,10 +13,12 @@ from simulator.dataset.capture import capture
 from simulator.dataset.ray_frames import RayCluster
 from simulator.errors import UserError
 from simulator.recipes.plan import plan_recipe
+from simulator.scene.second_camera import SecondCamera
 
 pytestmark = pytest.mark.gl
 
 N = 12
+NODES_S = 240.0
 
 
 def _plan(n=N):
@@ -63,7 +66,14 @@ def cluster(monkeypatch):
 
     memory = {"object_store_memory": 150_000_000}
     made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, **memory})
-    made.flyaround_node = lambda: made.add_node(num_cpus=1, **memory)
+
+    def add_nodes(count):
+        """Nodes of one processor each; on a crowded machine they take longer than the cluster itself would wait."""
+        nodes = [made.add_node(wait=False, num_cpus=1, **memory) for _ in range(count)]
+        made.wait_for_nodes(timeout=NODES_S)
+        return nodes
+
+    made.flyaround_nodes = add_nodes
     yield made
     made.shutdown()
 
@@ -72,8 +82,7 @@ def cluster(monkeypatch):
 @pytest.mark.timeout(900)
 @pytest.mark.filterwarnings("default")
 def test_four_nodes_give_the_bytes_of_one_process(cluster, alone, tmp_path):
-    for _ in range(4):
-        cluster.flyaround_node()
+    cluster.flyaround_nodes(4)
     summary = capture(_plan(), tmp_path / "set", cluster=RayCluster(cluster.address))
     assert summary.n_written == N
     assert _files(tmp_path / "set") == _files(alone)
@@ -86,7 +95,7 @@ def test_four_nodes_give_the_bytes_of_one_process(cluster, alone, tmp_path):
 @pytest.mark.filterwarnings("default")
 def test_a_node_that_is_lost_costs_no_frame(cluster, alone, monkeypatch):
     """Two nodes; one is killed, and what it has under way with it, after the first frames came."""
-    nodes = [cluster.flyaround_node() for _ in range(2)]
+    nodes = cluster.flyaround_nodes(2)
     killed = []
 
     def kill(done, _of):
@@ -110,7 +119,7 @@ def test_a_node_that_is_lost_costs_no_frame(cluster, alone, monkeypatch):
 @pytest.mark.timeout(900)
 @pytest.mark.filterwarnings("default")
 def test_a_frame_that_cannot_be_drawn_there_is_said_as_here(cluster, tmp_path):
-    cluster.flyaround_node()
+    cluster.flyaround_nodes(1)
     plan = _plan(2)
     broken = dataclasses.replace(
         plan.scene(1), target=dataclasses.replace(plan.scene(1).target, sha256="0" * 64)
@@ -118,3 +127,42 @@ def test_a_frame_that_cannot_be_drawn_there_is_said_as_here(cluster, tmp_path):
     object.__setattr__(plan, "scene", lambda k: broken if k else type(plan).scene(plan, k))
     with pytest.raises(UserError, match="target"):
         capture(plan, tmp_path / "set", cluster=RayCluster(cluster.address))
+
+
+PACKAGE = """
+import numpy as np
+
+
+def measure(frame, rng):
+    return {"depth_m": np.nanmin(frame.depth_m) + rng.normal(0, 0.01, 3)}
+"""
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package with a sensor, for this process and for those of a cluster that is begun afterwards."""
+    info = tmp_path / "installed" / "ranger-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: ranger\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[flyaround.sensors]\nranger = ranger:measure\n")
+    (info.parent / "ranger.py").write_text(PACKAGE)
+    monkeypatch.syspath_prepend(str(info.parent))
+    monkeypatch.setenv("PYTHONPATH", str(info.parent), prepend=os.pathsep)
+    return "ranger"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.filterwarnings("default")
+def test_stereo_pairs_and_sensors_of_packages_have_the_bytes_of_one_process(package, cluster, tmp_path):
+    made = plan_recipe("eval-black", 4, target="tango@low", quality="draft")
+    pair = msgspec.structs.replace(made.recipe, second_camera=SecondCamera(position_m=(0.4, 0.0, 0.0)))
+    plan = dataclasses.replace(made, recipe=pair, camera=smaller(made.camera, 384))
+    capture(plan, tmp_path / "alone", sensors=(package,))
+    cluster.flyaround_nodes(2)
+    summary = capture(plan, tmp_path / "set", sensors=(package,), cluster=RayCluster(cluster.address))
+    assert summary.second is not None
+    assert (summary.n_written, summary.second.n_written) == (4, 4)
+    files = _files(tmp_path / "set")
+    assert {"images/000003.ranger.npz", "second/images/000003.ranger.npz"} <= set(files)
+    assert files == _files(tmp_path / "alone")

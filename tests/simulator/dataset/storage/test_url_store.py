@@ -65,30 +65,6 @@ def test_a_store_that_refuses_says_so(url, monkeypatch):
         store.write([("dataset.json", b"{}")])
 
 
-@pytest.fixture
-def s3(monkeypatch):
-    """An S3 server with one bucket."""
-    boto3 = pytest.importorskip("boto3")
-    server = pytest.importorskip("moto.server").ThreadedMotoServer(
-        ip_address="127.0.0.1", port=0, verbose=False
-    )
-    pytest.importorskip("s3fs")
-    server.start()
-    host, port = server.get_host_and_port()
-    endpoint = f"http://{host}:{port}"
-    for name, value in (
-        ("AWS_ACCESS_KEY_ID", "test"),
-        ("AWS_SECRET_ACCESS_KEY", "test"),
-        ("AWS_DEFAULT_REGION", "us-east-1"),
-        ("AWS_ENDPOINT_URL", endpoint),
-    ):
-        monkeypatch.setenv(name, value)
-    boto3.client("s3", endpoint_url=endpoint).create_bucket(Bucket="bucket")
-    yield "s3://bucket/set"
-    server.stop()
-    fsspec.get_filesystem_class("s3").clear_instance_cache()
-
-
 @pytest.mark.slow
 def test_an_s3_server_takes_the_same_and_a_missing_bucket_is_refused(s3):
     test_files_come_and_go(s3)
