@@ -1,0 +1,43 @@
+"""The picture of captured images with the craft's axes in docs/datasets.md, after figure 1 of the data-set paper.
+
+python -m tools.docs.axes_picture docs/images/datasets/axes.jpg
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from simulator.dataset.capture import capture
+from simulator.dataset.labelled_dataset import open_dataset
+from simulator.dataset.overlays import overlay
+from simulator.recipes.plan import plan_recipe
+from simulator.reports.pictures import write_jpeg
+
+SEED, WIDTH_PX = 4, 640
+SAMPLES = {"paper-dragon": 33, "paper-soyuz": 19, "paper-tianzhou": 8, "paper-change6": 6}
+"""Of each recipe one that shows its craft near, whole and in the light."""
+
+
+def main() -> None:
+    """Capture a few images of each craft and draw the axes of one of them."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser.add_argument("output", type=Path)
+    output = parser.parse_args().output
+    pictures = []
+    with tempfile.TemporaryDirectory() as place:
+        for name, sample in SAMPLES.items():
+            plan = plan_recipe(name, sample + 1, seed=SEED)
+            capture(plan, Path(place) / name)
+            drawn = overlay(open_dataset(Path(place) / name)[sample], plan.target, ("axes",))
+            size = (WIDTH_PX, round(WIDTH_PX * drawn.shape[0] / drawn.shape[1]))
+            pictures.append(cv2.resize(drawn, size, interpolation=cv2.INTER_AREA))
+    write_jpeg(output, np.vstack([np.hstack(pictures[:2]), np.hstack(pictures[2:])]))
+
+
+if __name__ == "__main__":
+    main()
