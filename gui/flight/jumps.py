@@ -33,26 +33,25 @@ def search_s(flight: Flight) -> float:
     return 2 * 2 * np.pi / flight.n_rad_s
 
 
-def next_event_s(flight: Flight, event: Event, after_s: float) -> float | None:
+def next_event_s(flight: Flight, event: Event, after_s: float, until_s: float | None = None) -> float | None:
     """When it happens next, to a hundredth of a second, or None within the next two orbits.
 
     Parameters
     ----------
-    flight : must reach `search_s` beyond ``after_s``.
+    flight : must reach ``until_s``, or else `search_s` beyond ``after_s``.
     """
     margin = margin_of(flight, event)
+    end_s = after_s + search_s(flight) if until_s is None else until_s
     step = search_s(flight) / (2 * _STEPS_AN_ORBIT)
     # a moment that was jumped to must not be found again
     low_s = after_s + 2 * EXACT_S
     low = margin(low_s)
-    for k in range(1, 2 * _STEPS_AN_ORBIT + 1):
-        high_s = min(low_s + step, after_s + search_s(flight))
+    while low_s < end_s:
+        high_s = min(low_s + step, end_s)
         high = margin(high_s)
         if (low > 0) != (high > 0) and (event == "terminator" or high > 0):
             return _crossing_s(margin, low_s, high_s)
         low_s, low = high_s, high
-        if k * step >= search_s(flight):
-            break
     return None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -10,13 +10,13 @@ import numpy as np
 from gui.flight.docking_watch import Docking
 from gui.flight.jumps import EVENTS, next_event_s, search_s
 from gui.flight.look_back import LookBack
+from gui.flight.open_end import longer_flight, orbit_ahead
 from gui.flight.planned_burns import predicted_path
 from gui.flight.propellant import thrusters_of
 from gui.flight.recorder import FlightRecorder
 from gui.flight.steering import BORESIGHT, Steering
 from simulator.errors import UserError
 from simulator.runtime.arrays import Vec3, vec3
-from simulator.scenario.flight import fly
 from simulator.scenario.plan import plan_flight
 from simulator.world.frames.rotation import matrix_from_quat
 from simulator.world.guidance.manual_control import ChaserState, predicted_drift_lvlh_m, step
@@ -46,6 +46,8 @@ MOST_STEPS_PER_S = 1000.0
 HOLD_POINTS_EVERY_S = 0.5
 """How often it is looked whether one was flown past."""
 JUMP_RATE = 1000.0
+NEAR_EVENT_S = 300.0
+"""An event is no later than so long after when a simpler orbit has it."""
 LONGEST_JUMP_S = 7200.0
 """A hold point that is not reached within this is not waited for."""
 FRAME_STEP_S = 0.1
@@ -93,6 +95,7 @@ class Session:
         self.plan = plan
         self.recorder = recorder
         self.flight: Flight = plan.flight
+        self._guided_until_s = plan.flight.duration_s
         self.paused = False
         self.rate = 1.0
         self.look_back = LookBack(self)
@@ -250,12 +253,15 @@ class Session:
             self.recorder.add(self.flight.state_with_chaser(self._now()))
 
     def _reach(self, t_s: float) -> None:
-        """Make the flight long enough; its camera keeps the reference it was planned with."""
-        if t_s + MARGIN_S <= self.flight.duration_s:
+        """Make the flight long enough, and the track of its guidance where that flies."""
+        guided, end_s = self._steered is None, t_s + MARGIN_S
+        if end_s <= (self._guided_until_s if guided else self.flight.duration_s):
             return
-        span = max(FIRST_SPAN_S, 2 * self.flight.duration_s, t_s + 2 * MARGIN_S)
-        longer = fly(self.plan.scenario, self.plan.target, span)
-        self.flight = replace(longer, pointing=self.flight.pointing)
+        grown_s = 2 * (self._guided_until_s if guided else self.flight.duration_s)
+        span_s = max(FIRST_SPAN_S, grown_s, end_s + MARGIN_S)
+        self.flight = longer_flight(self.plan, self.flight, span_s, guided=guided)
+        if guided:
+            self._guided_until_s = span_s
 
     # --- who flies
 
@@ -296,6 +302,7 @@ class Session:
             self.take_over()
         else:
             self._steered, self._moment = None, None
+            self._reach(self._t_s)
             self.docking.docked = False
             self.steering.let_go()
 
@@ -366,12 +373,22 @@ class Session:
             If there is none within two orbits.
         """
         self.look_back.fly_on()
-        self._reach(self._t_s + search_s(self.flight))
-        when = next_event_s(self.flight, event, self._t_s)
+        when = self._next_event_s(event)
         if when is None:
             raise UserError(f"within the next two orbits there is no moment at which {EVENTS[event]}")
         self._jump, self._jump_until_s, self.paused = "event", when, False
         return when
+
+    def _next_event_s(self, event: Event) -> float | None:
+        end_s = self._t_s + search_s(self.flight) + MARGIN_S
+        if end_s <= self.flight.duration_s:
+            return next_event_s(self.flight, event, self._t_s)
+        # two days of all forces take a quarter of a minute: first about when, then when
+        about = next_event_s(orbit_ahead(self.plan, end_s, quick=True), event, self._t_s)
+        if about is None:
+            return None
+        near = orbit_ahead(self.plan, about + NEAR_EVENT_S + MARGIN_S, quick=False)
+        return next_event_s(near, event, self._t_s, until_s=about + NEAR_EVENT_S)
 
     def jump_to_hold_point(self) -> None:
         """Hurry until the autopilot rests at the next hold point, or has docked.

@@ -9,6 +9,7 @@ import pytest
 from gui.flight import guidance_modes as modes
 from gui.flight.guidance_modes import Guided, begin_mode, cubic_between
 from gui.flight.jumps import next_event_s, search_s, sun_fraction, sun_height
+from gui.flight.open_end import longer_flight
 from gui.flight.planned_burns import BURN_M_S2, BurnPlan, burn_of
 from gui.flight.session import JUMP_RATE, Session
 from simulator.errors import UserError
@@ -188,8 +189,7 @@ def test_burns_that_cannot_be_flown_are_refused() -> None:
 def test_events_of_the_sky_are_where_the_worlds_own_figures_change() -> None:
     session = Session.of(load_scenario("tango-eclipse-pass"))
     flight = session.flight
-    session._reach(search_s(flight) + 10.0)
-    flight = session.flight
+    flight = longer_flight(session.plan, flight, search_s(flight) + 10.0, guided=True)
     dark = next_event_s(flight, "eclipse", 0.0)
     assert dark is not None
     assert flight.state(dark - 0.05).sun_visible_fraction > flight.state(dark + 1.0).sun_visible_fraction
@@ -217,6 +217,25 @@ def test_a_jump_ends_at_its_moment_at_1x_and_goes_on() -> None:
     session.set_rate(2.0)
     assert not session.jumping
     assert session.rate == 2.0
+
+
+def test_a_steered_flight_goes_on_without_its_guidance_and_comes_back_to_it() -> None:
+    session = Session.of(load_scenario("tango-vbar-approach"))
+    whole = longer_flight(session.plan, session.flight, 1900.0, guided=True)
+    session.take_over()
+    session.set_rate(1000.0)
+    for _ in range(30):
+        session.advance(TICK_S)
+    early = 100.0
+    assert session.t_s > 1000.0
+    # orbit and attitude of the whole span, the guidance's track as far as it was flown
+    np.testing.assert_allclose(session.flight.orbit(1200.0)[0], whole.orbit(1200.0)[0], atol=1e-4)
+    np.testing.assert_allclose(session.flight.attitude(1200.0)[0], whole.attitude(1200.0)[0], atol=1e-9)
+    assert session.flight.chaser(early).position_eci_m == whole.chaser(early).position_eci_m
+    session.toggle_steering()
+    np.testing.assert_allclose(
+        session.chaser.position_eci_m, whole.chaser(session.t_s).position_eci_m, atol=1e-4
+    )
 
 
 def test_an_orbit_without_eclipse_says_so() -> None:
