@@ -12,14 +12,16 @@ from gui.flight.flown_files import FlownFiles, free_folder
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from gui.console import Console
 
 FOLDER = Path("out") / "console" / "flights"
 SLICE_S = 0.008
 """Of each turn of the window, for a flight that is being written."""
 SKIP_S = 10.0
-# what is done with the scenario of a flight, by the panel of each
-THEN = {"dataset": "capture.scenario", "hil": "hil.scenario"}
+FRAMES = 50
+"""Of a data set, unless given."""
 
 
 def _seek(console: Console, t_s: float) -> None:
@@ -96,11 +98,11 @@ class Keeping:
 
     Parameters
     ----------
-    then : command that is given the scenario's path, if any.
+    then : what is done with the scenario once it is whole.
     """
 
     files: FlownFiles
-    then: str = ""
+    then: Callable[[Console, str], None]
     _told_s: float = 0.0
 
     def __call__(self, console: Console) -> None:
@@ -117,24 +119,33 @@ class Keeping:
                 console.say(f"keeping the flight: {100 * self.files.share:.0f} %")
             return
         console.on_pass_time.remove(self)
-        if self.then and self.then in console.table:
-            console.do(self.then, str(replay))
-        else:
-            console.say(f"kept {replay}: a scenario for sim, render, capture and hil host")
+        self.then(console, str(replay))
 
 
-def _keep(console: Console, folder: str | None = None, then: str = "") -> None:
+def _tell(console: Console, replay: str) -> None:
+    console.say(f"kept {replay}: a scenario for sim, render, capture and hil host")
+
+
+def _keep(console: Console, folder: str | None = None, then: Callable[[Console, str], None] = _tell) -> None:
     name = console.session.plan.scenario.name
     where = free_folder(FOLDER, name) if folder is None else Path(folder)
     console.on_pass_time.append(Keeping(FlownFiles(console.session, where), then))
 
 
-def _dataset(console: Console) -> None:
-    _keep(console, then=THEN["dataset"])
+def _dataset(console: Console, frames: int = FRAMES) -> None:
+    def capture(console: Console, replay: str) -> None:
+        console.open_panel("capture", shown=True)
+        console.do("capture.start", frames, replay)
+
+    _keep(console, then=capture)
 
 
 def _hil(console: Console) -> None:
-    _keep(console, then=THEN["hil"])
+    def fly(console: Console, replay: str) -> None:
+        console.do("scenario.open", replay)
+        console.open_panel("board-link", shown=True)
+
+    _keep(console, then=fly)
 
 
 def clock(t_s: float) -> str:
@@ -203,14 +214,17 @@ COMMANDS = (
     Command(
         "timeline.dataset",
         "Data set of it",
-        "what was flown as a scenario, handed to the capture panel",
+        "a labelled data set of what was flown, evenly in time",
         _dataset,
+        arguments=(
+            Argument("frames", "whole", "how many; 50 unless given", least=1, most=10_000, optional=True),
+        ),
         cli="flyaround capture replay.toml -o DIR",
     ),
     Command(
         "timeline.hil",
         "HIL run of it",
-        "what was flown as a scenario, handed to the HIL panel",
+        "open what was flown as a scenario, for a session with a board",
         _hil,
         cli="flyaround hil host replay.toml --listen URL",
     ),
