@@ -16,6 +16,7 @@ from gui.commands.capture import keep_capture
 from gui.commands.estimator import keep_estimates
 from gui.commands.hil import keep_hil
 from gui.commands.log import save_script
+from gui.commands.people import keep_film, keep_mesh
 from gui.console import Console
 from gui.flight.cautions import CautionWatch
 from gui.flight.gamepad import Gamepad
@@ -83,6 +84,11 @@ class Request:
     script: Path | None = None
     log: Path | None = None
 
+    @property
+    def by_itself(self) -> bool:
+        """Whether nobody need sit before it: a script, a time or a picture at the end is asked for."""
+        return not (self.seconds is None and self.script is None and self.screenshot is None)
+
 
 def command_table() -> CommandTable:
     """Every command of the console."""
@@ -137,7 +143,7 @@ def run(request: Request) -> dict[str, Any]:
             device_index=request.device_index,
             window_gl=window.gl_renderer,
         )
-        console.on_pass_time += (keep_estimates, keep_hil, keep_capture)
+        console.on_pass_time += (keep_estimates, keep_hil, keep_capture, keep_film, keep_mesh)
         if script is not None:
             console.play(script)
         try:
@@ -182,11 +188,15 @@ class Loop:
         self._layout_file = layout_file()
         saved = read_layout(self._layout_file)
         window.font_scale = saved.font_scale
+        console.font_scale = saved.font_scale
         style.apply_style(window.imgui, window.scale)
         self._layout = Layout(window, saved)
+        console.about = self._layout.about()
         console.shown.update(self._layout.first_shown())
         if request.choose:
             console.open_panel("scenarios", shown=True)
+        if not (self._layout.tour_seen or request.by_itself):
+            console.open_panel("tour", shown=True)
         self._keys = sorted(console.table.keys())
         self._gamepad = Gamepad()
         self._window_ms = 0.0
@@ -246,14 +256,23 @@ class Loop:
     def _draw(self, flying: bool) -> frozenset[str]:  # noqa: FBT001 - whether the first picture is up
         """One look of the window, and what its keys do; the held ones are returned."""
         window, console = self._window, self._console
+        for path in window.take_dropped():
+            console.do("file.open", path)
+        window.font_scale = console.font_scale
         self._layout.before_frame(console, window.size)
         keys: frozenset[str] = frozenset()
+        # the look that is asked for is this one
+        screenshot, console.wants_screenshot = console.wants_screenshot, None
+        window.capture = screenshot is not None
         with window.frame():
             if flying:
                 console.press(console.table.pressed(window.keys_hit(self._keys), ctrl=window.ctrl))
                 keys = console.table.held(window.keys_down(self._keys))
             self._save_finished()
             self._layout.draw(console)
+        window.capture = False
+        if screenshot is not None:
+            self._keep_look(screenshot)
         if console.wants_full_screen:
             console.wants_full_screen = False
             window.toggle_full_screen()
@@ -261,6 +280,16 @@ class Loop:
             window.copy(console.clipboard)
             console.clipboard = ""
         return keys
+
+    def _keep_look(self, path: Path) -> None:
+        """The look of the window as a file; what is wrong with it is told, and the flight goes on."""
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if self._window.captured is not None:
+                write_atomic(path, _png(self._window.captured))
+                self._console.say(f"saved {path}")
+        except (UserError, OSError) as error:
+            self._console.say(f"not saved: {error}", "caution")
 
     def _account(self, began_s: float) -> None:
         now = self._window.seconds

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import shlex
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -12,15 +13,19 @@ from gui.flight.scenario_draft import ScenarioDraft
 from gui.jobs.capture_job import CaptureJob
 from gui.jobs.hil_session import HilSession
 from gui.picture.estimates import Estimates
+from gui.picture.settings_history import SettingsHistory
 from gui.script import CommandLog, Line, Player, Script
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from pathlib import Path
 
     from gui.command_table import Command, CommandTable, Value
     from gui.flight.session import Session
-    from gui.picture.feed import Feed
+    from gui.jobs.mesh_import import MeshImport
+    from gui.picture.feed import Feed, Picture
+    from gui.picture.video import Film
     from gui.picture.view_settings import Options
 
 log = logging.getLogger(__name__)
@@ -82,10 +87,24 @@ class Console:
     wants_first_layout: bool = False
     saved_truth: str = ""
     """Truth record of the picture that was saved last."""
+    wants_screenshot: Path | None = None
+    font_scale: float = 1.0
     clipboard: str = ""
     """Text that is to go to the clipboard."""
     front: str = ""
     """The panel that is to come to the front."""
+    hovered: str = ""
+    """The panel under the mouse."""
+    rects: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
+    """Where panels and bars are: left, top, width, height."""
+    about: dict[str, tuple[str, str]] = field(default_factory=dict)
+    """Title and description of each panel."""
+    help_about: str = ""
+    tour_step: int = 0
+    history: SettingsHistory = field(default_factory=SettingsHistory)
+    film: Film | None = None
+    filmed: Picture | None = None
+    mesh: MeshImport | None = None
     held: frozenset[str] = frozenset()
     on_pass_time: list[Callable[[Console], None]] = field(default_factory=list)
     """What else is to be kept up to date, once a turn of the loop."""
@@ -96,6 +115,10 @@ class Console:
         self.estimates.close()
         self.hil.close()
         self.capture.close()
+        if self.film is not None:
+            self.film.close()
+        if self.mesh is not None:
+            self.mesh.close()
 
     # --- commands
 
@@ -110,7 +133,10 @@ class Console:
             command = self.table[name]
             values = command.checked(arguments)
             self.log.add(Line(self.clock_ms, "do", name, values))
+            before = deepcopy(self.options)
             command.run(self, *values)
+            if command.group != "settings":
+                self.history.note(name, before, self.options, self.clock_ms)
         except (UserError, OSError) as error:
             # the flight goes on, whatever a command meets
             self.say(str(error), "caution")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import os
+import sys
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -22,6 +23,8 @@ from gui.widgets import Widgets
 from simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from gui.console import Console
     from gui.panels.all import Panel
     from gui.window import Window
@@ -33,6 +36,7 @@ NARROW = 900.0
 """Screen units of width at scale 1 below which panels go under the view."""
 VERSION = 1
 LARGEST_BYTES = 400_000
+FIRST_MENUS = ("Panel", "Help", "Window")
 RIGHT, LEFT, BOTTOM = 0.27, 0.3, 0.26
 
 
@@ -48,6 +52,7 @@ class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
     shown: dict[str, bool] = {}
     docking: dict[str, str] = {}
     font_scale: float = 1.0
+    tour_seen: bool = False
 
 
 def layout_file() -> Path:
@@ -126,6 +131,7 @@ class Layout:
         self._build = False
         self._was_shown: dict[str, bool] = {}
         self._dockspace = 0
+        self._hovered = ""
         self._docked: set[str] = set()
         """Panels that lie on the window's own ground, as of the last frame."""
 
@@ -156,6 +162,7 @@ class Layout:
             self._saved.docking[self._form] = self._window.imgui.save_ini_settings_to_memory()
         over = {p.name for p in self.panels if p.place == "over"}
         self._saved.shown = {n: s for n, s in console.shown.items() if n not in over}
+        self._saved.font_scale = console.font_scale
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(path, msgspec.json.format(msgspec.json.encode(self._saved)))
@@ -173,6 +180,7 @@ class Layout:
         # the window is cleared to the panels' own ground: a blended plate over all of it costs a software driver 10 ms
         bare = imgui.DockNodeFlags_.auto_hide_tab_bar | imgui.DockNodeFlags_.passthru_central_node
         imgui.dock_space_over_viewport(self._dockspace, None, bare)
+        self._hovered = ""
         for panel in self.panels:
             if console.shown.get(panel.name) and (console.options.panel or panel.place in {"centre", "over"}):
                 self._panel(console, panel)
@@ -183,7 +191,18 @@ class Layout:
                 first = next((p for p in self.panels if p.place == place and console.shown.get(p.name)), None)
                 if first is not None:
                     imgui.set_window_focus(_window_name(first))
+        console.hovered = self._hovered
+        self._saved.tour_seen |= bool(self._was_shown.get("tour")) and not console.shown.get("tour")
         self._was_shown = dict(console.shown)
+
+    @property
+    def tour_seen(self) -> bool:
+        """Whether the tour was ended or skipped once."""
+        return self._saved.tour_seen
+
+    def about(self) -> dict[str, tuple[str, str]]:
+        """Title and description of each panel."""
+        return {p.name: (p.title, _description(type(p))) for p in self.panels}
 
     def _panel(self, console: Console, panel: Panel) -> None:
         imgui, w = self._window.imgui, self._w
@@ -216,8 +235,12 @@ class Layout:
         self._docked.discard(panel.name)
         if imgui.is_window_docked():
             self._docked.add(panel.name)
+        place, size = imgui.get_window_pos(), imgui.get_window_size()
+        console.rects[panel.name] = (place.x, place.y, size.x, size.y)
         if visible:
             panel.draw(console)
+            if panel.place != "over" and imgui.is_window_hovered(imgui.HoveredFlags_.child_windows):
+                self._hovered = panel.name
         imgui.end()
         if not stays or (
             panel.place == "over" and imgui.is_key_pressed(imgui.Key.escape, False) and not console.front
@@ -270,16 +293,42 @@ class Layout:
         imgui = self._window.imgui
         if not imgui.begin_main_menu_bar():
             return
-        for group, commands in console.table.groups():
-            rows = [c for c in commands if not c.held and c.at_once]
-            if rows and imgui.begin_menu(group.capitalize()):
-                for c in rows:
-                    on = c.state is not None and c.state(console)
-                    if imgui.menu_item_simple(c.title, c.shown, on):
-                        console.do(c.name)
-                    self._w.tip(c.help)
+        place, size = imgui.get_window_pos(), imgui.get_window_size()
+        console.rects["menu"] = (place.x, place.y, size.x, size.y)
+        menus = [
+            (group.replace("-", " ").capitalize(), rows)
+            for group, commands in console.table.groups()
+            if (rows := [c for c in commands if not c.held and c.at_once])
+        ]
+        gap = 2 * imgui.get_style().item_spacing.x
+        widths = [imgui.calc_text_size(title).x + gap for title, _ in menus]
+        room = size.x - imgui.calc_text_size("More").x - 2 * gap
+        if sum(widths) > room:
+            # the panels' and the help's menus stay in sight; the last of the others fold into one
+            first = [k for k, (title, _) in enumerate(menus) if title in FIRST_MENUS]
+            room -= sum(widths[k] for k in first)
+            for k in range(len(menus)):
+                if k not in first and (room := room - widths[k]) >= 0:
+                    first.append(k)
+            self._menus(console, [menus[k] for k in sorted(first)])
+            if imgui.begin_menu("More"):
+                self._menus(console, [m for k, m in enumerate(menus) if k not in first])
                 imgui.end_menu()
+        else:
+            self._menus(console, menus)
         imgui.end_main_menu_bar()
+
+    def _menus(self, console: Console, menus: Iterable[tuple[str, list[Command]]]) -> None:
+        imgui = self._window.imgui
+        for title, commands in menus:
+            if not imgui.begin_menu(title):
+                continue
+            for c in commands:
+                on = c.state is not None and c.state(console)
+                if imgui.menu_item_simple(c.title, c.shown, on):
+                    console.do(c.name)
+                self._w.tip(c.help)
+            imgui.end_menu()
 
     def _status(self, console: Console) -> None:
         """The line at the bottom: the newest message, and how often window and pictures are drawn."""
@@ -296,6 +345,8 @@ class Layout:
             )
             and imgui.begin_menu_bar()
         ):
+            place, size = imgui.get_window_pos(), imgui.get_window_size()
+            console.rects["status"] = (place.x, place.y, size.x, size.y)
             self._master_caution(console)
             rates = rates_text(console)
             free = w.width - imgui.calc_text_size(rates).x - 32 * self._window.scale
@@ -348,6 +399,13 @@ def rates_text(console: Console) -> str:
     views = [f"{name.replace('-', ' ')} {f.frames_s:.0f}" for name, f in console.feeds.items() if f.looked_at]
     pictures = f"pictures {console.feed.frames_s:.0f}/s"
     return f"window {console.window_hz:.0f}/s   {', '.join([pictures, *(f'{v}/s' for v in views)])}"
+
+
+def _description(panel: type[Panel]) -> str:
+    """What a panel's own file and class say of it, for people."""
+    module = sys.modules[panel.__module__].__doc__ or ""
+    own = (panel.__doc__ or "").partition("Parameters\n")[0]
+    return " ".join(f"{module} {own}".split())
 
 
 def _window_name(panel: Panel | type[Panel]) -> str:

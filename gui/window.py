@@ -25,6 +25,8 @@ NO_DISPLAY = (
     "session, or on a virtual screen with: xvfb-run -s '-screen 0 1280x800x24' flyaround sim"
 )
 FONT_PX = 16.0
+MOST_DROPPED = 4
+"""Files of one drop that are opened."""
 SOFTWARE = ("llvmpipe", "softpipe", "swrast")
 """Drivers that draw on the processor."""
 
@@ -86,6 +88,8 @@ class Window:
         self._glfw.set_window_focus_callback(
             self._native, lambda _, focused: io.add_focus_event(bool(focused))
         )
+        self._dropped: list[str] = []
+        self._glfw.set_drop_callback(self._native, lambda _, paths: self._dropped.extend(paths))
         self._monitor_scale = max(self._glfw.get_window_content_scale(self._native)[0], 1.0)
         self._growth = 1.0
         self.capture = False
@@ -228,6 +232,11 @@ class Window:
                 tuple(bool(b) for b in state.buttons),
             )
         return None
+
+    def take_dropped(self) -> list[str]:
+        """Files that were dropped on the window since the last question."""
+        dropped, self._dropped = self._dropped[:MOST_DROPPED], []
+        return dropped
 
     def copy(self, text: str) -> None:
         """Put a text on the clipboard."""

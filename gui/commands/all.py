@@ -13,6 +13,7 @@ from gui.commands import (
     guidance,
     hil,
     log,
+    people,
     scenario,
     steering,
     time,
@@ -36,5 +37,6 @@ COMMANDS: tuple[Command, ...] = (
     *estimator.COMMANDS,
     *hil.COMMANDS,
     *capture.COMMANDS,
+    *people.COMMANDS,
     *log.COMMANDS,
 )

@@ -11,6 +11,7 @@ from gui.panels.command_line import CommandLinePanel
 from gui.panels.docking import DockingPanel
 from gui.panels.editor import EditorPanel
 from gui.panels.estimator import EstimatorPanel
+from gui.panels.help import HelpPanel
 from gui.panels.key_list import KeyList, Palette
 from gui.panels.log import LogPanel
 from gui.panels.passes import PassesPanel
@@ -21,6 +22,7 @@ from gui.panels.steering import SteeringPanel
 from gui.panels.target import TargetPanel
 from gui.panels.time import TimePanel
 from gui.panels.timeline import TimelinePanel
+from gui.panels.tour import TourPanel
 from gui.views.camera import CameraView
 from gui.views.earth_map import EarthMap
 from gui.views.labels import DepthView, KeypointsView, PartsView
@@ -80,4 +82,6 @@ PANELS: tuple[type[Panel], ...] = (
     LogPanel,
     KeyList,
     Palette,
+    HelpPanel,
+    TourPanel,
 )

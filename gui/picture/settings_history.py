@@ -1,0 +1,69 @@
+"""Undo and redo of what an operator switched: overlays, exposure, layers, maps. The flight has its timeline instead."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import TYPE_CHECKING
+
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from gui.picture.view_settings import Options
+
+MOST = 200
+ONE_DRAG_MS = 800
+"""Changes by one command that follow each other this quickly are one, as those of a slider that is dragged."""
+
+
+class SettingsHistory:
+    """The settings before each command that changed them."""
+
+    def __init__(self) -> None:
+        self._undo: list[Options] = []
+        self._redo: list[Options] = []
+        self._last: tuple[str, int] = ("", -ONE_DRAG_MS)
+
+    def note(self, command: str, before: Options, after: Options, t_ms: int) -> None:
+        """Keep what was before a command, if the command has changed it.
+
+        Parameters
+        ----------
+        before : a copy. t_ms : operator's time.
+        """
+        if before == after:
+            return
+        name, then_ms = self._last
+        self._last = (command, t_ms)
+        self._redo.clear()
+        if name == command and t_ms - then_ms < ONE_DRAG_MS and self._undo:
+            return
+        self._undo = [*self._undo[-MOST + 1 :], before]
+
+    def undo(self, options: Options) -> None:
+        """Bring the settings before the last change back.
+
+        Raises
+        ------
+        UserError
+            If there is none.
+        """
+        _swap(options, self._undo, self._redo, "there is no change of settings to undo")
+        self._last = ("", -ONE_DRAG_MS)
+
+    def redo(self, options: Options) -> None:
+        """Do again what was undone.
+
+        Raises
+        ------
+        UserError
+            If nothing was.
+        """
+        _swap(options, self._redo, self._undo, "there is nothing to do again")
+        self._last = ("", -ONE_DRAG_MS)
+
+
+def _swap(options: Options, wanted: list[Options], other: list[Options], none: str) -> None:
+    if not wanted:
+        raise UserError(none)
+    other.append(deepcopy(options))
+    vars(options).update(vars(wanted.pop()))

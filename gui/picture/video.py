@@ -1,0 +1,119 @@
+"""The view as a film: H.264 in an mp4 file, encoded in a thread beside the window."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.runtime.arrays import ByteArray
+
+WAITING = 8
+"""Pictures that may wait for the encoder; others are left out, and counted."""
+CLOCK = Fraction(1, 1000)
+
+
+class Film:
+    """One file that is being written.
+
+    Parameters
+    ----------
+    path : ends in .mp4.
+
+    Raises
+    ------
+    UserError
+        If the encoder is not installed or the file cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            import av  # noqa: PLC0415 - an optional part
+        except ImportError as error:
+            raise UserError(
+                "films need av, which is not installed; run: pip install 'flyaround[gui]'"
+            ) from error
+        if path.suffix != ".mp4":
+            raise UserError(f"cannot write '{path.suffix}' films ({path}); end its name in .mp4")
+        self.path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file: Any = av.open(str(path), "w")
+        except (OSError, ValueError) as error:
+            raise UserError(f"cannot write the film {path}: {error}") from error
+        self._av: Any = av
+        self.pictures = self.left_out = 0
+        self.trouble: str | None = None
+        self._last_ms = -1
+        self._queue: queue.Queue[tuple[int, ByteArray] | None] = queue.Queue(WAITING)
+        self._thread = threading.Thread(target=self._run, name="film", daemon=True)
+        self._thread.start()
+
+    def add(self, t_ms: int, image: ByteArray) -> None:
+        """One more picture; never waits.
+
+        Parameters
+        ----------
+        t_ms : when it is shown, later than the last. image : (H, W) or (H, W, 3), eight bits.
+        """
+        if self.trouble is not None or t_ms <= self._last_ms:
+            return
+        try:
+            self._queue.put_nowait((t_ms, image))
+            self._last_ms = t_ms
+        except queue.Full:
+            self.left_out += 1
+
+    def close(self) -> None:
+        """End the file; the pictures that wait are still written."""
+        with contextlib.suppress(queue.Full):
+            self._queue.put(None, timeout=5.0)
+        self._thread.join(timeout=10.0)
+
+    def _run(self) -> None:
+        stream: Any = None
+        first_ms = 0
+        try:
+            while (item := self._queue.get()) is not None:
+                t_ms, image = item
+                if stream is None:
+                    # even sides, as the half resolution of the colours asks for
+                    size = image.shape[1] // 2 * 2, image.shape[0] // 2 * 2
+                    stream, first_ms = self._stream(size), t_ms
+                rgb = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+                if (rgb.shape[1], rgb.shape[0]) != (stream.width, stream.height):
+                    size = (stream.width, stream.height)
+                    rgb = np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
+                frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(rgb), format="rgb24")
+                frame.pts, frame.time_base = t_ms - first_ms, CLOCK
+                self._file.mux(stream.encode(frame))
+                self.pictures += 1
+            if stream is not None:
+                self._file.mux(stream.encode())
+            self._file.close()
+        except (OSError, ValueError, MemoryError) as error:
+            # libav's errors are of these kinds; a full disk ends the film and not the flight
+            self.trouble = f"the film {self.path} has ended: {error}"
+            with contextlib.suppress(OSError, ValueError):
+                self._file.close()
+
+    def _stream(self, size: tuple[int, int]) -> Any:  # noqa: ANN401 - libav's own
+        stream = self._file.add_stream("libx264", rate=30, options={"preset": "veryfast", "crf": "18"})
+        stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
+        stream.codec_context.time_base = CLOCK
+        return stream
+
+
+def eight_bits(image: np.ndarray, bits: int) -> ByteArray:
+    """Digital numbers of ``bits`` bits as bytes."""
+    return image if bits == 8 else (image >> max(bits - 8, 0)).astype(np.uint8)

@@ -1,0 +1,55 @@
+"""Undo and redo of settings."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+
+import pytest
+
+from gui.picture.settings_history import SettingsHistory
+from gui.picture.view_settings import Options, ViewSettings
+from simulator.errors import UserError
+from simulator.scene.environments import Environment
+
+
+def change(history: SettingsHistory, options: Options, stops: float, t_ms: int) -> None:
+    before = deepcopy(options)
+    options.settings.exposure_stops = stops
+    history.note("picture.exposure", before, options, t_ms)
+
+
+@pytest.fixture
+def options() -> Options:
+    return Options(ViewSettings(bands="mono", environment=Environment()))
+
+
+def test_changes_are_undone_and_done_again(options: Options) -> None:
+    history = SettingsHistory()
+    for k, stops in enumerate((1.0, 2.0)):
+        change(history, options, stops, 5000 * k)
+    history.undo(options)
+    assert options.settings.exposure_stops == 1.0
+    history.undo(options)
+    assert options.settings.exposure_stops == 0.0
+    with pytest.raises(UserError, match="no change of settings to undo"):
+        history.undo(options)
+    history.redo(options)
+    history.redo(options)
+    assert options.settings.exposure_stops == 2.0
+    with pytest.raises(UserError, match="nothing to do again"):
+        history.redo(options)
+
+
+def test_a_slider_that_is_dragged_is_one_change(options: Options) -> None:
+    history = SettingsHistory()
+    for k in range(50):
+        change(history, options, 0.1 * k, 33 * k)
+    history.undo(options)
+    assert options.settings.exposure_stops == 0.0
+
+
+def test_a_command_that_changes_nothing_is_not_kept(options: Options) -> None:
+    history = SettingsHistory()
+    history.note("time.pause", deepcopy(options), options, 0)
+    with pytest.raises(UserError):
+        history.undo(options)
