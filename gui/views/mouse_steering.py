@@ -14,10 +14,6 @@ if TYPE_CHECKING:
 
 REACH = 0.25
 """A drag over this share of the picture's height is the whole turn or push."""
-TIP = (
-    "drag: turn towards where you drag; right button: push there; wheel: 1 cm/s forward or back; "
-    "middle button: bring the target to the middle"
-)
 
 
 class MouseSteering:

@@ -250,3 +250,21 @@ def test_a_point_that_was_flown_past_is_passed() -> None:
 def test_presets_say_whose_they_are() -> None:
     assert set(PRESETS) == {"two-tenths", "idss"}
     assert all(p.source and p.title for p in PRESETS.values())
+
+
+def test_the_display_draws_the_port_where_the_camera_sees_it() -> None:
+    plan = plan_of("iss-orbit-limb")
+    flight, port = plan.flight, docking_port(plan.target, plan.flight)
+    f = docking_figures(flight.chaser(30.0), flight.attitude(30.0), port)
+    scene = plan.scene_of(flight.state(30.0), 0)
+    rim = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, -0.5, -20.0]])
+    in_target = (
+        rim @ matrix_from_quat(port.q_target_from_port_wxyz).T + port.origin_m + plan.target.mass.com_m
+    )
+    np.testing.assert_allclose(f.in_camera_m(rim), scene.camera_from_target.apply(in_target), atol=1e-6)
+
+
+def test_where_the_docking_point_is_aimed_at() -> None:
+    assert replace(REST, closing_m_s=-0.1).aimed_at_m is None
+    moving = replace(REST, closing_m_s=0.5, right_m=0.3, right_m_s=-0.01, down_m_s=0.02)
+    assert moving.aimed_at_m == pytest.approx((0.1, 0.4))
