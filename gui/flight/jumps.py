@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from gui.flight.open_end import orbit_ahead
+from simulator.errors import UserError
 from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
 from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
@@ -14,6 +16,7 @@ from simulator.world.frames.rotation import matrix_from_quat
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from simulator.scenario.plan import Plan
     from simulator.world.flight.flight import Flight
 
 Event = Literal["eclipse", "sunrise", "terminator"]
@@ -24,8 +27,33 @@ EVENTS: dict[Event, str] = {
     "terminator": "the target flies over the line between day and night",
 }
 EXACT_S = 0.01
+NEAR_S = 300.0
+"""An event is no later than so long after when a simpler orbit has it."""
 _STEPS_AN_ORBIT = 200
 """A shadow of the Earth takes a third of a low orbit, and a twentieth of a geostationary one."""
+
+
+def event_ahead_s(plan: Plan, flight: Flight, event: Event, now_s: float) -> float:
+    """When it happens next, however far the flight has been worked out.
+
+    Raises
+    ------
+    UserError
+        If it does not within two orbits.
+    """
+    end_s = now_s + search_s(flight)
+    if end_s <= flight.duration_s:
+        when = next_event_s(flight, event, now_s)
+    else:
+        # two days of all forces take a quarter of a minute: first about when, then when
+        when = next_event_s(orbit_ahead(plan, end_s + 1.0, quick=True), event, now_s)
+        if when is not None:
+            near_s = when + NEAR_S
+            near = orbit_ahead(plan, near_s + 1.0, quick=False)
+            when = next_event_s(near, event, now_s, until_s=near_s)
+    if when is None:
+        raise UserError(f"within the next two orbits there is no moment at which {EVENTS[event]}")
+    return when
 
 
 def search_s(flight: Flight) -> float:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gui.flight.docking_watch import Docking
-from gui.flight.jumps import EVENTS, next_event_s, search_s
+from gui.flight.jumps import event_ahead_s
 from gui.flight.look_back import LookBack
-from gui.flight.open_end import longer_flight, orbit_ahead
+from gui.flight.open_end import longer_flight
 from gui.flight.planned_burns import predicted_path
 from gui.flight.propellant import thrusters_of
 from gui.flight.recorder import FlightRecorder
@@ -46,8 +46,6 @@ MOST_STEPS_PER_S = 1000.0
 HOLD_POINTS_EVERY_S = 0.5
 """How often it is looked whether one was flown past."""
 JUMP_RATE = 1000.0
-NEAR_EVENT_S = 300.0
-"""An event is no later than so long after when a simpler orbit has it."""
 LONGEST_JUMP_S = 7200.0
 """A hold point that is not reached within this is not waited for."""
 FRAME_STEP_S = 0.1
@@ -373,22 +371,9 @@ class Session:
             If there is none within two orbits.
         """
         self.look_back.fly_on()
-        when = self._next_event_s(event)
-        if when is None:
-            raise UserError(f"within the next two orbits there is no moment at which {EVENTS[event]}")
+        when = event_ahead_s(self.plan, self.flight, event, self._t_s)
         self._jump, self._jump_until_s, self.paused = "event", when, False
         return when
-
-    def _next_event_s(self, event: Event) -> float | None:
-        end_s = self._t_s + search_s(self.flight) + MARGIN_S
-        if end_s <= self.flight.duration_s:
-            return next_event_s(self.flight, event, self._t_s)
-        # two days of all forces take a quarter of a minute: first about when, then when
-        about = next_event_s(orbit_ahead(self.plan, end_s, quick=True), event, self._t_s)
-        if about is None:
-            return None
-        near = orbit_ahead(self.plan, about + NEAR_EVENT_S + MARGIN_S, quick=False)
-        return next_event_s(near, event, self._t_s, until_s=about + NEAR_EVENT_S)
 
     def jump_to_hold_point(self) -> None:
         """Hurry until the autopilot rests at the next hold point, or has docked.
