@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow test-train soak test-portable test-mutants test-starts test-formats test-scale proof-datasets proof-captures lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
+.PHONY: demo test test-slow test-train soak test-portable test-mutants test-console test-starts test-formats test-scale proof-datasets proof-captures lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -50,6 +50,10 @@ proof-captures: $(STAMP) system
 test-formats: $(STAMP) system
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[formats-test]'
 	$(BIN)/pytest -q tests/simulator/dataset/formats
+
+# The console in real windows on a virtual screen: every panel, size and scenario, lost processes, an autopilot. Half an hour.
+test-console: $(STAMP) system
+	$(BIN)/pytest -q tests/gui/console tests/gui/test_window.py
 
 test-starts: $(STAMP) system
 	$(BIN)/pytest -q tests/gui/test_starts.py

@@ -38,7 +38,7 @@ class HelpPanel:
     def draw(self, console: Console) -> None:
         """Draw into the window that is begun."""
         w, imgui = self._w, self._w.imgui
-        name = console.help_about
+        name = console.help_about or "camera"
         title, text = console.about.get(name, (name, "There is no such panel."))
         w.section(title)
         w.text(text)

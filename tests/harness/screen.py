@@ -14,7 +14,7 @@ SCREEN = (1280, 800)
 
 
 @contextmanager
-def virtual_screen() -> Iterator[str]:
+def virtual_screen(size: tuple[int, int] = SCREEN) -> Iterator[str]:
     """Name of the display; skips where a part is missing."""
     for program in ("Xvfb", "xdotool"):
         if shutil.which(program) is None:
@@ -29,7 +29,7 @@ def virtual_screen() -> Iterator[str]:
             str(sending),
             "-screen",
             "0",
-            f"{SCREEN[0]}x{SCREEN[1]}x24",
+            f"{size[0]}x{size[1]}x24",
             "-nolisten",
             "tcp",
         ],

@@ -1,0 +1,196 @@
+"""The console in real windows of every size: every panel, every scenario, a render process that is lost, mistakes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from gui.app import command_table
+from gui.panels.all import PANELS
+from simulator.scenario.load import list_scenarios, load_scenario
+from tests.gui.test_window import drawing_process
+from tests.harness.screen import virtual_screen, xdotool
+
+pytestmark = [pytest.mark.gui, pytest.mark.slow]
+TIMEOUT_S = 240.0
+SMALLEST, LARGEST = (640, 480), (2560, 1440)
+
+
+@pytest.fixture(scope="module")
+def display() -> Iterator[str]:
+    with virtual_screen(LARGEST) as name:
+        yield name
+
+
+class Sitting:
+    """A console with a script, in a folder of its own."""
+
+    def __init__(self, display: str, folder: Path, script: str, *options: str) -> None:
+        (folder / "script").write_text(script)
+        command = [sys.executable, "-m", "flyaround", "-v", "sim", "--json", "--script", "script", *options]
+        environment = os.environ | {
+            "DISPLAY": display,
+            "FLYAROUND_CONSOLE_LAYOUT": str(folder / "layout.json"),
+            "COLUMNS": "400",
+        }
+        self.process = subprocess.Popen(
+            command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+
+    def wait_for(self, word: str) -> str:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            if word in line:
+                return line
+        pytest.fail(f"the console never said '{word}'")
+
+    def end(self) -> tuple[dict[str, Any], str]:
+        out, err = self.process.communicate(timeout=TIMEOUT_S)
+        assert self.process.returncode == 0, err
+        assert "Traceback" not in err
+        return json.loads(out), err
+
+
+def looks(path: Path) -> np.ndarray:
+    image = cv2.imread(str(path))
+    assert image is not None, path
+    return image
+
+
+@pytest.mark.parametrize("size", [SMALLEST, (1280, 800), LARGEST], ids=str)
+def test_every_panel_is_on(display: str, tmp_path: Path, size: tuple[int, int]) -> None:
+    lines, t_s = [], 0.5
+    for panel in PANELS:
+        closes = [f"{t_s + 0.5:.1f} panel.{panel.name} off"] if panel.name != "camera" else []
+        lines += [
+            f"{t_s:.1f} panel.{panel.name} on",
+            f"{t_s + 0.4:.1f} window.screenshot {panel.name}.png",
+            *closes,
+        ]
+        t_s += 0.8
+    lines.append(f"{t_s + 0.5:.1f} window.close")
+    lines.sort(key=lambda line: float(line.split()[0]))
+    sitting = Sitting(
+        display, tmp_path, "\n".join(lines), "tango-flyaround", "--size", f"{size[0]}x{size[1]}"
+    )
+    sitting.end()
+    for panel in PANELS:
+        image = looks(tmp_path / f"{panel.name}.png")
+        assert image.shape == (size[1], size[0], 3)
+        assert image.std() > 5.0, panel.name
+
+
+def test_every_scenario_is_opened(display: str, tmp_path: Path) -> None:
+    sitting = Sitting(display, tmp_path, "600 window.close", "tango-flyaround")
+    sitting.wait_for("first picture")
+    sitting.process.terminate()
+    sitting.process.communicate(timeout=TIMEOUT_S)
+    names = list_scenarios()
+    lines = [f"{2 + 6 * k} scenario.open {name}" for k, name in enumerate(names)]
+    sitting = Sitting(
+        display, tmp_path, "\n".join([*lines, f"{8 + 6 * len(names)} window.close"]), "tango-flyaround"
+    )
+    state, said = sitting.end()
+    assert state["scenario"] == names[-1]
+    assert "could not be opened" not in said
+    assert state["pictures"] > len(names)
+
+
+def test_a_window_is_resized_while_it_flies(display: str, tmp_path: Path) -> None:
+    lines = ["6 window.screenshot small.png", "11 window.screenshot large.png", "12 window.close"]
+    sitting = Sitting(display, tmp_path, "\n".join(lines), "tango-flyaround", "--size", "1280x800")
+    sitting.wait_for("first picture")
+    window = xdotool(display, "search", "--name", "Flyaround").split()[0]
+    time.sleep(2.0)
+    xdotool(display, "windowsize", window, *map(str, SMALLEST))
+    sitting.wait_for("small.png")
+    xdotool(display, "windowsize", window, *map(str, LARGEST))
+    sitting.end()
+    assert looks(tmp_path / "small.png").shape[:2] == SMALLEST[::-1]
+    assert looks(tmp_path / "large.png").shape[:2] == LARGEST[::-1]
+
+
+def test_recorded_scrubbed_and_flown_on_by_keys(display: str, tmp_path: Path) -> None:
+    script = (
+        "1 hold steer.forward\n3 release steer.forward\n6 timeline.seek 1.5\n7 timeline.fly-on\n"
+        "9 timeline.other-future\n10 timeline.end\n11 timeline.keep kept\n20 window.close\n"
+    )
+    sitting = Sitting(display, tmp_path, script, "tango-flyaround", "--record", "flown")
+    state, said = sitting.end()
+    assert "the other future is back" in said
+    kept = load_scenario(tmp_path / "kept" / "replay.toml")
+    assert kept.duration_s == pytest.approx(6.0, abs=0.3)
+    assert load_scenario(tmp_path / state["replay"]).duration_s == pytest.approx(kept.duration_s, abs=0.3)
+
+
+def test_a_render_process_that_is_stopped_is_started_again(display: str, tmp_path: Path) -> None:
+    sitting = Sitting(display, tmp_path, "75 window.close\n", "tango-flyaround", "--record", "flown")
+    sitting.wait_for("first picture")
+    time.sleep(3.0)
+    os.kill(drawing_process(sitting.process.pid), signal.SIGSTOP)
+    assert "is started again" in sitting.wait_for("has not answered")
+    state, _ = sitting.end()
+    assert state["drawing_restarts"] == 1
+    # the flight went on, and was recorded all along
+    assert load_scenario(tmp_path / state["replay"]).duration_s > 60.0
+
+
+def test_slow_pictures_do_not_slow_the_keys(display: str, tmp_path: Path) -> None:
+    # whole pictures of the camera, as fine as the scenario asks for: seconds each
+    script = "1 picture.detail full\n5 hold steer.forward\n7 release steer.forward\n12 window.close\n"
+    state, _ = Sitting(display, tmp_path, script, "iss-approach").end()
+    assert state["delta_v_m_s"] == pytest.approx(0.1, abs=0.01)
+    assert state["window_per_s"] > state["pictures_per_s"]
+
+
+def test_what_goes_wrong_is_told_and_the_flight_goes_on(display: str, tmp_path: Path) -> None:
+    (tmp_path / "broken.toml").write_text("name = 1")
+    (tmp_path / "file").touch()
+    script = (
+        "1 file.open broken.toml\n2 file.open notes.txt\n3 window.screenshot file/look.png\n"
+        "4 film.start file/view.mp4\n5 timeline.keep file\n6 scenario.open nowhere\n"
+        "9 window.acknowledge\n10 window.close\n"
+    )
+    state, said = Sitting(display, tmp_path, script, "tango-flyaround").end()
+    for word in (
+        "broken.toml",
+        "notes.txt is neither",
+        "not saved",
+        "cannot write the film",
+        "is a file, not a folder",
+    ):
+        assert word in said, word
+    assert state["t_s"] > 5.0
+
+
+@pytest.mark.parametrize("version", ["3.0", "3.3"])
+def test_a_driver_that_is_too_old_is_one_sentence(display: str, tmp_path: Path, version: str) -> None:
+    environment = os.environ | {"DISPLAY": display, "MESA_GL_VERSION_OVERRIDE": version}
+    done = subprocess.run(
+        [sys.executable, "-m", "flyaround", "sim", "tango-flyaround", "--seconds", "2"],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert "OpenGL" in done.stderr
+
+
+def test_every_panel_has_a_command() -> None:
+    assert {f"panel.{p.name}" for p in PANELS} <= {c.name for c in command_table()}
