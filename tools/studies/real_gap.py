@@ -261,12 +261,15 @@ def failures_picture(
         size = int(1.15 * max(np.ptp(rows), np.ptp(columns))) + 20
         x, y = int(columns.mean()) - size // 2, int(rows.mean()) - size // 2
         cut = [_window(image, x, y, size) for image in (twin.image, there)]
-        lines.append(np.hstack(cut))
-    return np.vstack(lines) if lines else None
+        rim = np.full((SHOWN_PX, 4), 255, np.uint8)
+        lines += [np.hstack([cut[0], rim, cut[1]]), np.full((4, 2 * SHOWN_PX + 4), 255, np.uint8)]
+    return np.vstack(lines[:-1]) if lines else None
 
 
 def _window(image: ByteArray, x: int, y: int, size: int) -> ByteArray:
-    """A square of the picture, black where it ends, at the shown size."""
+    """A square of the picture, moved into it where it reaches out, at the shown size."""
+    height, width = image.shape
+    x, y = min(max(x, 0), max(width - size, 0)), min(max(y, 0), max(height - size, 0))
     padded = cv2.copyMakeBorder(image, size, size, size, size, cv2.BORDER_CONSTANT, value=0)
     part = padded[y + size : y + 2 * size, x + size : x + 2 * size]
     method = cv2.INTER_AREA if size > SHOWN_PX else cv2.INTER_CUBIC
