@@ -1,6 +1,6 @@
 """Which edges of a craft serve at which distance, and what the edges of its solar panel are worth.
 
-    python -m tools.studies.panel_edges -o OUT                         # a table and a figure: rows.json, ranges.jpg
+    python -m tools.studies.panel_edges -o OUT        # tables and a figure: rows.json, which a later call goes on with
     python -m tools.studies.panel_edges -o OUT --page docs/svd_results.md
 
 Frames of a recipe of evaluation, as many in each band of range. Of each the visible edges of the model at the true pose
@@ -152,9 +152,12 @@ def estimators(model: BoardModel, camera: CameraIntrinsics) -> dict[str, Estimat
     return made
 
 
-def measured(recipe: str, count: int, seed: int) -> list[RangeRow]:
-    """``count`` feasible frames of each band of range."""
+def measured(recipe: str, count: int, seed: int, kept: Path) -> list[RangeRow]:
+    """``count`` feasible frames of each band of range; bands that ``kept`` holds are not measured again."""
     rows: list[RangeRow] = []
+    if kept.is_file():
+        rows = msgspec.json.decode(kept.read_bytes(), type=list[RangeRow])
+    there = {row.band for row in rows}
     plan = plan_recipe(recipe, 1, seed=seed)
     model = board_model(plan.target)
     camera = CameraIntrinsics.from_dict(msgspec.to_builtins(plan.camera))
@@ -164,6 +167,8 @@ def measured(recipe: str, count: int, seed: int) -> list[RangeRow]:
         raise TypeError("svd is a PoseEstimator")
     with Renderer() as renderer:
         for band, (near_m, far_m) in enumerate(BANDS_M):
+            if band in there:
+                continue
             drawn = RecipePlan(
                 recipe=msgspec.structs.replace(
                     load_recipe(recipe),
@@ -193,6 +198,7 @@ def measured(recipe: str, count: int, seed: int) -> list[RangeRow]:
                 taken += 1
                 if taken == count:
                     break
+            kept.write_bytes(msgspec.json.format(msgspec.json.encode([asdict(r) for r in rows]), indent=1))
             print(f"{near_m:g} to {far_m:g} m: {taken} frames", flush=True)
     return rows
 
@@ -309,12 +315,7 @@ def main() -> None:
     parser.add_argument("--page", type=Path, default=None, help="page with places for the tables")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
-    kept = options.output / "rows.json"
-    if kept.is_file():
-        rows = msgspec.json.decode(kept.read_bytes(), type=list[RangeRow])
-    else:
-        rows = measured(options.recipe, options.n, options.seed)
-        kept.write_bytes(msgspec.json.format(msgspec.json.encode([asdict(r) for r in rows]), indent=1))
+    rows = measured(options.recipe, options.n, options.seed, options.output / "rows.json")
     tables = {"edges": edges_table(rows), "success": success_table(rows)}
     for name, text in tables.items():
         print(f"\n{text}")
