@@ -35,7 +35,14 @@ def _forget(console: Console) -> None:
 def keep_estimates(console: Console) -> None:
     """Give the estimator the newest picture, and tell what went wrong; once a turn."""
     estimates = console.estimates
-    estimates.update(console.feed.newest)
+    if estimates.update(console.feed.newest):
+        accepted = [e for e in estimates.history if e.answer.accepted and e.E_R_deg is not None]
+        if len(accepted) == 1 and accepted[0] is estimates.newest:
+            first = accepted[0]
+            console.say(
+                f"{first.method}: first accepted pose, {first.E_R_deg:.2f} deg and {1e3 * (first.E_T_m or 0.0):.0f} mm "
+                f"off at {first.range_m:.1f} m"
+            )
     for trouble in estimates.take_troubles():
         console.say(trouble, "caution")
 
