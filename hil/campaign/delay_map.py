@@ -65,8 +65,10 @@ def map_delays(
     UserError
         If the folder is of something else, or cannot be written.
     """
-    _open_folder(folder, settings)
+    other_checks = _open_folder(folder, settings)
     with only_writer(folder, "delay-map"):
+        if other_checks:
+            (folder / CHECKS_CSV).unlink(missing_ok=True)
         write_atomic(folder / SETTINGS_JSON, _json(settings))
         try:
             outcome = _Map(settings, folder, board_command, workers, progress).outcome()
@@ -294,8 +296,8 @@ def _half(cells: dict[Cell, CellResult], jitter_s: float, drops: float) -> HalfL
     )
 
 
-def _open_folder(folder: Path, settings: MapSettings) -> None:
-    """Make the folder, or see that it is this map's.
+def _open_folder(folder: Path, settings: MapSettings) -> bool:
+    """Make the folder, or see that it is this map's; whether other checks were flown in it than are asked for.
 
     Raises
     ------
@@ -307,7 +309,7 @@ def _open_folder(folder: Path, settings: MapSettings) -> None:
         leftovers = (".part", lock_name("delay-map"))
         if not folder.is_dir() or not all(p.name.endswith(leftovers) for p in folder.iterdir()):
             empty_folder(folder)
-        return
+        return False
     try:
         before = msgspec.json.decode(read_regular(path, MOST_BYTES), type=MapSettings)
     except msgspec.DecodeError as error:
@@ -316,8 +318,7 @@ def _open_folder(folder: Path, settings: MapSettings) -> None:
     same = msgspec.structs.replace(before, check=settings.check, check_flights=settings.check_flights)
     if same != settings:
         raise UserError(f"{folder} has a map of other settings: name another folder with -o")
-    if (before.check, before.check_flights) != (settings.check, settings.check_flights):
-        (folder / CHECKS_CSV).unlink(missing_ok=True)
+    return (before.check, before.check_flights) != (settings.check, settings.check_flights)
 
 
 def _write_cells(folder: Path, outcome: DelayMapOutcome) -> None:

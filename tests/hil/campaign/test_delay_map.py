@@ -23,6 +23,7 @@ from hil.host.pose_link import LinkedPoses, PoseLink
 from hil.navigation.measurement import PoseNoise
 from hil.navigation.pose_sources import TruePoses
 from simulator.errors import UserError
+from simulator.runtime.folder_lock import only_writer
 from simulator.scenario.faults import Delay, Drop, Faults, Jitter
 
 SCENARIO = "tango-vbar-closed-loop"
@@ -139,6 +140,22 @@ def test_a_map_is_flown_refined_and_the_same_after_a_kill(tmp_path):
     names = sorted(p.name for p in whole.iterdir())
     assert names == sorted(p.name for p in killed.iterdir())
     assert [n for n in names if (whole / n).read_bytes() != (killed / n).read_bytes()] == []
+
+
+def test_a_map_that_is_refused_takes_nothing_away_from_the_one_that_is_flown(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "hil.campaign.delay_map.flown_cells",
+        lambda path, tasks, _w, _p: path.touch() or [FlownCell(t.cell, t.seed, False) for t in tasks],
+    )
+    one = settings_for(SCENARIO, latencies_s=(2,), jitters_s=(0,), drops=(0,), flights=2, check=1)
+    map_delays(one, tmp_path / "m", board_command=("x",))
+    checks = tmp_path / "m" / "checks.csv"
+    other = settings_for(
+        SCENARIO, latencies_s=(2,), jitters_s=(0,), drops=(0,), flights=2, check=1, check_flights=1
+    )
+    with only_writer(tmp_path / "m", "delay-map"), pytest.raises(UserError, match="another delay-map"):
+        map_delays(other, tmp_path / "m", board_command=("x",))
+    assert checks.exists()
 
 
 @pytest.mark.parametrize(
