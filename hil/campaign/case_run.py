@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from hil.campaign.own_board import run_with_own_board
+from hil.campaign.own_board import SILENCE_S, run_with_own_board
 from hil.campaign.quantities import QUANTITIES, RunRecord, Value
 from hil.host.closed_loop import (
     fly_without_pictures,
@@ -30,6 +30,7 @@ from hil.host.pose_link import PoseLink
 from hil.host.report import TRACE_JSON, write_report
 from hil.host.run import RunConfig
 from hil.link.security import read_key
+from hil.link.session import SILENCE_S as LINK_SILENCE_S
 from hil.navigation.closed_loop import ClosedLoopConfig
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
@@ -174,6 +175,7 @@ def _fly_with_board(
         mode=case.mode,
         truth="off",
         timeout_s=settings.timeout_s,
+        silence_s=LINK_SILENCE_S if settings.listen else SILENCE_S,
         compression=settings.encoding,
         pixel_format=settings.pixel_format,
         max_misses=settings.max_misses,

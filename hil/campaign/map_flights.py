@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from hil.campaign.own_board import run_with_own_board
+from hil.campaign.own_board import SILENCE_S, run_with_own_board
 from hil.host.closed_loop import figures, fly_without_pictures, frame_every
 from hil.host.flight_run import FlightOptions, FlightRun
 from hil.host.link_process.ipc import LinkConfig
@@ -131,7 +131,9 @@ def _drawn(
     UserError
         If the board left.
     """
-    wire = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=60.0)
+    wire = LinkConfig(
+        url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=60.0, silence_s=SILENCE_S
+    )
     flight = FlightRun(plan, RunConfig(link=wire), FlightOptions(closed_loop=told, pose_link=link))
     summary = run_with_own_board(flight, board_command, ("--target", plan.target.name))
     if summary.ended != "completed" or summary.closed_loop is None:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from hil.host.ledger.summary import LedgerSummary
 
 EXIT_S = 20.0
+# The longest that host and board of one busy machine may hear nothing of each other; one that ends is noticed at once.
+SILENCE_S = 60.0
 MOST_BYTES = 1 << 20
 
 
@@ -32,7 +34,7 @@ def run_with_own_board(
     with contextlib.ExitStack() as stack:
 
         def start(url: str, _truth_url: str | None) -> None:
-            stack.enter_context(_board((*command, url, *options), log))
+            stack.enter_context(_board((*command, url, "--silence", f"{SILENCE_S:g}", *options), log))
 
         return flight.run(on_listening=start)
 
