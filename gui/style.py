@@ -14,6 +14,8 @@ QUIET: Rgba = (0.53, 0.58, 0.64, 1.0)
 GROUND: Rgba = (0.055, 0.066, 0.082, 1.0)
 RAISED: Rgba = (0.105, 0.125, 0.152, 1.0)
 EDGE: Rgba = (0.17, 0.20, 0.24, 1.0)
+PLATE: Rgba = (*GROUND[:3], 0.85)
+"""Ground of figures over a picture: even the quietest must be read over a sunlit cloud deck."""
 HALO: Rgba = (0.0, 0.0, 0.0, 0.8)
 """Dark outline of what is written over a picture, so that it reads on black and on a sunlit cloud."""
 

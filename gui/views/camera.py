@@ -7,25 +7,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gui import style
-from gui.picture.truth_overlay import Marker, Marks, Pixel, Seen
+from gui.picture.truth_overlay import Pixel
 from gui.views.docking_hud import DockingHud
 from gui.views.estimate_overlay import EstimateOverlay
 from gui.views.letterbox import Letterbox
 from gui.views.mouse_steering import MouseSteering
+from gui.views.truth_marks import TruthMarks
 
 if TYPE_CHECKING:
     from gui.console import Console
     from gui.flight.session import Session
     from gui.picture.feed import Feed, Picture
-    from gui.picture.view_settings import Options
     from gui.window import Window
-    from simulator.targets.model import Target
-
-SEEN_COLORS: dict[Seen, style.Rgba] = {"visible": style.GOOD, "shadowed": style.WARN, "hidden": style.BAD}
 
 
 class CameraView:
-    """Draws the picture and what is laid over it; keeps the marks of the picture that is up."""
+    """Draws the picture and what is laid over it."""
 
     name, title, place, shown = "camera", "Chaser's camera", "centre", True
     bare = True
@@ -35,10 +32,7 @@ class CameraView:
         self._imgui = window.imgui
         self._docking = DockingHud(window)
         self._mouse = MouseSteering(window)
-        self._target: Target | None = None
-        self._marker: Marker | None = None
-        self._marks = Marks()
-        self._marks_of: tuple[object, ...] = ()
+        self._truth = TruthMarks(window)
         self._estimate = EstimateOverlay(window)
 
     def draw(self, console: Console) -> None:
@@ -63,11 +57,11 @@ class CameraView:
         draw.push_clip_rect(
             imgui.ImVec2(box.x, box.y), imgui.ImVec2(box.x + box.width, box.y + box.height), True
         )
-        self._draw_marks(draw, box, picture, options, paused=session.paused)
+        self._truth.draw(box, picture, options, paused=session.paused)
         if options.overlays.estimate:
             self._estimate.draw(draw, box, picture, console.estimates)
         if options.overlays.crosshair:
-            self._crosshair(draw, box, picture)
+            self._truth.crosshair(box, picture)
         if options.overlays.docking:
             self._docking.draw(box, console, picture)
         draw.pop_clip_rect()
@@ -75,71 +69,6 @@ class CameraView:
             self._hud(draw, place, session, feed, picture)
         if options.overlays.times:
             self._times(draw, place, feed)
-
-    def _draw_marks(
-        self,
-        draw: Any,  # noqa: ANN401
-        box: Letterbox,
-        picture: Picture,
-        options: Options,
-        *,
-        paused: bool,
-    ) -> None:
-        on = options.overlays
-        key = (picture, paused, on.keypoints, on.box, on.axes, on.wireframe)
-        if key != self._marks_of:
-            self._marks_of = key
-            target = picture.moment.target
-            if not (on.keypoints or on.box or on.axes or on.wireframe):
-                # the marker joins the whole mesh, which a view without marks need not wait for
-                self._marks = Marks()
-            else:
-                if self._marker is None or target is not self._target:
-                    self._target, self._marker = target, Marker(target)
-                self._marks = self._marker.marks(picture.frame.scene, on, exact=paused)
-        marks, color, vec = self._marks, self._color, self._vec
-        for a, b in marks.wireframe:
-            draw.add_line(vec(box.at(a)), vec(box.at(b)), color((*style.ACCENT[:3], 0.75)), 1.2)
-        if marks.box is not None:
-            x0, y0, x1, y1 = marks.box
-            draw.add_rect(vec(box.at((x0, y0))), vec(box.at((x1, y1))), color((*style.WARN[:3], 0.9)))
-            self._text(
-                draw,
-                (box.at((x0, y0))[0], box.at((x0, y0))[1] - self._line),
-                picture.moment.target.name,
-                style.WARN,
-            )
-        for (a, b), axis, name in zip(marks.axes, style.AXIS_COLORS, "xyz", strict=False):
-            draw.add_line(vec(box.at(a)), vec(box.at(b)), color(axis), 2.2)
-            self._text(draw, (box.at(b)[0] + 4, box.at(b)[1] - self._line / 2), name, axis)
-        for pixel, seen, name in marks.keypoints:
-            p = vec(box.at(pixel))
-            c = color(SEEN_COLORS[seen])
-            if seen == "hidden":
-                draw.add_circle(p, 4.0, c, 12, 1.3)
-            else:
-                draw.add_circle_filled(p, 4.0, c, 12)
-                draw.add_circle(p, 4.6, color((0, 0, 0, 0.7)), 12, 1.2)
-            if on.names and seen != "hidden":
-                self._text(draw, (p.x + 7, p.y - self._line / 2), name, SEEN_COLORS[seen])
-
-    def _crosshair(self, draw: Any, box: Letterbox, picture: Picture) -> None:  # noqa: ANN401
-        camera = picture.frame.scene.camera
-        cx, cy = box.at((camera.cx_px, camera.cy_px))
-        c = self._color((*style.ACCENT[:3], 0.65))
-        gap, arm = 9.0, 26.0
-        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            draw.add_line(
-                self._vec((cx + gap * dx, cy + gap * dy)), self._vec((cx + arm * dx, cy + arm * dy)), c, 1.2
-            )
-        # a ring every five degrees of field angle, from the lens itself
-        for degrees in (5, 10, 15):
-            radius = np.tan(np.radians(degrees)) * camera.fx_px * box.scale
-            if radius < 0.7 * box.height:
-                draw.add_circle(self._vec((cx, cy)), radius, self._color((*style.ACCENT[:3], 0.16)), 72, 1.0)
-                self._text(
-                    draw, (cx + radius + 3, cy + 1), f"{degrees}°", (*style.ACCENT[:3], 0.4), shadow=False
-                )
 
     def _hud(
         self,
@@ -232,7 +161,7 @@ class CameraView:
         """A dark ground under figures, which must be read over a sunlit cloud deck too."""
         corner = (at[0] + width + 8, at[1] + lines * self._line + 3)
         draw.add_rect_filled(
-            self._vec((at[0] - 8, at[1] - 6)), self._vec(corner), self._color((*style.GROUND[:3], 0.62)), 4.0
+            self._vec((at[0] - 8, at[1] - 6)), self._vec(corner), self._color(style.PLATE), 4.0
         )
 
     @property

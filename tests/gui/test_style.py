@@ -59,6 +59,12 @@ def test_text_reads_on_the_console_and_on_any_picture(colour: style.Rgba) -> Non
         assert style.contrast(colour, outline) >= 3.0
 
 
+@pytest.mark.parametrize("colour", [style.INK, style.QUIET, style.ACCENT, style.GOOD, style.WARN, style.BAD])
+def test_figures_read_on_their_plate(colour: style.Rgba) -> None:
+    for behind in (BLACK, CLOUD):
+        assert style.contrast(colour, style.over(style.PLATE, behind)) >= 3.0
+
+
 def test_without_an_outline_pale_letters_would_not_read_on_cloud() -> None:
     assert style.contrast(style.ACCENT, CLOUD) < 3.0
     assert style.contrast(style.INK, CLOUD) < 1.5

@@ -1,0 +1,136 @@
+"""The truth over the camera's picture: keypoints with their names, box, axes, wireframe; crosshair and rings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gui import style
+from gui.canvas import Canvas
+from gui.picture.label_placement import PlacedLabel, place_labels
+from gui.picture.truth_overlay import Marker, Marks, Seen
+
+if TYPE_CHECKING:
+    from gui.picture.feed import Picture
+    from gui.picture.view_settings import Options
+    from gui.views.letterbox import Letterbox
+    from gui.window import Window
+    from simulator.targets.model import Target
+
+SEEN_COLORS: dict[Seen, style.Rgba] = {"visible": style.GOOD, "shadowed": style.WARN, "hidden": style.BAD}
+RINGS_DEG = (5, 10, 15)
+
+
+class TruthMarks:
+    """Draws the marks of the picture that is up; keeps them, and where its names stood.
+
+    Parameters
+    ----------
+    window : drawn in.
+    """
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._target: Target | None = None
+        self._marker: Marker | None = None
+        self._marks = Marks()
+        self._marks_of: tuple[object, ...] = ()
+        self._placed: list[PlacedLabel | None] = []
+        self._placed_for: tuple[object, ...] = ()
+        self._choices: dict[str, int] = {}
+
+    def draw(self, box: Letterbox, picture: Picture, options: Options, *, paused: bool) -> None:
+        """Draw over a picture.
+
+        Parameters
+        ----------
+        paused : whether visibility must be of this very moment.
+        """
+        canvas = Canvas(self._window)
+        self._remember(picture, options, paused=paused)
+        marks = self._marks
+        for line in marks.wireframe:
+            canvas.stroke([box.at(p) for p in line], (*style.ACCENT[:3], 0.9), 1.2)
+        if marks.box is not None:
+            x0, y0, x1, y1 = marks.box
+            corners = [box.at(p) for p in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
+            canvas.stroke(corners, style.WARN, 1.3, closed=True)
+            at = corners[0]
+            canvas.text((at[0], max(at[1] - canvas.line, box.y)), picture.moment.target.name, style.WARN)
+        for (a, b), axis, name in zip(marks.axes, style.AXIS_COLORS, "xyz", strict=False):
+            canvas.stroke([box.at(a), box.at(b)], axis, 2.2)
+            canvas.text((box.at(b)[0] + 4, box.at(b)[1] - canvas.line / 2), name, axis)
+        # by form as well as by colour: a dot is lit, a diamond in shadow, a ring hidden
+        for pixel, seen, _ in marks.keypoints:
+            at = box.at(pixel)
+            if seen == "hidden":
+                canvas.circle(at, 4.0, SEEN_COLORS[seen], 1.4)
+            elif seen == "shadowed":
+                canvas.diamond(at, 5.0, SEEN_COLORS[seen])
+            else:
+                canvas.dot(at, 4.0, SEEN_COLORS[seen])
+        if options.overlays.names:
+            self._names(canvas, box, picture if options.overlays.crosshair else None)
+
+    def crosshair(self, box: Letterbox, picture: Picture) -> None:
+        """The principal point, and a ring every five degrees of field angle."""
+        canvas = Canvas(self._window)
+        camera = picture.frame.scene.camera
+        cx, cy = box.at((camera.cx_px, camera.cy_px))
+        gap, arm = 9.0, 26.0
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            ends = [(cx + r * dx, cy + r * dy) for r in (gap, arm)]
+            canvas.stroke(ends, (*style.ACCENT[:3], 0.9), 1.2)
+        for degrees, radius in rings(box, picture):
+            canvas.circle((cx, cy), radius, (*style.ACCENT[:3], 0.45), 1.0)
+            canvas.text((cx + radius + 3, cy + 1), f"{degrees}°", (*style.ACCENT[:3], 0.85))
+
+    def _remember(self, picture: Picture, options: Options, *, paused: bool) -> None:
+        on = options.overlays
+        key = (picture, paused, on.keypoints, on.box, on.axes, on.wireframe)
+        if key == self._marks_of:
+            return
+        self._marks_of = key
+        target = picture.moment.target
+        if not (on.keypoints or on.box or on.axes or on.wireframe):
+            # the marker joins the whole mesh, which a view without marks need not wait for
+            self._marks = Marks()
+            return
+        if self._marker is None or target is not self._target:
+            self._target, self._marker, self._choices = target, Marker(target), {}
+        self._marks = self._marker.marks(picture.frame.scene, on, exact=paused)
+
+    def _names(self, canvas: Canvas, box: Letterbox, ringed: Picture | None) -> None:
+        """Names of what is seen, none over another or over a letter of axes or rings."""
+        named = [(box.at(p), seen, name) for p, seen, name in self._marks.keypoints if seen != "hidden"]
+        key = (self._marks, box, ringed is None)
+        if key != self._placed_for:
+            self._placed_for = key
+            taken = [(*box.at(tip), 16.0, canvas.line) for _, tip in self._marks.axes]
+            if ringed is not None:
+                camera = ringed.frame.scene.camera
+                cx, cy = box.at((camera.cx_px, camera.cy_px))
+                taken += [(cx + r + 3, cy + 1, *canvas.size(f"{d}°")) for d, r in rings(box, ringed)]
+            self._placed = place_labels(
+                [p for p, _, _ in named],
+                [canvas.size(name) for _, _, name in named],
+                (box.x, box.y, box.width, box.height),
+                kept=[self._choices.get(name) for _, _, name in named],
+                taken=taken,
+            )
+        for (at, seen, name), placed in zip(named, self._placed, strict=True):
+            if placed is None:
+                continue
+            self._choices[name] = placed.choice
+            if placed.lead is not None:
+                canvas.stroke([at, placed.lead], (*SEEN_COLORS[seen][:3], 0.8), 1.0)
+            # letters of the marks' darker colours would be hard to read over clouds
+            canvas.text(placed.corner, name, style.INK if seen == "visible" else SEEN_COLORS[seen])
+
+
+def rings(box: Letterbox, picture: Picture) -> list[tuple[int, float]]:
+    """Angles from the principal point [deg] and the radii of their rings on the screen, those that are seen."""
+    fx_px = picture.frame.scene.camera.fx_px
+    every = [(degrees, float(np.tan(np.radians(degrees)) * fx_px * box.scale)) for degrees in RINGS_DEG]
+    return [(degrees, radius) for degrees, radius in every if radius < 0.7 * box.height]
