@@ -24,6 +24,7 @@ from gui.flight.recorder import FlightRecorder
 from gui.flight.session import Session
 from gui.flight.telemetry import telemetry_of
 from gui.layout import Layout, layout_file, panel_commands, read_layout
+from gui.legibility import text_faults
 from gui.picture.feed import Feed
 from gui.picture.further import CAMERA_SHARE, further_feeds
 from gui.picture.turns import Turns
@@ -50,6 +51,8 @@ STILL_HZ = 10.0
 SHARE = 0.9
 """Of the time that the window may take where drawing it is slow."""
 SLICE_S = 1 / 60
+MOST_TOLD = 20
+"""Of the faults that a check of the texts finds."""
 """Input, time and pictures are looked after at least so often."""
 GIVES_WAY = 5
 """Niceness of the render process: keys and the window go before pictures."""
@@ -273,6 +276,14 @@ class Loop:
         window.capture = False
         if screenshot is not None:
             self._keep_look(screenshot)
+        if console.wants_text_check:
+            console.wants_text_check = False
+            faults = text_faults(window)
+            console.text_faults += faults
+            for fault in faults[:MOST_TOLD]:
+                console.say(fault, "caution")
+            if not faults:
+                console.say("every text is whole and by itself")
         if console.wants_full_screen:
             console.wants_full_screen = False
             window.toggle_full_screen()
@@ -362,6 +373,7 @@ class Loop:
             "window_ms": round(self._window_ms, 1),
             "window_per_s": round(console.window_hz, 1),
             "window_gl": console.window_gl,
+            "text_faults": console.text_faults,
         }
 
 

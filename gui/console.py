@@ -85,6 +85,9 @@ class Console:
     wants_close: bool = False
     wants_full_screen: bool = False
     wants_first_layout: bool = False
+    wants_text_check: bool = False
+    text_faults: list[str] = field(default_factory=list)
+    """Texts that were found cut off or over another one, by `window.check-text`."""
     saved_truth: str = ""
     """Truth record of the picture that was saved last."""
     wants_screenshot: Path | None = None

@@ -1,0 +1,124 @@
+"""Nothing that the console writes is cut off or covered: every panel, in a small, a usual and a large window."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gui.legibility import TextRun, faults_of
+from gui.panels.all import PANELS
+from tests.harness.screen import virtual_screen
+
+SIZES = ("640x480", "1280x800", "2560x1440")
+EACH_S = 0.8
+
+DRAWN = """
+from gui.canvas import Canvas
+from gui.legibility import drawn_texts, faults_of
+from gui.window import Window
+from gui.widgets import Widgets
+
+with Window("texts", (640, 480)) as window:
+    imgui, w = window.imgui, Widgets(window)
+    for _ in range(3):
+        with window.frame():
+            imgui.set_next_window_pos(w.vec(10, 10))
+            imgui.set_next_window_size(w.vec(150, 200))
+            imgui.begin("narrow")
+            imgui.text_unformatted("this sentence is longer than its window is wide")
+            imgui.button("so is the label of this button", w.vec(100, 0))
+            imgui.text_unformatted(w.elided("and this one, which ends early", w.width))
+            imgui.end()
+            imgui.set_next_window_pos(w.vec(200, 10))
+            imgui.set_next_window_size(w.vec(400, 300))
+            imgui.begin("wide")
+            imgui.text_unformatted("whole")
+            canvas = Canvas(window)
+            canvas.text((230, 100), "outlined")
+            canvas.text((230, 140), "below")
+            canvas.text((235, 143), "above")
+            imgui.end()
+    print(*faults_of(drawn_texts(window)), sep="\\n")
+"""
+
+
+@pytest.fixture(scope="module")
+def display() -> Iterator[str]:
+    with virtual_screen() as name:
+        yield name
+
+
+@pytest.mark.gui
+def test_texts_that_are_cut_or_covered_are_found(display: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", DRAWN],
+        cwd=Path.cwd(),
+        env={**os.environ, "DISPLAY": display},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    found = done.stdout.splitlines()
+    assert len(found) == 3, found
+    assert "narrow" in found[0]
+    assert "this" in found[0]
+    assert "label" in found[1] or "so" in found[1]
+    assert found[2] == "wide: 'below' and 'above' lie over each other"
+
+
+def test_faults_are_told_once() -> None:
+    whole = TextRun("a", "text", (0.0, 0.0, 30.0, 10.0), cut=False)
+    outline = TextRun("a", "text", (1.0, 1.0, 31.0, 11.0), cut=False)
+    cut = TextRun("a", "long", (0.0, 40.0, 30.0, 50.0), cut=True)
+    assert faults_of([whole, outline, cut, cut]) == ["a: 'long' is cut off"]
+    other = TextRun("a", "other", (10.0, 2.0, 40.0, 12.0), cut=False)
+    elsewhere = TextRun("b", "other", (10.0, 2.0, 40.0, 12.0), cut=False)
+    assert faults_of([whole, other, elsewhere]) == ["a: 'text' and 'other' lie over each other"]
+
+
+def script_of_panels() -> str:
+    """Open each panel, have the texts checked, and close what lies over the others."""
+    lines = ["0.1 overlay.keypoints on", "0.1 overlay.names on", "0.1 time.pause"]
+    for k, panel in enumerate(PANELS):
+        t = 0.5 + k * (EACH_S + 0.2)
+        lines += [f"{t:.1f} panel.{panel.name} on", f"{t + EACH_S:.1f} window.check-text"]
+        if panel.place == "over":
+            lines.append(f"{t + EACH_S + 0.1:.1f} panel.{panel.name} off")
+    return "\n".join([*lines, f"{0.5 + (len(PANELS) + 1) * (EACH_S + 0.2):.1f} window.close"]) + "\n"
+
+
+@pytest.mark.gui
+@pytest.mark.slow
+@pytest.mark.parametrize("size", SIZES)
+def test_every_panel_is_legible(tmp_path: Path, size: str) -> None:
+    script = tmp_path / "panels.script"
+    script.write_text(script_of_panels())
+    width, height = size.split("x")
+    with virtual_screen((int(width), int(height))) as display:
+        command = [sys.executable, "-m", "flyaround", "sim", "tango-vbar-approach", "--json", "--size", size]
+        command += ["--script", str(script), "--screenshot", str(tmp_path / "panels.png"), "--seconds", "200"]
+        done = subprocess.run(
+            command,
+            cwd=tmp_path,
+            env={
+                **os.environ,
+                "DISPLAY": display,
+                "FLYAROUND_CONSOLE_LAYOUT": str(tmp_path / "layout.json"),
+            },
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+    assert done.returncode == 0, done.stderr
+    state = json.loads(done.stdout)
+    assert state["commands"] > 2 * len(PANELS)
+    assert state["text_faults"] == []
