@@ -290,6 +290,7 @@ class Layout:
         internal.dock_builder_finish(self._dockspace)
 
     def _menu(self, console: Console) -> None:
+        """A menu for each group of commands; those for which a narrow window has no room are in one at the end."""
         imgui = self._window.imgui
         if not imgui.begin_main_menu_bar():
             return

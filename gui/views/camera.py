@@ -33,6 +33,7 @@ class CameraView:
         self._docking = DockingHud(window)
         self._mouse = MouseSteering(window)
         self._truth = TruthMarks(window)
+        self._plates: list[tuple[float, float, float, float]] = []
         self._estimate = EstimateOverlay(window)
 
     def draw(self, console: Console) -> None:
@@ -57,7 +58,9 @@ class CameraView:
         draw.push_clip_rect(
             imgui.ImVec2(box.x, box.y), imgui.ImVec2(box.x + box.width, box.y + box.height), True
         )
-        self._truth.draw(box, picture, options, paused=session.paused)
+        # names stay clear of where the figures stood the last time
+        taken, self._plates = tuple(self._plates), []
+        self._truth.draw(box, picture, options, paused=session.paused, taken=taken)
         if options.overlays.estimate:
             self._estimate.draw(draw, box, picture, console.estimates)
         if options.overlays.crosshair:
@@ -160,6 +163,7 @@ class CameraView:
     def _plate(self, draw: Any, at: Pixel, width: float, lines: int) -> None:  # noqa: ANN401
         """A dark ground under figures, which must be read over a sunlit cloud deck too."""
         corner = (at[0] + width + 8, at[1] + lines * self._line + 3)
+        self._plates.append((at[0] - 8, at[1] - 6, corner[0] - at[0] + 8, corner[1] - at[1] + 6))
         draw.add_rect_filled(
             self._vec((at[0] - 8, at[1] - 6)), self._vec(corner), self._color(style.PLATE), 4.0
         )

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
 
 SEEN_COLORS: dict[Seen, style.Rgba] = {"visible": style.GOOD, "shadowed": style.WARN, "hidden": style.BAD}
+Place = tuple[float, float, float, float]
 RINGS_DEG = (5, 10, 15)
 
 
@@ -40,12 +41,21 @@ class TruthMarks:
         self._placed_for: tuple[object, ...] = ()
         self._choices: dict[str, int] = {}
 
-    def draw(self, box: Letterbox, picture: Picture, options: Options, *, paused: bool) -> None:
+    def draw(
+        self,
+        box: Letterbox,
+        picture: Picture,
+        options: Options,
+        *,
+        paused: bool,
+        taken: tuple[Place, ...] = (),
+    ) -> None:
         """Draw over a picture.
 
         Parameters
         ----------
         paused : whether visibility must be of this very moment.
+        taken : x, y, width, height of what else is written over the view.
         """
         canvas = Canvas(self._window)
         self._remember(picture, options, paused=paused)
@@ -71,7 +81,7 @@ class TruthMarks:
             else:
                 canvas.dot(at, 4.0, SEEN_COLORS[seen])
         if options.overlays.names:
-            self._names(canvas, box, picture if options.overlays.crosshair else None)
+            self._names(canvas, box, picture if options.overlays.crosshair else None, taken)
 
     def crosshair(self, box: Letterbox, picture: Picture) -> None:
         """The principal point, and a ring every five degrees of field angle."""
@@ -101,13 +111,15 @@ class TruthMarks:
             self._target, self._marker, self._choices = target, Marker(target), {}
         self._marks = self._marker.marks(picture.frame.scene, on, exact=paused)
 
-    def _names(self, canvas: Canvas, box: Letterbox, ringed: Picture | None) -> None:
+    def _names(
+        self, canvas: Canvas, box: Letterbox, ringed: Picture | None, others: tuple[Place, ...]
+    ) -> None:
         """Names of what is seen, none over another or over a letter of axes or rings."""
         named = [(box.at(p), seen, name) for p, seen, name in self._marks.keypoints if seen != "hidden"]
-        key = (self._marks, box, ringed is None)
+        key = (self._marks, box, ringed is None, others)
         if key != self._placed_for:
             self._placed_for = key
-            taken = [(*box.at(tip), 16.0, canvas.line) for _, tip in self._marks.axes]
+            taken = [*others, *((*box.at(tip), 16.0, canvas.line) for _, tip in self._marks.axes)]
             if ringed is not None:
                 camera = ringed.frame.scene.camera
                 cx, cy = box.at((camera.cx_px, camera.cy_px))
