@@ -106,7 +106,7 @@ class _LabelView:
         """Where the picture goes and where its legend: at the right, or below where the view is narrow."""
         x, y, w, h = place
         width = self._legend_width(canvas, names)
-        if w > 2.4 * width or h < 0.6 * w:
+        if h < (w if w > 2.4 * width else 0.6 * w):
             width = min(width, 0.6 * w)
             return (x, y, w - width, h), (x + w - width, y, width, h)
         height = min((len(names) if rows is None else rows) * canvas.line + 12, 0.6 * h)
