@@ -54,7 +54,10 @@ class EstimatorPanel:
         self._choose(console)
         newest = estimates.newest
         if newest is None:
-            w.text("It estimates the pose in the newest picture, and draws it over the view.", style.QUIET)
+            w.text(
+                "The pose in the newest picture, drawn over the view; full detail gives it every pixel.",
+                style.QUIET,
+            )
         else:
             self._figures(newest)
         w.section("Over the flight")
@@ -132,14 +135,16 @@ class EstimatorPanel:
         axis = implot.AxisFlags_
         implot.setup_axes("", "", axis.no_highlight, axis.no_highlight)
         low, high = float(t[0]), float(t[-1])
-        implot.setup_axis_limits(implot.ImAxis_.x1, low, max(high, low + 1.0), w.imgui.Cond_.always)
+        # a little wider than what is there: dots at its ends are whole
+        margin = 0.04 * max(high - low, 1.0)
+        implot.setup_axis_limits(implot.ImAxis_.x1, low - margin, high + margin, w.imgui.Cond_.always)
         if log:
             seen = values[np.isfinite(values)]
             least, most = (float(seen.min()), float(seen.max())) if len(seen) else (0.1, 1.0)
             implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
             implot.setup_axis_limits(implot.ImAxis_.y1, least / 2, 2 * most, w.imgui.Cond_.always)
         else:
-            implot.setup_axis_limits(implot.ImAxis_.y1, -0.05, 1.05, w.imgui.Cond_.always)
+            implot.setup_axis_limits(implot.ImAxis_.y1, -0.1, 1.1, w.imgui.Cond_.always)
         colour = w.imgui.ImVec4(*style.ESTIMATE)
         for filled, which in ((True, good), (False, ~good)):
             if not which.any():

@@ -294,3 +294,20 @@ def test_faults_file(tmp_path):
             read_faults(path)
     with pytest.raises(UserError, match="cannot be read"):
         read_faults(tmp_path / "none.toml")
+
+
+def test_a_line_fault_that_is_added_during_a_run_strikes_from_then_on():
+    rows, asked = [], []
+
+    def come():
+        asked.append(len(asked))
+        # before the fourth frame
+        return [Delay(delay_ms=30.0, start_s=0.0)] if len(asked) == 4 else []
+
+    summary = Loop(board(Instant)).run(
+        flight(6), on_row=rows.append, timeout_s=5.0, adds_faults=True, new_line_faults=come
+    )
+    assert adds_up(summary)
+    assert len(asked) == 6
+    assert [r.faults for r in rows] == [()] * 3 + [("delay",)] * 3
+    assert min(r.e2e_ms for r in rows[3:]) >= 30.0
