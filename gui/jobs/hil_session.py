@@ -64,6 +64,7 @@ class HilSession:
         self._stop_s: float | None = None
         self._interrupted = False
         self._board: Program | None = None
+        self._board_wanted: tuple[str, str] | None = None
         self._ended: Ended | None = None
         self.url = ""
         self.log_dir: Path | None = None
@@ -147,10 +148,10 @@ class HilSession:
     @property
     def board_running(self) -> bool:
         """Whether the board of this machine runs."""
-        return self._board is not None
+        return self._board is not None or self._board_wanted is not None
 
     def start_board(self, target: str, method: str, url: str | None = None) -> None:
-        """Start a board's process on this machine.
+        """Start a board's process on this machine, at the latest when the session's host listens.
 
         Parameters
         ----------
@@ -161,15 +162,19 @@ class HilSession:
         UserError
             If one runs, or there is no session to connect to.
         """
-        if self._board is not None:
+        if self.board_running:
             raise UserError("a board runs on this machine already: stop it first")
         where = url or self.url
+        if not where and self.on:
+            self._board_wanted = (target, method)
+            return
         if not where:
             raise UserError("no host listens yet: start a session, then its board")
         self._board = Program(("hil", "board", where, "--target", target, "--method", method), self._clock)
 
     def stop_board(self) -> None:
         """End the board's process."""
+        self._board_wanted = None
         if self._board is not None:
             self._board.stop()
 
@@ -210,6 +215,9 @@ class HilSession:
                 elif isinstance(message, ListeningAt):
                     self.url = message.url
                     notes.append(Note(f"a board may connect: flyaround hil board {message.url}"))
+                    if self._board_wanted is not None:
+                        wanted, self._board_wanted = self._board_wanted, None
+                        self.start_board(*wanted)
                 elif isinstance(message, Said):
                     self._hear(message, notes)
                 elif isinstance(message, Ended):
@@ -281,7 +289,7 @@ class HilSession:
             self._process.join()
         if self._pipe is not None:
             self._pipe.close()
-        self._process = self._pipe = self._session = self._stop_s = None
+        self._process = self._pipe = self._session = self._stop_s = self._board_wanted = None
         self.url = self.board_name = ""
 
     def close(self) -> None:
@@ -301,7 +309,8 @@ class HilSession:
         if self._process.is_alive() and self._process.pid is not None:
             with contextlib.suppress(OSError):
                 os.kill(self._process.pid, signal.SIGINT)
-            self._process.join(END_PATIENCE_S)
+            # its books are closed on the way: on a busy machine that takes
+            self._process.join(KILL_PATIENCE_S)
         if self._process.is_alive():
             self._process.kill()
         self._forget_process()

@@ -103,8 +103,11 @@ def test_a_board_answers_the_flight_and_faults_strike(session: Session, tmp_path
     with contextlib.closing(HilSession()) as hil:
         turns = Turns(hil, session)
         hil.start(session, config(session, tmp_path / "hil"))
-        turns.until(lambda: hil.state == "waiting for a board")
+        # it starts once the host listens
         hil.start_board("tango", "svd")
+        assert hil.board_running
+        with pytest.raises(UserError, match="runs on this machine already"):
+            hil.start_board("tango", "svd")
         turns.until(lambda: hil.accepted >= 2)
         assert hil.state == "streaming"
         assert "method svd" in hil.board_name
