@@ -81,9 +81,9 @@ class BoardLinkPanel:
             w.imgui.pop_style_color()
         latencies = hil.latencies_ms()
         if len(latencies):
-            w.row(
-                "Latency", np.percentile(latencies, [50, 99]).tolist(), "{:.0f}", "ms: median, and 99 of 100"
-            )
+            middle, most = np.percentile(latencies, [50, 99])
+            w.row("Latency", (middle,), "{:.0f} ms", "from the first byte out to the pose back, median")
+            w.row("  99 of 100", (most,), "{:.0f} ms", "no longer in 99 of 100 answers")
             self._distribution(hil)
         poses = [r for r in hil.rows if r.outcome == "accepted" and r.E_R_deg is not None]
         if poses:
@@ -105,6 +105,10 @@ class BoardLinkPanel:
         low, high = BIN_EDGES_MS[max(filled[0] - 2, 0)], BIN_EDGES_MS[min(filled[-1] + 3, len(counts))]
         implot.setup_axis_scale(implot.ImAxis_.x1, implot.Scale_.log10)
         implot.setup_axes_limits(low, high, 0, 1.1 * float(counts.max()), w.imgui.Cond_.always)
+        decades = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000]
+        ticks = [t for t in decades if low <= t <= high]
+        if ticks:
+            implot.setup_axis_ticks(implot.ImAxis_.x1, [float(t) for t in ticks], [str(t) for t in ticks])
         spec = implot.Spec()
         spec.line_color = w.imgui.ImVec4(*style.ACCENT)
         spec.line_weight = 1.6

@@ -89,7 +89,9 @@ class CapturePanel:
         w.text(request.what)
         w.text(f"into {request.folder}", style.QUIET)
         share = min(job.done / max(request.frames, 1), 1.0)
+        imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*style.ACCENT[:3], 0.45))
         imgui.progress_bar(share, w.vec(-1, 0), f"{job.done} of {request.frames}")
+        imgui.pop_style_color()
         left = "" if job.left_s is None else f", {_time(job.left_s)} left"
         w.text("stopping ..." if job.stopping else f"{_time(job.elapsed_s)}{left}", style.QUIET)
         w.button(console, "capture.stop", width=w.width, label="Kill" if job.stopping else None)
