@@ -106,7 +106,8 @@ class BoardLinkPanel:
         implot.setup_axis_scale(implot.ImAxis_.x1, implot.Scale_.log10)
         implot.setup_axes_limits(low, high, 0, 1.1 * float(counts.max()), w.imgui.Cond_.always)
         decades = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000]
-        ticks = [t for t in decades if low <= t <= high]
+        # one at the edge would leave the panel
+        ticks = [t for t in decades if low <= t <= 0.8 * high]
         if ticks:
             implot.setup_axis_ticks(implot.ImAxis_.x1, [float(t) for t in ticks], [str(t) for t in ticks])
         spec = implot.Spec()
