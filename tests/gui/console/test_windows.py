@@ -149,7 +149,7 @@ def test_a_render_process_that_is_stopped_is_started_again(display: str, tmp_pat
 def test_slow_pictures_do_not_slow_the_keys(display: str, tmp_path: Path) -> None:
     # whole pictures of the camera, as fine as the scenario asks for: seconds each
     script = "1 picture.detail full\n5 hold steer.forward\n7 release steer.forward\n12 window.close\n"
-    state, _ = Sitting(display, tmp_path, script, "iss-approach").end()
+    state, _ = Sitting(display, tmp_path, script, "iss-orbit-limb").end()
     assert state["delta_v_m_s"] == pytest.approx(0.1, abs=0.01)
     assert state["window_per_s"] > state["pictures_per_s"]
 
