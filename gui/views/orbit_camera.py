@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 DEGREES_PER_UNIT = 0.4
 WHEEL_FACTOR = 1.15
+SMALL = 14.0
+"""Screen units a metre of the target has at least, or it is marked."""
 
 
 class OrbitCameraView:
@@ -63,6 +65,7 @@ class OrbitCameraView:
         bits = picture.frame.scene.sensor.bits
         canvas.clip(place[:2], place[2:])
         canvas.picture(self.name, picture, image, bits, (box.x, box.y, box.width, box.height))
+        self._target(canvas, box, picture)
         self._chaser(canvas, box, self._marks_for(console, picture))
         canvas.text(
             (place[0] + 8, place[1] + 6),
@@ -84,6 +87,15 @@ class OrbitCameraView:
             self._marks = chaser_marks(picture.frame.scene, moment, camera, frame, trail)
             self._marks_of = picture
         return self._marks
+
+    def _target(self, canvas: Canvas, box: Letterbox, picture: Picture) -> None:
+        """A mark where the target would be smaller than a letter."""
+        scene = picture.frame.scene
+        x, y, z = scene.t_camera_from_target_m
+        if z > 0 and box.scale * scene.camera.fx_px / z < SMALL:
+            place = box.at(_point(scene.camera.project([x, y, z])))
+            canvas.diamond(place, 4.0, style.WARN)
+            canvas.text((place[0] + 8, place[1] + 4), "target", style.WARN)
 
     def _chaser(self, canvas: Canvas, box: Letterbox, marks: ChaserMarks) -> None:
         canvas.stroke(box.all_at(marks.trail), (*style.ACCENT[:3], 0.9), 1.5)
