@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import msgspec
@@ -15,6 +15,8 @@ from simulator.targets.joined_mesh import mesh_of
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from simulator.camera.lens.camera_model import Camera
     from simulator.dataset.card import DatasetCard
     from simulator.labels.truth import Truth
@@ -317,14 +319,22 @@ def filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[B
     return inner, outer
 
 
+def lowest_and_highest(corners: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """(M, 2) the least and the greatest of the coordinates of triangles (M, 3, 2); numpy is slow along short axes."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
 def fill_triangles(fine: ByteArray, corners: FloatArray) -> None:
     """Fill triangles (M, 3, 2); those within one pixel are set all at once, which most of a far craft's are."""
     cells = np.rint(corners).astype(np.int64)
-    dots = np.all(cells == cells[:, :1], axis=(1, 2))
+    least, most = lowest_and_highest(cells)
+    dots = (least[:, 0] == most[:, 0]) & (least[:, 1] == most[:, 1])
     x, y = cells[dots, 0].T
     on = (x >= 0) & (y >= 0) & (x < fine.shape[1]) & (y < fine.shape[0])
     fine[y[on], x[on]] = 255
     large = corners[~dots]
-    seen = np.all(large.max(axis=1) >= -1, axis=1) & np.all(large.min(axis=1) <= fine.shape[::-1], axis=1)
+    low, high = lowest_and_highest(large)
+    seen = np.all(high >= -1, axis=1) & np.all(low <= fine.shape[::-1], axis=1)
     for triangle in np.rint(large[seen] * 2**FILL_SHIFT).astype(np.int32):
         cv2.fillConvexPoly(fine, triangle, 255, cv2.LINE_8, FILL_SHIFT)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.dataset.check.geometry import lowest_and_highest
 from simulator.dataset.check.raster_tolerance import triangles_near
 from simulator.runtime.memory import cached_per_object
 from simulator.targets.joined_mesh import mesh_of
@@ -66,8 +67,8 @@ class RayCaster:
         corners = vertices[self._triangles]
         self._xy = corners[..., :2] / corners[..., 2:]
         self._inverse = 1 / corners[..., 2]
-        self._low = np.ascontiguousarray(self._xy.min(axis=1).T)
-        self._high = np.ascontiguousarray(self._xy.max(axis=1).T)
+        low, high = lowest_and_highest(self._xy)
+        self._low, self._high = np.ascontiguousarray(low.T), np.ascontiguousarray(high.T)
 
     def largest_triangles(self) -> FloatArray:
         """(K, 2) x/z, y/z of the middles of the three triangles of each part that look largest."""
