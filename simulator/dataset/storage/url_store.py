@@ -62,6 +62,8 @@ class UrlStore:
 
     def write(self, *waves: Files) -> None:
         """Write files, those of a wave at once where the store can."""
+        for name, _ in (file for wave in waves for file in wave):
+            self._ends.pop(name, None)  # what was appended before is replaced
         for wave in waves:
             with self._refusals("write to"):
                 # object stores have no folders, and would make a bucket that is not there
@@ -78,11 +80,13 @@ class UrlStore:
         whole, written_s = self._ends[name]
         whole += text
         if time.monotonic() - written_s >= _APPENDED_EVERY_S:
-            self._ends[name] = (whole, time.monotonic())
             self._write_end(name)
+            self._ends[name] = (whole, time.monotonic())
 
     def read(self, name: str, most_bytes: int) -> bytes:
-        """The bytes of a file."""
+        """The bytes of a file, with what was appended."""
+        if name in self._ends:
+            return bytes(self._ends[name][0])
         try:
             size = self._fs.size(self._path(name))
             if size is not None and size > most_bytes:
@@ -98,6 +102,8 @@ class UrlStore:
 
     def exists(self, name: str) -> bool:
         """Whether there is a file of that name."""
+        if name in self._ends:
+            return True
         with self._refusals("read"):
             return bool(self._fs.isfile(self._path(name)))
 
@@ -108,6 +114,7 @@ class UrlStore:
 
     def remove(self, name: str) -> None:
         """Take a file away."""
+        self._ends.pop(name, None)
         with self._refusals("write to"):
             if self._fs.exists(self._path(name)):
                 self._fs.rm_file(self._path(name))

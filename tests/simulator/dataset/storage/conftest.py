@@ -1,5 +1,8 @@
 """An S3 server of the tests' own."""
 
+from contextlib import closing
+from http.client import HTTPConnection
+
 import pytest
 
 
@@ -21,6 +24,10 @@ def s3(monkeypatch):
         ("AWS_ENDPOINT_URL", endpoint),
     ):
         monkeypatch.setenv(name, value)
+    # the servers of one process share what they keep
+    with closing(HTTPConnection(host, port, timeout=60)) as line:
+        line.request("POST", "/moto-api/reset")
+        line.getresponse().read()
     boto3.client("s3", endpoint_url=endpoint).create_bucket(Bucket="bucket")
     yield "s3://bucket/set"
     server.stop()

@@ -5,7 +5,7 @@ import uuid
 
 import pytest
 
-from simulator.dataset.storage.manifest import MANIFEST_NAME, manifest_lines, read_manifest
+from simulator.dataset.storage.manifest import MANIFEST_NAME, manifest_lines, read_manifest, sort_manifest
 from simulator.dataset.storage.url_store import UrlStore, is_url
 from simulator.errors import UserError
 
@@ -44,6 +44,18 @@ def test_files_come_and_go(url):
     store.remove("images/000000.json")
     assert not store.exists("images/000000.json")
     assert store.free_bytes() is None
+
+
+def test_what_was_appended_is_read_and_put_in_order_before_it_is_written(url):
+    """As at the end of a capture that was gone on with: its manifest is sorted, and closing leaves it so."""
+    store = UrlStore(url)
+    for k in (1, 0):
+        store.append(MANIFEST_NAME, manifest_lines([(f"images/{k:06d}.json", b"{}")]))
+    assert list(read_manifest(store)) == [1, 0]
+    sort_manifest(store)
+    store.append(MANIFEST_NAME, manifest_lines([("images/000002.json", b"{}")]))
+    store.close()
+    assert list(read_manifest(UrlStore(url))) == [0, 1, 2]
 
 
 @pytest.mark.parametrize(
