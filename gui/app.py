@@ -150,7 +150,7 @@ def run(request: Request) -> dict[str, Any]:
         if script is not None:
             console.play(script)
         try:
-            state = Loop(window, console, request).run()
+            state = ConsoleLoop(window, console, request).run()
         finally:
             # also when the flight ends otherwise than it should
             console.close()
@@ -180,7 +180,7 @@ def options_of(session: Session, overlays: tuple[str, ...] = ()) -> Options:
     return options
 
 
-class Loop:
+class ConsoleLoop:
     """Turns the console's wheel: wait for input, let time pass, ask for pictures, draw the window."""
 
     def __init__(self, window: Window, console: Console, request: Request) -> None:

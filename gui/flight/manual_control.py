@@ -13,7 +13,7 @@ from simulator.world.frames.rotation import (
     quat_from_rotvec,
     quat_multiply,
 )
-from simulator.world.guidance.manual_control import ChaserState, Command
+from simulator.world.guidance.manual_control import ChaserState, SteeringCommand
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
@@ -138,14 +138,16 @@ def brake_camera_m_s2(chaser: ChaserState, frame: Lvlh, dt_s: float) -> tuple[Fl
     return -v_camera / speed * min(BRAKE_M_S2, speed / dt_s), speed
 
 
-def command(acceleration: FloatArray, wanted_rate: FloatArray, chaser: ChaserState, dt_s: float) -> Command:
+def command(
+    acceleration: FloatArray, wanted_rate: FloatArray, chaser: ChaserState, dt_s: float
+) -> SteeringCommand:
     """The command of one step: the rate moves towards the wanted one no quicker than the slew allows."""
     change = wanted_rate - np.array(chaser.omega_camera_rad_s)
     size = float(np.linalg.norm(change))
     most = SLEW_RAD_S2 * dt_s
     if size > most:
         change = change * (most / size)
-    return Command(
+    return SteeringCommand(
         acceleration_camera_m_s2=vec3(acceleration),
         rate_camera_rad_s=vec3(np.array(chaser.omega_camera_rad_s) + change),
     )

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
     from simulator.world.flight.flight import Flight
     from simulator.world.frames.lvlh import Lvlh
-    from simulator.world.guidance.manual_control import ChaserState, Command
+    from simulator.world.guidance.manual_control import ChaserState, SteeringCommand
     from simulator.world.guidance.thrusters import Thrusters
 
 Axes = Literal["camera", "lvlh"]
@@ -224,7 +224,7 @@ class Steering:
         arrives = 0.5 * max(self.docking.gap_m(chaser), 0.0) / speed
         return max(ACTIVE_STEP_S, min(COAST_STEP_S, arrives))
 
-    def command(self, chaser: ChaserState, flight: Flight, h: float) -> Command:
+    def command(self, chaser: ChaserState, flight: Flight, h: float) -> SteeringCommand:
         """What holds over a step of length ``h``; what it costs is noted."""
         frame = flight.orbit.frame(chaser.t_s)
         R_camera_from_lvlh = matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ frame.R_eci_from_lvlh

@@ -36,7 +36,7 @@ _ROUNDING_S = 5e-4
 
 
 @dataclass(frozen=True)
-class Place:
+class FlownPlace:
     """One sample, unpacked.
 
     Parameters
@@ -59,7 +59,7 @@ class Bookmark:
 
 
 @dataclass
-class _Samples:
+class _StateSamples:
     """Parallel columns: times, numbers of the chaser (NaN while guided), which controls."""
 
     times_s: array[float]
@@ -67,16 +67,16 @@ class _Samples:
     controls: array[int]
 
     @staticmethod
-    def none() -> _Samples:
-        return _Samples(array("d"), array("d"), array("l"))
+    def none() -> _StateSamples:
+        return _StateSamples(array("d"), array("d"), array("l"))
 
-    def cut(self, k: int) -> _Samples:
+    def cut(self, k: int) -> _StateSamples:
         """Take away sample k and all later ones, and return them."""
-        gone = _Samples(self.times_s[k:], self.numbers[WIDTH * k :], self.controls[k:])
+        gone = _StateSamples(self.times_s[k:], self.numbers[WIDTH * k :], self.controls[k:])
         del self.times_s[k:], self.numbers[WIDTH * k :], self.controls[k:]
         return gone
 
-    def extend(self, later: _Samples) -> None:
+    def extend(self, later: _StateSamples) -> None:
         self.times_s.extend(later.times_s)
         self.numbers.extend(later.numbers)
         self.controls.extend(later.controls)
@@ -90,13 +90,13 @@ class Timeline:
     """
 
     def __init__(self) -> None:
-        self._samples = _Samples.none()
+        self._samples = _StateSamples.none()
         self._packed: list[bytes] = []
         self._packed_bytes = 0
         self._first = b""
         self._every_s = EVERY_S
         # how many samples it shares with the flight that is kept, and the rest of it
-        self._left: tuple[int, _Samples] | None = None
+        self._left: tuple[int, _StateSamples] | None = None
         self.bookmarks: tuple[Bookmark, ...] = ()
 
     # --- while it is flown
@@ -137,7 +137,7 @@ class Timeline:
         new = {old: k for k, old in enumerate(kept)}
         self._packed = [self._packed[k] for k in kept]
         self._packed_bytes = sum(map(len, self._packed))
-        self._samples = _Samples(
+        self._samples = _StateSamples(
             s.times_s[::2], array("d", table.tobytes()), array("l", [new[k] for k in used])
         )
         self._every_s *= 2
@@ -165,7 +165,7 @@ class Timeline:
         """Of a sample [s]."""
         return self._samples.times_s[k]
 
-    def place(self, k: int) -> Place:
+    def place(self, k: int) -> FlownPlace:
         """A sample."""
         samples = self._samples
         t_s = samples.times_s[k]
@@ -173,7 +173,7 @@ class Timeline:
         plain = zlib.decompressobj(zdict=self._first).decompress(self._packed[samples.controls[k]])
         # what was packed here, not what came from outside
         controls = pickle.loads(plain)  # noqa: S301
-        return Place(t_s, _chaser(t_s, numbers), controls)
+        return FlownPlace(t_s, _chaser(t_s, numbers), controls)
 
     def chaser_between(self, t_s: float) -> ChaserState | None:
         """The steered chaser at any time, by a cubic between two samples; None where guidance flies it."""

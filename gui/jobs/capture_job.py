@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from gui.jobs.program import Program
+from gui.jobs.program import ChildProgram
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class CaptureJob:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._program: Program | None = None
+        self._program: ChildProgram | None = None
         self._thumbs = ThreadPoolExecutor(1, thread_name_prefix="flyaround-thumbnails")
         self._decoding: Future[list[Thumbnail]] | None = None
         self._looked_s = 0.0
@@ -127,7 +127,7 @@ class CaptureJob:
         """
         if self.running:
             raise UserError("a capture is under way: stop it, or wait for its end")
-        self._program = Program((*request.arguments, "--json"), self._clock)
+        self._program = ChildProgram((*request.arguments, "--json"), self._clock)
         self.request, self.outcome, self.done, self.thumbnails = request, "", 0, []
         self.began_s = self._clock()
         self._looked_s = 0.0
@@ -220,7 +220,7 @@ def thumbnails(folder: Path, names: list[str]) -> list[Thumbnail]:
     return made
 
 
-def _outcome(program: Program, request: CaptureRequest, done: int) -> str:
+def _outcome(program: ChildProgram, request: CaptureRequest, done: int) -> str:
     if program.exit_code == 0:
         return f"captured: {_summary(program.output(), done)} in {request.folder}"
     again = f"flyaround {' '.join(request.arguments)}{'' if request.resume else ' --resume'} goes on"

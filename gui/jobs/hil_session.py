@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gui.jobs.hil_stream import Ended, ListeningAt, Row, Said, Stop, Wanted, stream
-from gui.jobs.program import Program
+from gui.jobs.hil_stream import Ended, ListeningAt, Row, Said, StopStream, Wanted, stream
+from gui.jobs.program import ChildProgram
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ BIN_EDGES_MS = tuple(float(e) for e in np.round(np.geomspace(1.0, 10_000.0, 41),
 
 
 @dataclass(frozen=True)
-class Note:
+class SessionNote:
     """Something to be told."""
 
     text: str
@@ -63,7 +63,7 @@ class HilSession:
         self._sent_t_s: float | None = None
         self._stop_s: float | None = None
         self._interrupted = False
-        self._board: Program | None = None
+        self._board: ChildProgram | None = None
         self._board_wanted: tuple[str, str] | None = None
         self._ended: Ended | None = None
         self.url = ""
@@ -131,7 +131,7 @@ class HilSession:
         if self._process is None or self._stop_s is not None:
             return
         self._stop_s = self._clock()
-        self._send(Stop())
+        self._send(StopStream())
 
     def add_fault(self, fault: CameraFault | LineFault) -> None:
         """A fault from the next picture on.
@@ -170,7 +170,9 @@ class HilSession:
             return
         if not where:
             raise UserError("no host listens yet: start a session, then its board")
-        self._board = Program(("hil", "board", where, "--target", target, "--method", method), self._clock)
+        self._board = ChildProgram(
+            ("hil", "board", where, "--target", target, "--method", method), self._clock
+        )
 
     def stop_board(self) -> None:
         """End the board's process."""
@@ -180,7 +182,7 @@ class HilSession:
 
     # --- once a turn
 
-    def update(self, session: Session) -> list[Note]:
+    def update(self, session: Session) -> list[SessionNote]:
         """Take what came, and give the newest moment; what is to be told.
 
         Parameters
@@ -191,7 +193,7 @@ class HilSession:
         if self._process is None:
             return notes
         if session is not self._session and self._stop_s is None:
-            notes.append(Note("another flight was opened: the session with the board ends"))
+            notes.append(SessionNote("another flight was opened: the session with the board ends"))
             self.stop()
         self._take(notes)
         if self._wanted and self._stop_s is None and session.t_s != self._sent_t_s:
@@ -204,7 +206,7 @@ class HilSession:
             notes.append(self._over())
         return notes
 
-    def _take(self, notes: list[Note]) -> None:
+    def _take(self, notes: list[SessionNote]) -> None:
         try:
             while self._pipe is not None and self._pipe.poll():
                 message = self._pipe.recv()
@@ -214,7 +216,7 @@ class HilSession:
                     self._add(message.row)
                 elif isinstance(message, ListeningAt):
                     self.url = message.url
-                    notes.append(Note(f"a board may connect: flyaround hil board {message.url}"))
+                    notes.append(SessionNote(f"a board may connect: flyaround hil board {message.url}"))
                     if self._board_wanted is not None:
                         wanted, self._board_wanted = self._board_wanted, None
                         self.start_board(*wanted)
@@ -225,12 +227,12 @@ class HilSession:
         except (EOFError, OSError):
             return
 
-    def _hear(self, said: Said, notes: list[Note]) -> None:
+    def _hear(self, said: Said, notes: list[SessionNote]) -> None:
         if said.text.startswith("board connected"):
             self.board_name = said.text.partition(": ")[2]
         elif said.text.startswith("board gone"):
             self.board_name = ""
-        notes.append(Note(said.text, said.warning and self._stop_s is None))
+        notes.append(SessionNote(said.text, said.warning and self._stop_s is None))
 
     def _add(self, row: LedgerRow) -> None:
         self.rows.append(row)
@@ -251,15 +253,15 @@ class HilSession:
         if waited > KILL_PATIENCE_S:
             self._process.kill()
 
-    def _over(self) -> Note:
+    def _over(self) -> SessionNote:
         exit_code = None if self._process is None else self._process.exitcode
         asked = self._stop_s is not None
         self._forget_process()
         ended = self._ended
         if ended is not None and ended.why:
-            return Note(f"the session with the board ended: {ended.why}", warning=True)
+            return SessionNote(f"the session with the board ended: {ended.why}", warning=True)
         if ended is None or ended.summary is None:
-            return Note(
+            return SessionNote(
                 f"the session with the board ended unexpectedly (exit code {exit_code})", warning=True
             )
         s = ended.summary
@@ -268,16 +270,20 @@ class HilSession:
             text += f"; the board left ({s.board_gone})"
         if self.log_dir is not None:
             text += f"; flyaround hil report {self.log_dir}"
-        return Note(text, warning=not asked)
+        return SessionNote(text, warning=not asked)
 
-    def _look_at_board(self) -> list[Note]:
+    def _look_at_board(self) -> list[SessionNote]:
         board = self._board
         if board is None or board.running:
             return []
         words, code, asked = board.last_words(), board.exit_code, board.stopped
         board.close()
         self._board = None
-        return [Note(f"the board's process ended: {words or f'exit code {code}'}", bool(code) and not asked)]
+        return [
+            SessionNote(
+                f"the board's process ended: {words or f'exit code {code}'}", bool(code) and not asked
+            )
+        ]
 
     def _send(self, message: object) -> None:
         if self._pipe is not None:
@@ -301,7 +307,7 @@ class HilSession:
             return
         self.stop()
         end = self._clock() + END_PATIENCE_S
-        notes: list[Note] = []
+        notes: list[SessionNote] = []
         while self._process.is_alive() and self._clock() < end:
             # rows that nobody takes must not block its last words
             self._take(notes)

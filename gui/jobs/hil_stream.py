@@ -35,7 +35,7 @@ CAMERA_FAULTS: tuple[type, ...] = get_args(CameraFault)
 
 
 @dataclass(frozen=True)
-class Stop:
+class StopStream:
     """To the process: end the session, and close the books."""
 
 
@@ -148,7 +148,7 @@ class _Newest:
     def _take(self, message: object) -> None:
         if isinstance(message, SceneState):
             self._scene = message
-        elif isinstance(message, Stop):
+        elif isinstance(message, StopStream):
             self._over = True
         elif isinstance(message, CAMERA_FAULTS):
             self._camera_faults.append(message)  # type: ignore[arg-type]

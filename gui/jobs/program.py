@@ -21,7 +21,7 @@ MOST_BYTES = 200_000
 """Of a program's output that are read."""
 
 
-class Program:
+class ChildProgram:
     """``flyaround`` with arguments, in a process of its own.
 
     Parameters

@@ -13,7 +13,7 @@ from gui.widgets import Widgets
 
 if TYPE_CHECKING:
     from gui.console import Console
-    from gui.picture.estimates import Estimate, Estimates
+    from gui.picture.estimates import ComparedEstimate, Estimates
     from gui.window import Window
     from simulator.runtime.arrays import ByteArray
 
@@ -39,7 +39,7 @@ class EstimatorPanel:
         self._methods: tuple[str, ...] = ()
         self._network = "net:"
         self._pictures: dict[str, ByteArray] = {}
-        self._pictures_of: Estimate | None = None
+        self._pictures_of: ComparedEstimate | None = None
         self._stage = ""
 
     def draw(self, console: Console) -> None:
@@ -90,7 +90,7 @@ class EstimatorPanel:
             on=estimates.method == self._network,
         )
 
-    def _figures(self, e: Estimate) -> None:
+    def _figures(self, e: ComparedEstimate) -> None:
         w, answer = self._w, e.answer
         w.section(f"{e.method} at T+{e.t_s:.2f} s")
         if answer.accepted:
@@ -160,7 +160,7 @@ class EstimatorPanel:
 
     # --- stages
 
-    def _stages(self, estimate: Estimate) -> None:
+    def _stages(self, estimate: ComparedEstimate) -> None:
         w, imgui = self._w, self._w.imgui
         if self._pictures_of is not estimate:
             self._pictures_of = estimate

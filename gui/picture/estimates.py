@@ -81,7 +81,7 @@ class Answer:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Estimate:
+class ComparedEstimate:
     """One answer beside the truth of its picture.
 
     Parameters
@@ -228,8 +228,8 @@ class Estimates:
         self.on = False
         self.method = "svd"
         self.stages_wanted = False
-        self.newest: Estimate | None = None
-        self.history: deque[Estimate] = deque(maxlen=KEPT)
+        self.newest: ComparedEstimate | None = None
+        self.history: deque[ComparedEstimate] = deque(maxlen=KEPT)
         self.restarts = 0
         self._troubles: list[str] = []
         self._worker: WorkerProcess[Answer] | None = None
@@ -425,7 +425,7 @@ class Estimates:
         self._free()
 
 
-def compared(picture: Picture, method: str, answer: Answer, done_s: float) -> Estimate:
+def compared(picture: Picture, method: str, answer: Answer, done_s: float) -> ComparedEstimate:
     """An answer beside the truth of its picture."""
     scene = picture.frame.scene
     q, t = answer.q_camera_from_target_wxyz, answer.t_camera_from_target_m
@@ -433,7 +433,7 @@ def compared(picture: Picture, method: str, answer: Answer, done_s: float) -> Es
     if q is not None and t is not None:
         with contextlib.suppress(ValueError):
             shift, _, turn = frame_errors(scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m, q, t)
-    return Estimate(
+    return ComparedEstimate(
         method=method,
         t_s=scene.t_s,
         done_s=done_s,

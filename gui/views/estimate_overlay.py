@@ -12,7 +12,7 @@ from simulator.world.frames.pose import Pose
 from simulator.world.frames.rotation import quat_normalize
 
 if TYPE_CHECKING:
-    from gui.picture.estimates import Estimate, Estimates
+    from gui.picture.estimates import ComparedEstimate, Estimates
     from gui.picture.feed import Picture
     from gui.views.letterbox import Letterbox
     from gui.window import Window
@@ -62,7 +62,7 @@ class EstimateOverlay:
         draw.add_text(vec(x, y), self._colour(1.0), text)
 
     @staticmethod
-    def _lines_of(estimate: Estimate, picture: Picture) -> tuple[Segment, ...]:
+    def _lines_of(estimate: ComparedEstimate, picture: Picture) -> tuple[Segment, ...]:
         q, t = estimate.answer.q_camera_from_target_wxyz, estimate.answer.t_camera_from_target_m
         if q is None or t is None or not np.isfinite([*q, *t]).all() or np.linalg.norm(q) < 1e-9:
             return ()

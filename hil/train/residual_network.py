@@ -44,7 +44,7 @@ class Convolution:
 
 
 @dataclass(frozen=True)
-class Block:
+class ResidualBlock:
     """Two convolutions whose result is added to what came in, itself or, where sizes differ, convolved."""
 
     first: Convolution
@@ -73,7 +73,7 @@ class Architecture:
         """The first convolution, after which the largest of three by three pixels is taken at every other one."""
         return Convolution("stem", 1, self.stem, 7, 2)
 
-    def residual_blocks(self) -> Iterator[Block]:
+    def residual_blocks(self) -> Iterator[ResidualBlock]:
         """In order."""
         last = self.stem
         for s, channels in enumerate(self.stages):
@@ -81,7 +81,7 @@ class Architecture:
                 stride = 2 if b == 0 and s > 0 else 1
                 name = f"stage{s}.{b}"
                 same = stride == 1 and last == channels
-                yield Block(
+                yield ResidualBlock(
                     Convolution(f"{name}.first", last, channels, 3, stride),
                     Convolution(f"{name}.second", channels, channels, 3, 1),
                     None if same else Convolution(f"{name}.shortcut", last, channels, 1, stride),

@@ -12,7 +12,7 @@ import msgspec
 
 from simulator.dataset.card import CARD_NAME, CardTarget, DatasetCard, describe_machine
 from simulator.dataset.clipping import ClippingSummary, summarise_clipping
-from simulator.dataset.drawing import Drawing
+from simulator.dataset.drawing import SetDrawing
 from simulator.dataset.exports import ExportSink
 from simulator.dataset.formats.registry import check_formats
 from simulator.dataset.resume import WhatIsThere, card_to_resume, look_at_frames
@@ -103,7 +103,7 @@ def capture(
     for sentence in check_formats(formats, planned):
         tell(sentence)
     with _store_for(folder, resume=resume) as store:
-        drawing = Drawing(workers, device_index, cluster)
+        drawing = SetDrawing(workers, device_index, cluster)
         summary = _capture(plan, store, planned, drawing, progress, resume=resume)
         if other is None:
             return summary
@@ -146,7 +146,7 @@ def _capture(
     plan: CapturePlan,
     store: Store,
     planned: DatasetCard,
-    drawing: Drawing,
+    drawing: SetDrawing,
     progress: Callable[[int, int], None],
     *,
     resume: bool,

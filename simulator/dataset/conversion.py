@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class ImportSource:
     """Where frames come from.
 
     Parameters
@@ -59,7 +59,7 @@ class NativeWriter:
 
 def open_source(
     place: Path, form: str | None = None, *, target: str | None = None, camera: str | None = None
-) -> Source:
+) -> ImportSource:
     """The frames of a data set of ours or of others.
 
     Parameters
@@ -75,7 +75,7 @@ def open_source(
         if target is not None or camera is not None:
             raise UserError(f"{place} says its target and camera itself; leave out --target and --camera")
         dataset = open_dataset(place)
-        return Source(dataset.card, NATIVE, dataset)
+        return ImportSource(dataset.card, NATIVE, dataset)
     found, kind = read_foreign(place, form)
     name = target or found.usual_target
     if not name:
@@ -84,11 +84,11 @@ def open_source(
     if camera is None:
         check_grey(found)
     frames = (frame_from_files(k, files) for k, files in imported_frames(found, lens, craft))
-    return Source(import_card(found, lens, craft, kind), kind, frames)
+    return ImportSource(import_card(found, lens, craft, kind), kind, frames)
 
 
 def convert(
-    source: Source,
+    source: ImportSource,
     folder: Path,
     form: str,
     *,

@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from simulator.dataset.formats.base import FolderOutput, Output
+from simulator.dataset.formats.base import FolderOutput, FormatOutput
 from simulator.dataset.formats.exr import MOST_BYTES
 from simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files
 from simulator.dataset.formats.registry import NATIVE, find_format
@@ -34,7 +34,7 @@ class StoreOutput:
         self.store.write([(f"{self.folder}/{name}" if self.folder else name, data)])
 
 
-def output_of(store: Store, folder: str = "") -> Output:
+def output_of(store: Store, folder: str = "") -> FormatOutput:
     """Where a format's files go.
 
     In a folder nobody waits for the disk: what a loss of power takes of them is made again from the frames.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output
+from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
 from simulator.dataset.formats.exr import encode_exr
 from simulator.dataset.formats.native import EXR_CHANNELS
 
@@ -27,7 +27,7 @@ NO_CHANNELS = ("amodal",)  # reaches beyond the image
 class NpzWriter:
     """Writes NPZ."""
 
-    def __init__(self, output: Output, _card: DatasetCard) -> None:
+    def __init__(self, output: FormatOutput, _card: DatasetCard) -> None:
         self._output = output
 
     def write(self, frame: LabelledFrame) -> None:
@@ -68,7 +68,7 @@ def arrays_of(frame: LabelledFrame) -> dict[str, NDArray[Any]]:
 class ExrWriter:
     """Writes EXR."""
 
-    def __init__(self, output: Output, _card: DatasetCard) -> None:
+    def __init__(self, output: FormatOutput, _card: DatasetCard) -> None:
         self._output = output
 
     def write(self, frame: LabelledFrame) -> None:
@@ -99,11 +99,11 @@ def channels_of(frame: LabelledFrame) -> dict[str, NDArray[Any]]:
     return planes
 
 
-def _npz(output: Output, card: DatasetCard) -> FormatWriter:
+def _npz(output: FormatOutput, card: DatasetCard) -> FormatWriter:
     return NpzWriter(output, card)
 
 
-def _exr(output: Output, card: DatasetCard) -> FormatWriter:
+def _exr(output: FormatOutput, card: DatasetCard) -> FormatWriter:
     return ExrWriter(output, card)
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from simulator.dataset.formats.posed_pictures import PosedPictures
 
 
-class Output(Protocol):
+class FormatOutput(Protocol):
     """Where a writer puts its files: whole ones, by their names with ``/`` between folders."""
 
     def write(self, name: str, data: bytes) -> None:
@@ -73,7 +73,7 @@ class DatasetFormat:
     title: str
     carries: str = ""
     lacks: str = ""
-    writer: Callable[[Output, DatasetCard], FormatWriter] | None = None
+    writer: Callable[[FormatOutput, DatasetCard], FormatWriter] | None = None
     read: Callable[[Path], PosedPictures | None] | None = None
     problem: Callable[[DatasetCard], str | None] | None = None
     needs: tuple[str, str] | None = None
@@ -83,7 +83,7 @@ class DatasetFormat:
         without = f", without {self.lacks}" if self.lacks else ""
         return f"{self.name} holds {self.carries}{without}"
 
-    def open_writer(self, output: Output, card: DatasetCard) -> FormatWriter:
+    def open_writer(self, output: FormatOutput, card: DatasetCard) -> FormatWriter:
         """What writes a data set.
 
         Raises

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output, lens_problem
+from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, lens_problem
 from simulator.dataset.formats.native import encode_png
 from simulator.dataset.formats.speed_writer import json_bytes
 from simulator.errors import UserError
@@ -38,7 +38,7 @@ OBJECT_ID = 1
 class BopWriter:
     """Writes BOP: one scene in each split."""
 
-    def __init__(self, output: Output, card: DatasetCard) -> None:
+    def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card
         target = load_target(card.target.name)
         if target.sha256 != card.target.sha256:
@@ -146,7 +146,7 @@ def model_info(target: Target) -> dict[str, Any]:
     return info | ({"symmetries_discrete": turns} if turns else {})
 
 
-def _bop(output: Output, card: DatasetCard) -> FormatWriter:
+def _bop(output: FormatOutput, card: DatasetCard) -> FormatWriter:
     return BopWriter(output, card)
 
 

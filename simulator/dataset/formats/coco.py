@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output
+from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
 from simulator.dataset.formats.speed_writer import json_bytes
 from simulator.labels.boxes import craft_window
 from simulator.labels.part_classes import PART_CLASSES
@@ -86,7 +86,7 @@ def box_xywh(box: tuple[float, float, float, float]) -> list[float]:
 class CocoWriter:
     """Writes COCO."""
 
-    def __init__(self, output: Output, card: DatasetCard) -> None:
+    def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card
         self._images: dict[str, list[dict[str, Any]]] = {}
         self._objects: dict[str, list[tuple[dict[str, Any], list[list[float]]]]] = {}
@@ -185,7 +185,7 @@ class CocoWriter:
                 self._output.write(f"annotations/{name}.json", json_bytes(document))
 
 
-def _coco(output: Output, card: DatasetCard) -> FormatWriter:
+def _coco(output: FormatOutput, card: DatasetCard) -> FormatWriter:
     return CocoWriter(output, card)
 
 

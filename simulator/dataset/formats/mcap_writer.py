@@ -9,7 +9,7 @@ import io
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output, import_needed
+from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, import_needed
 from simulator.dataset.formats.ros_messages import (
     DEFINITIONS,
     TARGET_FRAME,
@@ -42,7 +42,7 @@ _NO_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 class McapWriter:
     """Writes MCAP."""
 
-    def __init__(self, output: Output, _card: DatasetCard) -> None:
+    def __init__(self, output: FormatOutput, _card: DatasetCard) -> None:
         self._output = output
         self._ros = import_needed("mcap_ros2.writer", "logs", "mcap")
         self._shards: Shards[tuple[int, int, dict[str, Any]]] = Shards(self._shard)
@@ -93,7 +93,7 @@ def messages_of(frame: LabelledFrame) -> tuple[dict[str, dict[str, Any]], int]:
     return messages, nanoseconds_utc(stamp)
 
 
-def _mcap(output: Output, card: DatasetCard) -> FormatWriter:
+def _mcap(output: FormatOutput, card: DatasetCard) -> FormatWriter:
     return McapWriter(output, card)
 
 

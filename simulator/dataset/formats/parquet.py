@@ -13,7 +13,7 @@ import io
 import json
 from typing import TYPE_CHECKING, Any
 
-from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output, import_needed
+from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, import_needed
 from simulator.dataset.formats.shards import Shards
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ Row = dict[str, Any]
 class ParquetWriter:
     """Writes Parquet."""
 
-    def __init__(self, output: Output, card: DatasetCard) -> None:
+    def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card
         self._arrow = import_needed("pyarrow", "formats", "parquet")
         self._parquet = import_needed("pyarrow.parquet", "formats", "parquet")
@@ -178,7 +178,7 @@ def readme(card: DatasetCard, counts: dict[str, int], fields: dict[str, str]) ->
     return "\n".join(lines)
 
 
-def _parquet(output: Output, card: DatasetCard) -> FormatWriter:
+def _parquet(output: FormatOutput, card: DatasetCard) -> FormatWriter:
     return ParquetWriter(output, card)
 
 

@@ -14,7 +14,7 @@ import csv
 import io
 from typing import TYPE_CHECKING
 
-from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output, fisheye_problem
+from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, fisheye_problem
 from simulator.dataset.formats.posed_pictures import (
     PosedPicture,
     PosedPictures,
@@ -39,7 +39,7 @@ FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 class SparkWriter:
     """Writes SPARK."""
 
-    def __init__(self, output: Output, card: DatasetCard) -> None:
+    def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card
         self._rows: dict[str, list[list[str]]] = {}
 
@@ -108,7 +108,7 @@ def _is_spark(path: Path) -> bool:
     return {b"filename", b"Tx", b"Qw"} <= {cell.strip() for cell in head.lstrip(b"\xef\xbb\xbf").split(b",")}
 
 
-def _spark(output: Output, card: DatasetCard) -> FormatWriter:
+def _spark(output: FormatOutput, card: DatasetCard) -> FormatWriter:
     return SparkWriter(output, card)
 
 

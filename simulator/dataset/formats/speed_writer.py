@@ -21,7 +21,7 @@ import numpy as np
 
 from simulator.camera.lens.files_foreign import written
 from simulator.camera.lens.files_native import CameraFile
-from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output, fisheye_problem
+from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, fisheye_problem
 from simulator.dataset.formats.speed_reader import POSITION, QUATERNION, read_speed, read_speedplus
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class SpeedWriter:
     kind : speed or speedplus.
     """
 
-    def __init__(self, output: Output, card: DatasetCard, kind: str) -> None:
+    def __init__(self, output: FormatOutput, card: DatasetCard, kind: str) -> None:
         self._output, self._camera, self._kind = output, card.camera, kind
         self._rows: dict[str, list[dict[str, Any]]] = {name: [] for name in _LISTS[kind]}
 
@@ -93,11 +93,11 @@ def speed_camera(camera: Camera) -> dict[str, Any]:
     return table | {"fx_px": camera.fx_px, "fy_px": camera.fy_px}
 
 
-def _speed(output: Output, card: DatasetCard) -> FormatWriter:
+def _speed(output: FormatOutput, card: DatasetCard) -> FormatWriter:
     return SpeedWriter(output, card, "speed")
 
 
-def _speedplus(output: Output, card: DatasetCard) -> FormatWriter:
+def _speedplus(output: FormatOutput, card: DatasetCard) -> FormatWriter:
     return SpeedWriter(output, card, "speedplus")
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output, lens_problem
+from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, lens_problem
 from simulator.dataset.formats.posed_pictures import (
     PosedPicture,
     PosedPictures,
@@ -55,7 +55,7 @@ def urso_pose(q_wxyz: tuple[float, ...], t_m: tuple[float, ...]) -> tuple[FloatA
 class UrsoWriter:
     """Writes URSO."""
 
-    def __init__(self, output: Output, card: DatasetCard) -> None:
+    def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card
         self._rows: dict[str, list[tuple[str, list[str]]]] = {}
 
@@ -121,7 +121,7 @@ def read_urso(place: Path) -> PosedPictures | None:
     return PosedPictures(labels, tuple(pictures), find_camera(labels.parent, levels=0))
 
 
-def _urso(output: Output, card: DatasetCard) -> FormatWriter:
+def _urso(output: FormatOutput, card: DatasetCard) -> FormatWriter:
     return UrsoWriter(output, card)
 
 

@@ -14,7 +14,7 @@ import tarfile
 from typing import TYPE_CHECKING
 
 from simulator.dataset.card import CARD_NAME, card_to_json
-from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output
+from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
 from simulator.dataset.formats.labelled_frame import native_names
 from simulator.dataset.formats.shards import Shards
 
@@ -28,7 +28,7 @@ Files = list[tuple[str, bytes]]
 class WebWriter:
     """Writes WebDataset."""
 
-    def __init__(self, output: Output, card: DatasetCard) -> None:
+    def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card
         self._shards: Shards[Files] = Shards(self._shard)
 
@@ -53,7 +53,7 @@ class WebWriter:
         self._output.write(CARD_NAME, card_to_json(self._card))
 
 
-def _webdataset(output: Output, card: DatasetCard) -> FormatWriter:
+def _webdataset(output: FormatOutput, card: DatasetCard) -> FormatWriter:
     return WebWriter(output, card)
 
 

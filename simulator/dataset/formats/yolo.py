@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.dataset.formats.base import DatasetFormat, FormatWriter, Output, keypoint_problem
+from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, keypoint_problem
 from simulator.dataset.formats.coco import box_xywh, keypoint_triples
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 class YoloWriter:
     """Writes YOLO-pose."""
 
-    def __init__(self, output: Output, card: DatasetCard) -> None:
+    def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._target = output, card.target
         self._splits: set[str] = set()
 
@@ -65,7 +65,7 @@ class YoloWriter:
         self._output.write("data.yaml", ("\n".join(lines) + "\n").encode())
 
 
-def _yolo(output: Output, card: DatasetCard) -> FormatWriter:
+def _yolo(output: FormatOutput, card: DatasetCard) -> FormatWriter:
     return YoloWriter(output, card)
 
 

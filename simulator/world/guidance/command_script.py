@@ -13,7 +13,7 @@ from msgspec import Meta
 from simulator.runtime.arrays import quat, vec3
 from simulator.runtime.sections import MetresXyz, Rate, Seconds, Section, SpeedXyz
 from simulator.world.guidance.chaser import Chaser
-from simulator.world.guidance.manual_control import ChaserState, Command, guarded_command, step
+from simulator.world.guidance.manual_control import ChaserState, SteeringCommand, guarded_command, step
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
@@ -48,7 +48,7 @@ class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_onl
         """The start."""
         return np.array(self.position_lvlh_m, float), np.array(self.velocity_lvlh_m_s, float)
 
-    def command(self, t_s: float) -> Command:
+    def command(self, t_s: float) -> SteeringCommand:
         """What holds at a time."""
         sums = {"lvlh": np.zeros(3), "camera": np.zeros(3)}
         rate = np.zeros(3)
@@ -56,7 +56,7 @@ class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_onl
             if c.start_s <= t_s < c.start_s + c.duration_s:
                 sums[c.axes] = sums[c.axes] + np.array(c.acceleration_m_s2)
                 rate = rate + np.radians(c.rate_camera_deg_s)
-        return Command(
+        return SteeringCommand(
             acceleration_camera_m_s2=vec3(sums["camera"]),
             acceleration_lvlh_m_s2=vec3(sums["lvlh"]),
             rate_camera_rad_s=vec3(rate),
@@ -85,7 +85,7 @@ class ScriptedTrack:
     script: CommandScript
     times_s: list[float]
     states: list[ChaserState]
-    commands: list[Command]
+    commands: list[SteeringCommand]
     guarded_s: float | None
     overruled: list[bool]
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Command:
+class SteeringCommand:
     """What the operator asks for, held over one step.
 
     Parameters
@@ -60,7 +60,7 @@ class ChaserState:
     omega_camera_rad_s: Vec3 = (0.0, 0.0, 0.0)
 
 
-def step(state: ChaserState, command: Command, dt_s: float, orbit: OrbitTrack) -> ChaserState:
+def step(state: ChaserState, command: SteeringCommand, dt_s: float, orbit: OrbitTrack) -> ChaserState:
     """The state ``dt_s`` later: one Runge-Kutta step of translation, attitude by the exact rotation.
 
     At steps of a tenth of a second the truncation error is far below a micrometre.
@@ -101,8 +101,13 @@ def step(state: ChaserState, command: Command, dt_s: float, orbit: OrbitTrack) -
 
 
 def guarded_command(
-    state: ChaserState, command: Command, dt_s: float, frame: Lvlh, keep_out: KeepOut, brake_m_s2: float
-) -> tuple[Command, bool]:
+    state: ChaserState,
+    command: SteeringCommand,
+    dt_s: float,
+    frame: Lvlh,
+    keep_out: KeepOut,
+    brake_m_s2: float,
+) -> tuple[SteeringCommand, bool]:
     """The command as far as the keep-out sphere allows it, and whether it was overruled.
 
     Parameters

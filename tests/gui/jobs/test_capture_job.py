@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gui.jobs.capture_job import CaptureJob, CaptureRequest, pictures_in, thumbnails
-from gui.jobs.program import Program, new_folder
+from gui.jobs.program import ChildProgram, new_folder
 from simulator.errors import UserError
 
 WAIT_S = 180.0
@@ -78,7 +78,7 @@ def test_a_mistake_is_the_programs_own_sentence(tmp_path: Path) -> None:
 
 def test_a_program_that_ignores_its_end_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
-    program = Program(("scenarios",), lambda: now[0])
+    program = ChildProgram(("scenarios",), lambda: now[0])
     program.stop()
     now[0] = 100.0
     end = time.monotonic() + 20

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from gui.flight.session import Session
-from gui.jobs.hil_session import BIN_EDGES_MS, HilSession, Note
+from gui.jobs.hil_session import BIN_EDGES_MS, HilSession, SessionNote
 from gui.jobs.hil_stream import Row
 from hil.host.ledger.frames_csv import LedgerRow
 from hil.host.link_process.ipc import LinkConfig
@@ -41,7 +41,7 @@ class Turns:
 
     def __init__(self, hil: HilSession, session: Session) -> None:
         self.hil, self.session = hil, session
-        self.notes: list[Note] = []
+        self.notes: list[SessionNote] = []
         self.longest_s = 0.0
 
     def until(self, done: Callable[[], bool]) -> None:

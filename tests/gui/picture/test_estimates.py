@@ -20,7 +20,7 @@ from gui.picture.estimates import (
     LIMIT_S,
     MOST_DEATHS,
     Answer,
-    Estimate,
+    ComparedEstimate,
     EstimateRequest,
     Estimates,
     compared,
@@ -242,7 +242,7 @@ def test_the_estimators_themselves_answer_with_their_stages(session: Session) ->
     scene = replace(session.scene(), camera=reduced_camera(session.plan.camera, 2), quality="draft")
     frame = render_scene(scene, session.plan.target)
     picture = Picture(frame, session.moment, telemetry_of(session.moment.world, scene), 2)
-    found: dict[str, Estimate] = {}
+    found: dict[str, ComparedEstimate] = {}
     with contextlib.closing(Estimates()) as estimates:
         estimates.want_stages(wanted=True)
         estimates.start()

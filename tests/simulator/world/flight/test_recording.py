@@ -18,7 +18,7 @@ from simulator.world.flight import recording
 from simulator.world.flight.flight import record
 from simulator.world.flight.recording import Recording
 from simulator.world.frames.rotation import rotation_angle_rad
-from simulator.world.guidance.manual_control import Command, step
+from simulator.world.guidance.manual_control import SteeringCommand, step
 
 
 @pytest.mark.parametrize("name", ["tango-flyaround", "tango-vbar-approach", "tango-eclipse-pass"])
@@ -58,7 +58,7 @@ def test_steered_flight_is_recorded_as_it_was(tmp_path: Path) -> None:
     plan = plan_flight(load_scenario("tango-flyaround"), n=1)
     chaser = plan.flight.chaser(0.0)
     states = [plan.flight.state_with_chaser(chaser)]
-    command = Command(acceleration_camera_m_s2=(0.01, 0.0, -0.02), rate_camera_rad_s=(0.0, 0.02, 0.0))
+    command = SteeringCommand(acceleration_camera_m_s2=(0.01, 0.0, -0.02), rate_camera_rad_s=(0.0, 0.02, 0.0))
     for _ in range(20):
         chaser = step(chaser, command, 0.5, plan.flight.orbit)
         states.append(plan.flight.state_with_chaser(chaser))

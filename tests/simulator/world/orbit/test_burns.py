@@ -7,7 +7,7 @@ import pytest
 
 from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.frames.lvlh import lvlh_frame
-from simulator.world.guidance.manual_control import ChaserState, Command, step
+from simulator.world.guidance.manual_control import ChaserState, SteeringCommand, step
 from simulator.world.guidance.paths import Hold
 from simulator.world.guidance.thruster_control import fly_controlled
 from simulator.world.guidance.thrusters import Thrusters
@@ -75,7 +75,7 @@ def test_a_chaser_under_control_and_one_by_hand_see_the_target_kick() -> None:
         q_camera_from_eci_wxyz=(1.0, 0.0, 0.0, 0.0),
     )
     for _ in range(60):
-        state = step(state, Command(), 1.0, alone)
+        state = step(state, SteeringCommand(), 1.0, alone)
     assert np.allclose(state.position_eci_m, free.relative(60.0)[0], atol=1e-7, rtol=0)
     hold = Hold(position_lvlh_m=(0.0, -10.0, 0.0))
     held = fly_controlled(alone, hold, N, Thrusters(mass_kg=50.0, force_n=2.0))
@@ -96,5 +96,5 @@ def test_relative_step_is_as_good_as_the_propagation() -> None:
         q_camera_from_eci_wxyz=(1.0, 0.0, 0.0, 0.0),
     )
     for _ in range(120):
-        state = step(state, Command(), 5.0, alone)
+        state = step(state, SteeringCommand(), 5.0, alone)
     assert np.allclose(state.position_eci_m, track.relative(600.0)[0], atol=1e-7, rtol=0)

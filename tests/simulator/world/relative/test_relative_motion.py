@@ -12,7 +12,7 @@ from simulator.world.frames.rotation import (
     quat_from_rotvec,
     rotation_angle_rad,
 )
-from simulator.world.guidance.manual_control import ChaserState, Command, step
+from simulator.world.guidance.manual_control import ChaserState, SteeringCommand, step
 from simulator.world.guidance.paths import ForcedFlyaround, Hold, VbarApproach
 from simulator.world.orbit.gravity import Gravity
 from simulator.world.orbit.propagation import Elements, OrbitTrack, propagate, state_from_elements
@@ -146,7 +146,7 @@ def test_steering_without_command_is_free_drift() -> None:
     )
     state = START
     for _ in range(1200):
-        state = step(state, Command(), 0.1, track)
+        state = step(state, SteeringCommand(), 0.1, track)
     assert state.t_s == pytest.approx(120.0)
     assert np.allclose(state.position_eci_m, track.relative(120.0)[0], atol=1e-8, rtol=0)
     assert state.q_camera_from_eci_wxyz == pytest.approx(START.q_camera_from_eci_wxyz)
@@ -154,8 +154,8 @@ def test_steering_without_command_is_free_drift() -> None:
 
 def test_thrust_pushes_along_camera_axes() -> None:
     track = propagate(R0, V0, 10.0, Gravity())
-    thrust = Command(acceleration_camera_m_s2=(0.0, 0.0, 0.2))
-    coasting, pushed = step(START, Command(), 1.0, track), step(START, thrust, 1.0, track)
+    thrust = SteeringCommand(acceleration_camera_m_s2=(0.0, 0.0, 0.2))
+    coasting, pushed = step(START, SteeringCommand(), 1.0, track), step(START, thrust, 1.0, track)
     moved = np.array(pushed.position_eci_m) - coasting.position_eci_m
     ahead = matrix_from_quat(START.q_camera_from_eci_wxyz)[2]
     assert np.allclose(moved, 0.1 * ahead, atol=1e-6)
@@ -163,7 +163,7 @@ def test_thrust_pushes_along_camera_axes() -> None:
 
 def test_turning_right_swings_the_boresight_to_the_right() -> None:
     track = propagate(R0, V0, 10.0, Gravity())
-    turned = step(START, Command(rate_camera_rad_s=(0.0, 0.1, 0.0)), 2.0, track)
+    turned = step(START, SteeringCommand(rate_camera_rad_s=(0.0, 0.1, 0.0)), 2.0, track)
     x, _, z = matrix_from_quat(START.q_camera_from_eci_wxyz)
     boresight = matrix_from_quat(turned.q_camera_from_eci_wxyz)[2]
     assert np.allclose(boresight, np.cos(0.2) * z + np.sin(0.2) * x)
@@ -175,10 +175,12 @@ def test_turning_right_swings_the_boresight_to_the_right() -> None:
 def test_thrust_turns_with_the_camera() -> None:
     """Half a turn under constant thrust gains the chord of the arc: 2/pi of the straight speed."""
     track = propagate(R0, V0, 10.0, Gravity())
-    command = Command(acceleration_camera_m_s2=(0.0, 0.0, 0.2), rate_camera_rad_s=(0.0, np.pi / 10, 0.0))
+    command = SteeringCommand(
+        acceleration_camera_m_s2=(0.0, 0.0, 0.2), rate_camera_rad_s=(0.0, np.pi / 10, 0.0)
+    )
     state, coast = START, START
     for _ in range(100):
-        state, coast = step(state, command, 0.1, track), step(coast, Command(), 0.1, track)
+        state, coast = step(state, command, 0.1, track), step(coast, SteeringCommand(), 0.1, track)
     gained = np.array(state.velocity_eci_m_s) - coast.velocity_eci_m_s
     right = matrix_from_quat(START.q_camera_from_eci_wxyz)[0]
     assert np.allclose(gained, 2 / np.pi * 0.2 * 10 * right, atol=1e-4)
