@@ -142,6 +142,7 @@ def run(request: Request) -> dict[str, Any]:
             Feed(turns.channel(CAMERA_SHARE)),
             options,
             table,
+            source=request.scenario,
             feeds=further_feeds(turns, options),
             device_index=request.device_index,
             window_gl=window.gl_renderer,

@@ -88,6 +88,8 @@ class Console:
     wants_text_check: bool = False
     text_faults: list[str] = field(default_factory=list)
     """Texts that were found cut off or over another one, by `window.check-text`."""
+    source: str = ""
+    """Built-in name or file of the scenario that flies; empty for one that is in no file."""
     saved_truth: str = ""
     """Truth record of the picture that was saved last."""
     wants_screenshot: Path | None = None
@@ -226,9 +228,11 @@ class Console:
         if recorder is not None:
             self.session.recorder = None
             self.say("the recording ends with the scenario that was flown", "caution")
-        self.session = session
+        self.session, self.source = session, self.opener.source
         settings = self.options.settings
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
+        # numbers of another sensor, and other lights
+        settings.sensor_changes, settings.light_gains = {}, {}
         self.say(f"flying {session.plan.scenario.title or session.plan.scenario.name}")
 
     # --- what is told

@@ -20,6 +20,8 @@ class ScenarioOpener:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="scenario")
         self._pending: Future[Session] | None = None
         self.name = ""
+        self.source = ""
+        """Built-in name or file of what was opened last; empty for a scenario that is in no file."""
 
     def is_busy(self) -> bool:
         """Whether one is being opened."""
@@ -36,6 +38,7 @@ class ScenarioOpener:
         if self._pending is not None:
             raise UserError(f"{self.name} is still being opened")
         self.name = scenario if isinstance(scenario, str) else scenario.name
+        self.source = scenario if isinstance(scenario, str) else ""
         self._pending = self._pool.submit(_open, scenario)
 
     def take(self) -> Session | None:

@@ -24,7 +24,7 @@ class CommandLinePanel:
     def draw(self, console: Console) -> None:
         """Draw into the panel that is begun."""
         w, imgui = self._w, self._w.imgui
-        found = command_lines(console.session, console.options, console.saved_truth)
+        found = command_lines(console.session, console.options, console.source, console.saved_truth)
         for what, line in found.lines:
             w.text(what, style.QUIET)
             w.button(console, "log.copy-text", line, label="Copy")

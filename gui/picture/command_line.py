@@ -26,35 +26,48 @@ class CommandLines:
     left_out: tuple[str, ...]
 
 
-def command_lines(session: Session, options: Options, saved: str = "") -> CommandLines:
+def command_lines(session: Session, options: Options, source: str, saved: str = "") -> CommandLines:
     """Command lines of a flight and its view.
 
     Parameters
     ----------
+    source : built-in name or file of the scenario; empty for one that is in no file.
     saved : truth record of a picture that was saved from here, if one was.
     """
-    name, settings = session.plan.scenario.name, options.settings
+    settings = options.settings
+    if not source:
+        why = "this scenario was changed here and is in no file: save its text, open that, and the lines name it"
+        return CommandLines(_of_saved(saved), (why,))
+    seed = [] if session.plan.seed == session.plan.scenario.seed else ["--seed", str(session.plan.seed)]
     over = [
         field
         for field, _ in OVERLAYS
         if getattr(options.overlays, field) and field not in {"crosshair", "hud"}
     ]
-    sim = ["flyaround", "sim", name, *(["--overlays", ",".join(over)] if over else [])]
+    sim = ["flyaround", "sim", source, *seed, *(["--overlays", ",".join(over)] if over else [])]
     lines = [("this console", shlex.join(sim))]
     left_out = []
     if session.mode == "guidance":
         rgb = ["--rgb"] if settings.bands == "rgb" and session.plan.bands != "rgb" else []
-        render = ["flyaround", "render", name, "-t", repr(float(session.t_s)), *rgb, "-o", "frame.png"]
+        render = [
+            "flyaround",
+            "render",
+            source,
+            "-t",
+            repr(float(session.t_s)),
+            *seed,
+            *rgb,
+            "-o",
+            "frame.png",
+        ]
         lines.append(("this picture", shlex.join(render)))
     else:
         left_out.append(
             "the chaser is steered: save the picture (P), then draw it again from its truth record"
         )
-    if saved:
-        lines.append(("the picture saved last", shlex.join(["flyaround", "render", "--from-truth", saved])))
-    lines.append(
-        ("a data set of this flight", shlex.join(["flyaround", "capture", name, "-n", "40", "-o", "out/set"]))
-    )
+    lines += _of_saved(saved)
+    capture = ["flyaround", "capture", source, *seed, "-n", "40", "-o", "out/set"]
+    lines.append(("a data set of this flight", shlex.join(capture)))
     if (
         settings.exposure_stops
         or settings.sensor_changes
@@ -67,3 +80,8 @@ def command_lines(session: Session, options: Options, saved: str = "") -> Comman
     if settings.environment != session.scene().environment:
         left_out.append("layers of the world were switched here: change [environment] in the scenario's text")
     return CommandLines(tuple(lines), tuple(left_out))
+
+
+def _of_saved(saved: str) -> tuple[tuple[str, str], ...]:
+    line = shlex.join(["flyaround", "render", "--from-truth", saved])
+    return (("the picture saved last", line),) if saved else ()

@@ -126,6 +126,8 @@ def fly(operator: Operator, console: subprocess.Popen[str]) -> dict[str, object]
     operator.wait("first picture", 120.0)
     operator.began()
     operator.keys("Escape")  # the first card of the tour
+    # the estimator is given what is on the screen
+    operator.command("picture.detail full")
     operator.command("estimator.run on")
     operator.wait("first accepted pose", ESTIMATE_WITHIN_S)
     operator.look("new-user-estimate")

@@ -23,7 +23,7 @@ def test_the_line_of_a_picture_draws_it(tmp_path: Path) -> None:
     session = Session.of(load_scenario("tango-space-10m"))
     for _ in range(20):
         session.advance(0.033)
-    lines = dict(command_lines(session, options_of(session)).lines)
+    lines = dict(command_lines(session, options_of(session), "tango-space-10m").lines)
     words = shlex.split(lines["this picture"])
     assert words[0] == "flyaround"
     done = subprocess.run(
@@ -39,10 +39,19 @@ def test_the_line_of_a_picture_draws_it(tmp_path: Path) -> None:
 def test_what_a_line_cannot_say_is_said() -> None:
     session = Session.of(load_scenario("tango-space-10m"))
     options = options_of(session)
-    assert command_lines(session, options).left_out == ()
+    assert command_lines(session, options, "tango-space-10m").left_out == ()
     session.take_over()
     options.settings.exposure_stops = 1.0
-    found = command_lines(session, options, "out/console/x.json")
+    found = command_lines(session, options, "tango-space-10m", "out/console/x.json")
     assert "this picture" not in dict(found.lines)
     assert dict(found.lines)["the picture saved last"] == "flyaround render --from-truth out/console/x.json"
     assert len(found.left_out) == 2
+
+
+def test_a_scenario_of_a_file_is_named_by_it_and_one_of_no_file_by_nothing() -> None:
+    session = Session.of(load_scenario("tango-space-10m"), seed=7)
+    options = options_of(session)
+    named = dict(command_lines(session, options, "my flights/mine.toml").lines)
+    assert named["this console"] == "flyaround sim 'my flights/mine.toml' --seed 7"
+    assert command_lines(session, options, "").lines == ()
+    assert "in no file" in command_lines(session, options, "").left_out[0]

@@ -157,7 +157,8 @@ def test_a_hung_board_counts_as_gone_after_three_misses_and_ends_the_run():
     # 500 misses would take 300 s
     assert summary.ended == "board_lost"
     assert "answered none of 3 frames in a row" in summary.board_gone
-    outcomes = [row.outcome for row in rows[2:]]
+    # a frame that was on its way when the board was stopped may have been answered
+    outcomes = [row.outcome for row in rows[2:] if row.outcome != "accepted"]
     # two that the line took, and the one that found no credit for want of an answer
     assert outcomes == ["dropped:timeout", "dropped:timeout", "dropped:disconnected"]
 
@@ -186,8 +187,11 @@ def test_another_board_may_take_the_place_of_a_hung_one():
         )
     assert summary.ended == "completed"
     assert summary.link.sessions == 2
-    assert [row.outcome for row in rows[2:4]] == ["dropped:timeout", "dropped:disconnected"]
-    assert all(row.outcome == "accepted" for row in rows[4:])
+    # a frame that was on its way when the board was stopped may have been answered
+    first = next(k for k, row in enumerate(rows) if k >= 2 and row.outcome != "accepted")
+    assert first in {2, 3}
+    assert [row.outcome for row in rows[first : first + 2]] == ["dropped:timeout", "dropped:disconnected"]
+    assert all(row.outcome == "accepted" for row in rows[first + 2 :])
 
 
 def test_a_slow_board_is_not_taken_for_a_hung_one():

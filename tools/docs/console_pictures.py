@@ -1,0 +1,66 @@
+"""A look of every panel of the console, nine to a sheet: ``python -m tools.docs.console_pictures``."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from gui.panels.all import PANELS
+
+FOLDER = Path("docs") / "images"
+SCENARIO = "tango-vbar-closed-loop"
+TILE = (640, 400)
+COLUMNS, ROWS = 3, 3
+FIRST_S, EACH_S, LOOK_S = 4.0, 4.0, 3.4
+JPEG_QUALITY = 84
+
+
+def main() -> None:
+    """Open each panel in turn, keep a look of the window, and write the sheets."""
+    with tempfile.TemporaryDirectory() as place:
+        looks = [_labelled(image, title) for image, title in _looks(Path(place))]
+    size = COLUMNS * ROWS
+    for k in range(0, len(looks), size):
+        tiles = looks[k : k + size]
+        tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % COLUMNS)
+        sheet = np.vstack([np.hstack(tiles[r : r + COLUMNS]) for r in range(0, len(tiles), COLUMNS)])
+        path = FOLDER / f"console-panels-{k // size + 1}.jpg"
+        cv2.imwrite(str(path), sheet, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+
+
+def _looks(folder: Path) -> list[tuple[np.ndarray, str]]:
+    lines = ["0.500 estimator.run on", "0.600 overlay.keypoints on", "0.700 picture.detail full"]
+    t_s = FIRST_S
+    for panel in PANELS:
+        lines += [
+            f"{t_s:.3f} panel.{panel.name} on",
+            f"{t_s + LOOK_S:.3f} window.screenshot {panel.name}.png",
+        ]
+        if panel.name != "camera":
+            lines.append(f"{t_s + LOOK_S + 0.3:.3f} panel.{panel.name} off")
+        t_s += EACH_S
+    lines.append(f"{t_s + 1:.3f} window.close")
+    (folder / "script").write_text("\n".join(lines))
+    environment = os.environ | {"FLYAROUND_CONSOLE_LAYOUT": str(folder / "layout.json")}
+    command = [sys.executable, "-m", "flyaround", "sim", SCENARIO, "--script", "script"]
+    subprocess.run(command, cwd=folder, env=environment, check=True)
+    return [(cv2.imread(str(folder / f"{p.name}.png")), p.title) for p in PANELS]
+
+
+def _labelled(image: np.ndarray, title: str) -> np.ndarray:
+    small = cv2.resize(image, TILE, interpolation=cv2.INTER_AREA)
+    cv2.rectangle(small, (0, TILE[1] - 26), (TILE[0], TILE[1]), (24, 18, 14), -1)
+    cv2.putText(
+        small, title, (10, TILE[1] - 8), cv2.FONT_HERSHEY_SIMPLEX, 0.52, (250, 190, 90), 1, cv2.LINE_AA
+    )
+    return small
+
+
+if __name__ == "__main__":
+    main()
