@@ -66,6 +66,7 @@ class Operator:
         """A command by the palette."""
         self.keys("ctrl+p")
         time.sleep(1.0)
+        self.look(f"new-user-{words.split()[0]}")
         self.tell(f"types {words}")
         xdotool(self.display, "type", "--delay", "40", words)
         time.sleep(0.8)
@@ -126,6 +127,7 @@ def fly(operator: Operator, console: subprocess.Popen[str]) -> dict[str, object]
     operator.wait("first picture", 120.0)
     operator.began()
     operator.keys("Escape")  # the first card of the tour
+    time.sleep(1.0)
     # the estimator is given what is on the screen
     operator.command("picture.detail full")
     operator.command("estimator.run on")
