@@ -6,7 +6,7 @@ import shlex
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gui.picture.view_settings import OVERLAYS
+from gui.picture.view_settings import OVERLAYS, Overlays
 
 if TYPE_CHECKING:
     from gui.flight.session import Session
@@ -39,11 +39,8 @@ def command_lines(session: Session, options: Options, source: str, saved: str = 
         why = "this scenario was changed here and is in no file: save its text, open that, and the lines name it"
         return CommandLines(_of_saved(saved), (why,))
     seed = [] if session.plan.seed == session.plan.scenario.seed else ["--seed", str(session.plan.seed)]
-    over = [
-        field
-        for field, _ in OVERLAYS
-        if getattr(options.overlays, field) and field not in {"crosshair", "hud"}
-    ]
+    first = Overlays()
+    over = [f for f, _ in OVERLAYS if getattr(options.overlays, f) and not getattr(first, f)]
     sim = ["flyaround", "sim", source, *seed, *(["--overlays", ",".join(over)] if over else [])]
     lines = [("this console", shlex.join(sim))]
     left_out = []

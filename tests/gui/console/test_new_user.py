@@ -66,7 +66,7 @@ class Operator:
         """A command by the palette."""
         self.keys("ctrl+p")
         time.sleep(1.0)
-        self.look(f"new-user-{words.split()[0]}")
+        self.look(f"new-user-{words.split(maxsplit=1)[0]}")
         self.tell(f"types {words}")
         xdotool(self.display, "type", "--delay", "40", words)
         time.sleep(0.8)
