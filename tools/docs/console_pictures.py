@@ -50,7 +50,7 @@ def _looks(folder: Path) -> list[tuple[np.ndarray, str]]:
     environment = os.environ | {"FLYAROUND_CONSOLE_LAYOUT": str(folder / "layout.json")}
     command = [sys.executable, "-m", "flyaround", "sim", SCENARIO, "--script", "script"]
     subprocess.run(command, cwd=folder, env=environment, check=True)
-    return [(cv2.imread(str(folder / f"{p.name}.png")), p.title) for p in PANELS]
+    return [(np.asarray(cv2.imread(str(folder / f"{p.name}.png"))), p.title) for p in PANELS]
 
 
 def _labelled(image: np.ndarray, title: str) -> np.ndarray:
