@@ -21,7 +21,7 @@ _AROUND = ((-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1))
 
 
 class Canvas:
-    """Draws into the window that is begun.
+    """Draws into the current window.
 
     Parameters
     ----------

@@ -170,7 +170,7 @@ class Layout:
             log.warning("the console's layout could not be kept in %s: %s", path, error)
 
     def draw(self, console: Console) -> None:
-        """Everything, into the frame that is begun."""
+        """Everything, into the current frame."""
         imgui = self._window.imgui
         self._menu(console)
         self._status(console)
@@ -242,9 +242,9 @@ class Layout:
             if panel.place != "over" and imgui.is_window_hovered(imgui.HoveredFlags_.child_windows):
                 self._hovered = panel.name
         imgui.end()
-        if not stays or (
-            panel.place == "over" and imgui.is_key_pressed(imgui.Key.escape, False) and not console.front
-        ):
+        # an Escape that came together with the key that opened it was for something else
+        escaped = over and self._was_shown.get(panel.name) and imgui.is_key_pressed(imgui.Key.escape, False)
+        if not stays or (escaped and not console.front):
             console.do(f"panel.{panel.name}", False)
 
     def _dock_of(self, panel: Panel) -> int:

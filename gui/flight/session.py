@@ -15,6 +15,7 @@ from gui.flight.planned_burns import predicted_path
 from gui.flight.propellant import thrusters_of
 from gui.flight.recorder import FlightRecorder
 from gui.flight.steering import BORESIGHT, Steering
+from gui.flight.trail import Trail
 from simulator.errors import UserError
 from simulator.runtime.arrays import Vec3, vec3
 from simulator.scenario.plan import plan_flight
@@ -54,7 +55,6 @@ LONGEST_TICK_S = 0.25
 """Wall time beyond this (a stalled window) is not made up for."""
 FIRST_SPAN_S = 1800.0
 MARGIN_S = 60.0
-TRAIL_POINTS = 4000
 SWAPPED_TRAIL_POINTS = 400
 """Of a future that comes back."""
 DRIFT_S = 600.0
@@ -114,10 +114,7 @@ class Session:
         chaser = self.plan.scenario.chaser
         self.docking = Docking(self.plan.target, self.plan.flight, chaser.keep_out)
         self.steering = Steering(self.docking, thrusters_of(chaser.thrusters), chaser.keep_out)
-        self.trail: list[Vec3] = []
-        self._trail_times_s: list[float] = []
-        self._trail_every_s = 0.5
-        self._trail_t_s = -np.inf
+        self._trail = Trail()
         self._moment: Moment | None = None
         self._leave_trail()
 
@@ -428,9 +425,7 @@ class Session:
 
     def future_left(self, t_s: float) -> None:
         """What was flown after a time does not belong to the flight any more."""
-        kept = sum(t <= t_s for t in self._trail_times_s)
-        del self.trail[kept:], self._trail_times_s[kept:]
-        self._trail_t_s = self._trail_times_s[-1] if self._trail_times_s else -np.inf
+        self._trail.cut(t_s)
         if self.recorder is not None:
             self.recorder.leave_after(t_s)
 
@@ -439,9 +434,7 @@ class Session:
         timeline = self.look_back.timeline
         times = np.linspace(0.0, timeline.end_s, SWAPPED_TRAIL_POINTS)
         flown = [(float(t), timeline.chaser_between(float(t))) for t in times]
-        self._trail_times_s = [t for t, _ in flown]
-        self.trail = [self._lvlh_position(c or self.flight.chaser(t)) for t, c in flown]
-        self._trail_t_s = self._trail_times_s[-1]
+        self._trail.replace((t, self._lvlh_position(c or self.flight.chaser(t))) for t, c in flown)
         if self.recorder is not None:
             self.recorder.swap_future()
 
@@ -464,6 +457,11 @@ class Session:
         The frame number is the simulated time in hundredths of a second, so that a moment has one noise.
         """
         return self.plan.scene_of(self.moment.world, round(self._t_s * 100))
+
+    @property
+    def trail(self) -> list[Vec3]:
+        """Where the chaser was, LVLH [m], thinned over a long flight."""
+        return self._trail.points
 
     def planned_path_lvlh_m(self, samples: int = 200) -> list[Vec3]:
         """The scenario's own trajectory over its duration, LVLH [m]."""
@@ -491,15 +489,8 @@ class Session:
         return vec3(self.flight.lvlh(chaser.t_s).from_eci(p, v)[0])
 
     def _leave_trail(self) -> None:
-        if self._t_s - self._trail_t_s < self._trail_every_s:
-            return
-        self._trail_t_s = self._t_s
-        self.trail.append(self._lvlh_position(self.moment.chaser))
-        self._trail_times_s.append(self._t_s)
-        if len(self.trail) > TRAIL_POINTS:
-            # the whole flight stays in view, at half the density
-            self.trail, self._trail_times_s = self.trail[::2], self._trail_times_s[::2]
-            self._trail_every_s *= 2
+        if self._trail.wants(self._t_s):
+            self._trail.add(self._t_s, self._lvlh_position(self.moment.chaser))
 
 
 def _target_direction(chaser: ChaserState) -> Vec3:

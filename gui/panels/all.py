@@ -52,7 +52,7 @@ class Panel(Protocol):
     def __init__(self, window: Window) -> None: ...
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
 
 
 PANELS: tuple[type[Panel], ...] = (

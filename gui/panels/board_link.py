@@ -39,7 +39,7 @@ class BoardLinkPanel:
         self._seconds = FAULT_S
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, imgui, hil = self._w, self._w.imgui, console.hil
         w.text(hil.state, SEEN.get(hil.state, style.WARN))
         if hil.board_name:

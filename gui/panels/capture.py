@@ -34,7 +34,7 @@ class CapturePanel:
         self._formats: set[str] = set()
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         if console.capture.running:
             self._under_way(console)
         else:

@@ -21,7 +21,7 @@ class ChaserPanel:
         self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w = self._w
         w.buttons(console, ("steer.toggle", "steer.track", "steer.centre", "steer.stop", "steer.reset"), 3)
         picture = console.feed.newest

@@ -22,7 +22,7 @@ class CommandLinePanel:
         self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
         found = command_lines(console.session, console.options, console.source, console.saved_truth)
         for what, line in found.lines:

@@ -26,7 +26,7 @@ class DockingPanel:
         self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, session = self._w, console.session
         docking = session.docking
         text, colour = status(console)

@@ -22,7 +22,7 @@ class EditorPanel:
         self._path = "mine.toml"
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, imgui, draft = self._w, self._w.imgui, console.draft
         if not draft.text:
             w.text("No scenario is being edited.", style.QUIET)

@@ -43,7 +43,7 @@ class EstimatorPanel:
         self._stage = ""
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, estimates = self._w, console.estimates
         w.switch(console, "estimator.run")
         w.flow(12 * w.imgui.get_font_size(), first=False)

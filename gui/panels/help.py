@@ -36,7 +36,7 @@ class HelpPanel:
         self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
-        """Draw into the window that is begun."""
+        """Draw into the current window."""
         w, imgui = self._w, self._w.imgui
         name = console.help_about or "camera"
         title, text = console.about.get(name, (name, "There is no such panel."))

@@ -26,7 +26,7 @@ class KeyList:
         self._wanted = ""
 
     def draw(self, console: Console) -> None:
-        """Draw into the window that is begun."""
+        """Draw into the current window."""
         w, imgui = self._w, self._w.imgui
         imgui.set_next_item_width(-1)
         if imgui.is_window_appearing():
@@ -74,7 +74,7 @@ class Palette:
         self._line = ""
 
     def draw(self, console: Console) -> None:
-        """Draw into the window that is begun."""
+        """Draw into the current window."""
         w, imgui = self._w, self._w.imgui
         if imgui.is_window_appearing():
             self._line = ""

@@ -24,7 +24,7 @@ class LogPanel:
         self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
         if not imgui.begin_tab_bar("log"):
             return

@@ -22,7 +22,7 @@ class PassesPanel:
         self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, imgui, feed = self._w, self._w.imgui, console.feed
         rows = shown_passes(feed.pass_ms)
         if not rows:

@@ -24,7 +24,7 @@ class PicturePanel:
         self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, settings = self._w, console.options.settings
         imgui = w.imgui
         exposure_s = console.session.plan.scenario.sensor.exposure_s * 2.0**settings.exposure_stops
@@ -58,7 +58,7 @@ class WorldPanel:
         self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         self._w.switches(console, [f"world.{name.replace('_', '-')}" for name, _ in LAYERS])
         self._w.text(
             "What is left out is left out of the console's pictures, not of the scenario.", style.QUIET

@@ -33,7 +33,7 @@ class ScenarioChooser:
         self._cards: list[tuple[str, str, ByteArray]] = []
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
         if not imgui.begin_tab_bar("scenarios"):
             return

@@ -34,7 +34,7 @@ class SensorPanel:
         self._camera = SCENARIO
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, settings = self._w, console.options.settings
         self._draw_histogram(console)
         w.section("Camera")

@@ -35,7 +35,7 @@ class SteeringPanel:
         self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, steering = self._w, console.session.steering
         w.switches(console, ("steer.lvlh", "steer.pulses"))
         w.section("Attitude")

@@ -24,7 +24,7 @@ class TargetPanel:
         self._names: tuple[str, ...] = ()
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, imgui, target = self._w, self._w.imgui, console.session.plan.target
         if not self._names:
             self._names = list_targets()

@@ -21,7 +21,7 @@ class TimePanel:
         self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, session = self._w, console.session
         w.text(session.plan.scenario.title or session.plan.scenario.name)
         w.buttons(console, ("time.pause", "time.step", "time.restart"), 3)

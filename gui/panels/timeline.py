@@ -25,7 +25,7 @@ class TimelinePanel:
         self._note = ""
 
     def draw(self, console: Console) -> None:
-        """Draw into the panel that is begun."""
+        """Draw into the current panel."""
         w, session = self._w, console.session
         timeline = session.look_back.timeline
         end_s = max(timeline.end_s, session.t_s)

@@ -60,7 +60,7 @@ class TourPanel:
         self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
-        """Draw into the window that is begun."""
+        """Draw into the current window."""
         w, imgui = self._w, self._w.imgui
         scale = w.window.scale
         step = min(max(console.tour_step, 0), len(CARDS) - 1)

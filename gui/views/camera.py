@@ -37,7 +37,7 @@ class CameraView:
         self._estimate = EstimateOverlay(window)
 
     def draw(self, console: Console) -> None:
-        """Draw into the view that is begun."""
+        """Draw into the current view."""
         imgui = self._imgui
         session, feed, options = console.session, console.feed, console.options
         corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()

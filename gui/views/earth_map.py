@@ -62,7 +62,7 @@ class EarthMap:
         self._asked_s = -math.inf
 
     def draw(self, console: Console) -> None:
-        """Draw into the view that is begun."""
+        """Draw into the current view."""
         imgui, session = self._imgui, console.session
         corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         place = (corner.x, corner.y, max(free.x, 32.0), max(free.y, 32.0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,7 +38,7 @@ SCALE_STEPS = 32
 NO_TARGET = "the camera sees no target"
 
 
-class _LabelView:
+class _LabelView(ABC):
     """A view of the feed of labels; each kind makes its picture once for every frame."""
 
     name, title, place, shown = "", "", "left", False
@@ -50,7 +51,7 @@ class _LabelView:
         self._part = (slice(0, 1), slice(0, 1))
 
     def draw(self, console: Console) -> None:
-        """Draw into the view that is begun."""
+        """Draw into the current view."""
         imgui = self._imgui
         corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         place = (corner.x, corner.y, max(free.x, 32.0), max(free.y, 32.0))
@@ -71,11 +72,13 @@ class _LabelView:
             self._show(canvas, place)
         canvas.unclip()
 
+    @abstractmethod
     def _make(self, picture: Picture) -> None:
-        raise NotImplementedError
+        """Make what is shown of a new frame."""
 
+    @abstractmethod
     def _show(self, canvas: Canvas, place: Place) -> None:
-        raise NotImplementedError
+        """Show what was made last."""
 
     def _image(self, canvas: Canvas, place: Place, image: ByteArray) -> Letterbox:
         """The part of the picture about the target; what the whole picture's pixels have on the screen."""

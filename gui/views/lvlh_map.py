@@ -61,7 +61,7 @@ class LvlhMap:
         self.ports: tuple[MapPort, ...] = ()
 
     def draw(self, console: Console) -> None:
-        """Draw into the view that is begun."""
+        """Draw into the current view."""
         imgui, session, look = self._imgui, console.session, console.options.map
         self._remember(session)
         corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()

@@ -41,7 +41,7 @@ class OrbitCameraView:
         self._marks_of: Picture | None = None
 
     def draw(self, console: Console) -> None:
-        """Draw into the view that is begun."""
+        """Draw into the current view."""
         imgui = self._imgui
         look = console.options.orbit
         corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
