@@ -244,7 +244,7 @@ class Layout:
         imgui.end()
         # an Escape that came together with the key that opened it was for something else
         escaped = over and self._was_shown.get(panel.name) and imgui.is_key_pressed(imgui.Key.escape, False)
-        if not stays or (escaped and not console.front):
+        if not stays or escaped:
             console.do(f"panel.{panel.name}", False)
 
     def _dock_of(self, panel: Panel) -> int:

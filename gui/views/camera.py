@@ -63,7 +63,8 @@ class CameraView:
         self._truth.draw(box, picture, options, paused=session.paused, taken=taken)
         if options.overlays.estimate:
             self._estimate.draw(draw, box, picture, console.estimates)
-        if options.overlays.crosshair:
+        # the docking display has a cross and figures of its own
+        if options.overlays.crosshair and not options.overlays.docking:
             self._truth.crosshair(box, picture)
         if options.overlays.docking:
             self._docking.draw(box, console, picture)
