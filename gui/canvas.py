@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gui import style
+from gui import hover_text, style
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -64,18 +64,26 @@ class Canvas:
 
     # --- letters
 
-    def text(self, at: Point, text: str, rgba: style.Rgba = style.INK) -> None:
-        """Letters with an outline: they read on black and on white."""
+    def text(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
+        """Letters with an outline: they read on black and on white; ``tip`` is told over them."""
         # whole pixels: between them letters blur
         x, y = float(round(at[0])), float(round(at[1]))
         halo = self.color((*style.HALO[:3], style.HALO[3] * rgba[3]))
         for dx, dy in _AROUND:
             self._draw.add_text(self.vec((x + dx, y + dy)), halo, text)
         self._draw.add_text(self.vec((x, y)), self.color(rgba), text)
+        if tip:
+            self.tip(at, self.size(text), tip)
 
-    def plain_text(self, at: Point, text: str, rgba: style.Rgba = style.INK) -> None:
+    def plain_text(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
         """Letters without an outline, for a dark ground."""
         self._draw.add_text(self.vec((round(at[0]), round(at[1]))), self.color(rgba), text)
+        if tip:
+            self.tip(at, self.size(text), tip)
+
+    def tip(self, corner: Point, size: Point, text: str) -> None:
+        """What the mouse over a place tells."""
+        hover_text.tell_place(self._imgui, corner, size, text)
 
     # --- lines
 

@@ -29,6 +29,7 @@ class Argument:
     ----------
     kind : ``number`` (finite), ``whole``, ``word`` (any text) or ``switch`` (on, off).
     choices : words that are allowed; empty for any.
+    unit : of a number, for people; ``times`` and ``share`` where it has none.
     least, most : bounds of a number.
     optional : whether it may be left out; only the last ones may.
     """
@@ -40,6 +41,14 @@ class Argument:
     least: float = -math.inf
     most: float = math.inf
     optional: bool = False
+    unit: str = ""
+
+    @property
+    def about(self) -> str:
+        """A line for people: its name, unit and bounds, and what it is."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        bounds = f", {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
+        return f"{self.name}{unit}{bounds}: {self.help}"
 
     def read(self, text: str, command: str) -> Value:
         """The value of a word of a script.
@@ -108,6 +117,24 @@ class Command:
         """Whether it needs no argument."""
         return all(a.optional for a in self.arguments)
 
+    @property
+    def form(self) -> str:
+        """What one writes: its name, and its arguments after it."""
+        return " ".join(
+            [self.name, *(f"[{a.name}]" if a.optional else a.name.upper() for a in self.arguments)]
+        )
+
+    def about(self, *given: Value) -> str:
+        """What people read over its button or control: what it does, by which key, and what it takes.
+
+        Parameters
+        ----------
+        given : the arguments that the button has; the others are told with their units.
+        """
+        help_, keys = self.help[:1].upper() + self.help[1:], f" ({self.shown})" if self.shown else ""
+        open_ = [a.about for a in self.arguments[len(given) :] if a.kind != "switch"]
+        return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, given) if given else self.form])
+
     def read(self, words: Sequence[str]) -> tuple[Value, ...]:
         """The arguments of a script's line.
 
@@ -118,8 +145,7 @@ class Command:
         """
         needed = sum(not a.optional for a in self.arguments)
         if not needed <= len(words) <= len(self.arguments):
-            form = " ".join(f"[{a.name}]" if a.optional else a.name.upper() for a in self.arguments)
-            raise UserError(f"{self.name} was given {len(words)} arguments; its form is: {self.name} {form}")
+            raise UserError(f"{self.name} was given {len(words)} arguments; its form is: {self.form}")
         return tuple(a.read(w, self.name) for a, w in zip(self.arguments, words, strict=False))
 
     def checked(self, values: Sequence[Value]) -> tuple[Value, ...]:

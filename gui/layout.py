@@ -328,7 +328,7 @@ class Layout:
                 on = c.state is not None and c.state(console)
                 if imgui.menu_item_simple(c.title, c.shown, on):
                     console.do(c.name)
-                self._w.tip(c.help)
+                self._w.about(console, c.name)
             imgui.end_menu()
 
     def _status(self, console: Console) -> None:

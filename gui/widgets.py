@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gui import style
+from gui import hover_text, style
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,13 +48,15 @@ class Widgets:
         """Text of this colour until ``imgui.pop_style_color``."""
         self.imgui.push_style_color(self.imgui.Col_.text, self.imgui.ImVec4(*rgba))
 
-    def text(self, text: str, rgba: style.Rgba = style.INK) -> None:
-        """Text that goes on in the next line where the panel ends."""
+    def text(self, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
+        """Text that goes on in the next line where the panel ends; ``tip`` is told over it."""
         self.coloured(rgba)
         self.imgui.push_text_wrap_pos(0.0)
         self.imgui.text_unformatted(text)
         self.imgui.pop_text_wrap_pos()
         self.imgui.pop_style_color()
+        if tip:
+            self.tip(tip)
 
     def elided(self, text: str, width: float) -> str:
         """The text, or as much of its beginning as fits, with an ellipsis."""
@@ -68,8 +70,20 @@ class Widgets:
 
     def tip(self, text: str) -> None:
         """What the mouse over the last part tells."""
-        if text and self.imgui.is_item_hovered(self.imgui.HoveredFlags_.delay_short):
-            self.imgui.set_tooltip(text)
+        hover_text.tell_item(self.imgui, text)
+
+    def about(self, console: Console, name: str, *given: Value, argument: str = "") -> None:
+        """Tell of the last part what its command does, by which key, and what its arguments are, with their units.
+
+        Parameters
+        ----------
+        given : arguments that the part has. argument : the only one that it is for.
+        """
+        command = console.table[name]
+        if argument:
+            self.tip(next(a.about for a in command.arguments if a.name == argument))
+        else:
+            self.tip(command.about(*given))
 
     def row(self, name: str, values: Sequence[float], form: str, tip: str) -> None:
         """A line of figures; the figures go under the name where the panel is narrow."""
@@ -84,6 +98,7 @@ class Widgets:
         if max(imgui.calc_text_size(name).x, imgui.calc_text_size("Rel. °/s").x) + 8 + width <= self.width:
             imgui.same_line(imgui.get_cursor_pos_x() + self.width - width)
         imgui.text_unformatted(self.elided(figures, self.width))
+        self.tip(tip)
         imgui.pop_font()
 
     def flow(self, width: float, *, first: bool) -> None:
@@ -118,7 +133,7 @@ class Widgets:
             console.do(name, *arguments)
         if on:
             self.imgui.pop_style_color()
-        self.tip(f"{command.help} ({command.shown})" if command.shown else command.help)
+        self.about(console, name, *arguments)
 
     def buttons(self, console: Console, names: Sequence[str], per_row: int) -> None:
         """Buttons of one width, so many in a row or fewer in a narrow panel."""
@@ -140,7 +155,7 @@ class Widgets:
         changed, value = self.imgui.checkbox(f"{label or command.title}##{name}", state)
         if changed:
             console.do(name, value) if command.arguments else console.do(name)
-        self.tip(f"{command.help} ({command.shown})" if command.shown else command.help)
+        self.about(console, name)
 
     def switches(self, console: Console, names: Sequence[str]) -> None:
         """Tick boxes in as many columns as fit, two at most."""

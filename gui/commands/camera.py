@@ -51,7 +51,10 @@ COMMANDS = (
         "Change sensor",
         "a number of the sensor for the console's pictures",
         _set,
-        arguments=(Argument("name", "word", "of the number"), Argument("value", "number", "its value")),
+        arguments=(
+            Argument("name", "word", "of the number"),
+            Argument("value", "number", "its value, in the unit that the panel shows", unit="its unit"),
+        ),
     ),
     Command("sensor.reset", "Scenario's sensor", "the scenario's own numbers again", _reset),
     Command(
@@ -61,7 +64,9 @@ COMMANDS = (
         _gain,
         arguments=(
             Argument("light", "whole", "its number, from 0", least=0, most=1000),
-            Argument("gain", "number", "factor", least=0.0, most=MOST_GAIN),
+            Argument(
+                "gain", "number", "as bright as the scenario has it", least=0.0, most=MOST_GAIN, unit="times"
+            ),
         ),
     ),
 )

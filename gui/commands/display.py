@@ -124,7 +124,16 @@ COMMANDS = (
         "Exposure",
         "added to the scenario's exposure, in powers of two",
         _exposure,
-        arguments=(Argument("stops", "number", "powers of two", least=-MOST_STOPS, most=MOST_STOPS),),
+        arguments=(
+            Argument(
+                "stops",
+                "number",
+                "1 exposes twice as long, -1 half as long",
+                least=-MOST_STOPS,
+                most=MOST_STOPS,
+                unit="powers of two",
+            ),
+        ),
     ),
     Command(
         "picture.detail",

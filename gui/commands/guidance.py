@@ -114,16 +114,23 @@ def _cancel_burn(console: Console, t: float | None = None) -> None:
 
 
 def _distance(name: str, text: str, *, optional: bool = True) -> Argument:
-    return Argument(name, "number", text, least=0.1, most=FAR_M, optional=optional)
+    return Argument(name, "number", text, least=0.1, most=FAR_M, optional=optional, unit="m")
 
 
 def _place() -> tuple[Argument, ...]:
     return tuple(
-        Argument(a, "number", f"{a} [m]", least=-FAR_M, most=FAR_M) for a in ("radial", "along", "cross")
+        Argument(a, "number", text, least=-FAR_M, most=FAR_M, unit="m")
+        for a, text in (
+            ("radial", "outward from the Earth"),
+            ("along", "along the flight"),
+            ("cross", "across the orbit"),
+        )
     )
 
 
-SPEED = Argument("speed", "number", "[m/s]", least=1e-3, most=10.0, optional=True)
+SPEED = Argument(
+    "speed", "number", "of the approach; 0.1 unless given", least=1e-3, most=10.0, optional=True, unit="m/s"
+)
 
 COMMANDS = (
     Command("guidance.hold", "Station keeping", "keep the chaser where it is beside the target", _hold),
@@ -139,21 +146,21 @@ COMMANDS = (
         "V-bar approach",
         "along the velocity axis to a hold point, by default 10 m from the centre of mass",
         _vbar,
-        arguments=(_distance("hold", "from the centre of mass [m]"), SPEED),
+        arguments=(_distance("hold", "from the target's centre of mass"), SPEED),
     ),
     Command(
         "guidance.rbar",
         "R-bar approach",
         "along the radius to a hold point, by default 10 m from the centre of mass",
         _rbar,
-        arguments=(_distance("hold", "from the centre of mass [m]"), SPEED),
+        arguments=(_distance("hold", "from the target's centre of mass"), SPEED),
     ),
     Command(
         "guidance.glideslope",
         "Glideslope",
         "straight in, the slower the nearer, by default to 10 m",
         _glideslope,
-        arguments=(_distance("end", "from the centre of mass [m]"),),
+        arguments=(_distance("end", "from the target's centre of mass"),),
     ),
     Command(
         "guidance.waypoint",
@@ -168,8 +175,16 @@ COMMANDS = (
         "a forced circle about the target through where the chaser is, by default once in 15 minutes",
         _flyaround,
         arguments=(
-            _distance("radius", "[m]"),
-            Argument("period", "number", "of a turn [s]", least=60.0, most=1e5, optional=True),
+            _distance("radius", "of the circle; left out: where the chaser is"),
+            Argument(
+                "period",
+                "number",
+                "of a turn; 900 unless given",
+                least=60.0,
+                most=1e5,
+                optional=True,
+                unit="s",
+            ),
         ),
     ),
     Command(
@@ -177,21 +192,24 @@ COMMANDS = (
         "Circumnavigation",
         "one burn onto the 2:1 ellipse about the target through where the chaser is, then free flight",
         _circumnavigate,
-        arguments=(_distance("size", "half of its radial size [m]"),),
+        arguments=(_distance("size", "half of its radial size; left out: through where the chaser is"),),
     ),
     Command(
         "guidance.safe-ellipse",
         "Safe ellipse",
         "onto an ellipse that keeps clear of the velocity axis, then free flight",
         _safe_ellipse,
-        arguments=(_distance("size", "half of its radial size [m]"),),
+        arguments=(_distance("size", "half of its radial size; left out: through where the chaser is"),),
     ),
     Command(
         "guidance.keep-range",
         "Range keeping",
         "drift that is turned back at two distances, by default 5 m to both sides",
         _keep_range,
-        arguments=(_distance("near", "[m]"), _distance("far", "[m]")),
+        arguments=(
+            _distance("near", "turned back when nearer than this"),
+            _distance("far", "turned back when farther than this"),
+        ),
     ),
     Command("guidance.drift", "Free drift", "no guidance, no autopilot: the chaser drifts", _drift),
     Command(
@@ -200,10 +218,16 @@ COMMANDS = (
         "a change of velocity along LVLH axes at a time; the thrusters begin so much earlier that its middle is there",
         _plan_burn,
         arguments=(
-            Argument("t", "number", "since the start [s]", least=0.0, most=1e6 + LONGEST_AHEAD_S),
+            Argument(
+                "t", "number", "since the scenario's start", least=0.0, most=1e6 + LONGEST_AHEAD_S, unit="s"
+            ),
             *(
-                Argument(a, "number", "[m/s]", least=-LARGEST_M_S, most=LARGEST_M_S)
-                for a in ("radial", "along", "cross")
+                Argument(a, "number", text, least=-LARGEST_M_S, most=LARGEST_M_S, unit="m/s")
+                for a, text in (
+                    ("radial", "outward from the Earth"),
+                    ("along", "along the flight"),
+                    ("cross", "across the orbit"),
+                )
             ),
         ),
     ),
@@ -212,6 +236,6 @@ COMMANDS = (
         "Cancel burns",
         "take back the planned burn nearest to a time; left out: all of them",
         _cancel_burn,
-        arguments=(Argument("t", "number", "since the start [s]", optional=True),),
+        arguments=(Argument("t", "number", "since the scenario's start", optional=True, unit="s"),),
     ),
 )

@@ -132,7 +132,13 @@ COMMANDS = (
         arguments=(
             Argument("kind", "word", "which one", tuple(FAULTS)),
             Argument(
-                "seconds", "number", "of the flight; 10 unless given", least=0.1, most=3600.0, optional=True
+                "seconds",
+                "number",
+                "how long it acts, in time of the flight; 10 unless given",
+                least=0.1,
+                most=3600.0,
+                optional=True,
+                unit="s",
             ),
         ),
         cli="flyaround hil host SCENARIO --faults FILE",

@@ -141,7 +141,11 @@ COMMANDS = (
         "Size of letters",
         "letters and panels, times as large as at first",
         _font_scale,
-        arguments=(Argument("scale", "number", "1 as at first", least=LEAST_SCALE, most=MOST_SCALE),),
+        arguments=(
+            Argument(
+                "scale", "number", "as large as at first", least=LEAST_SCALE, most=MOST_SCALE, unit="times"
+            ),
+        ),
     ),
     Command(
         "window.larger-text",

@@ -15,7 +15,9 @@ DIRECTIONS = tuple(name.removeprefix("steer.") for name in (*THRUST, *TURN))
 
 
 def _shares(*names: str) -> tuple[Argument, ...]:
-    return tuple(Argument(name, "number", "-1 to 1", least=-1.0, most=1.0) for name in names)
+    return tuple(
+        Argument(name, "number", "of what a key gives", least=-1.0, most=1.0, unit="share") for name in names
+    )
 
 
 def _last(_console: Console, _begins: bool) -> None:  # noqa: FBT001 - the form of a held command

@@ -161,7 +161,7 @@ COMMANDS = (
         "Go to a time",
         "go to a place of what was flown, paused",
         _seek,
-        arguments=(Argument("t_s", "number", "seconds since the scenario's start", least=0.0, most=1e9),),
+        arguments=(Argument("t_s", "number", "since the scenario's start", least=0.0, most=1e9, unit="s"),),
     ),
     Command("timeline.step-back", "One step back", "a tenth of a second back", _step_back, ("comma",), ","),
     Command("timeline.back", "Back 10 s", "10 s back in what was flown", _back, ("page_up",), "PgUp"),
@@ -197,7 +197,13 @@ COMMANDS = (
         _unbookmark,
         arguments=(
             Argument(
-                "t_s", "number", "near this time; left out: near now", least=0.0, most=1e9, optional=True
+                "t_s",
+                "number",
+                "near this time; left out: near now",
+                least=0.0,
+                most=1e9,
+                optional=True,
+                unit="s",
             ),
         ),
     ),

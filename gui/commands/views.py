@@ -38,7 +38,7 @@ def _first_turn(console: Console) -> None:
 
 
 def _metres(name: str, of: str) -> Argument:
-    return Argument(name, "number", f"{of} [m]", least=-MOST_WIDTH_M, most=MOST_WIDTH_M)
+    return Argument(name, "number", of, least=-MOST_WIDTH_M, most=MOST_WIDTH_M, unit="m")
 
 
 COMMANDS = (
@@ -53,7 +53,9 @@ COMMANDS = (
         "Map: zoom",
         "the LVLH map so many times as large",
         _zoom,
-        arguments=(Argument("factor", "number", "above 1: nearer", least=0.01, most=100.0),),
+        arguments=(
+            Argument("factor", "number", "as large; above 1: nearer", least=0.01, most=100.0, unit="times"),
+        ),
     ),
     Command(
         "map.place",
@@ -64,7 +66,7 @@ COMMANDS = (
             _metres("along", "middle, along-track"),
             _metres("radial", "middle, radial"),
             _metres("cross", "middle, cross-track"),
-            Argument("width", "number", "metres across", least=LEAST_WIDTH_M, most=MOST_WIDTH_M),
+            Argument("width", "number", "across the map", least=LEAST_WIDTH_M, most=MOST_WIDTH_M, unit="m"),
         ),
     ),
     Command(
@@ -80,9 +82,9 @@ COMMANDS = (
         "where the free camera is, about the target's LVLH axes",
         _turn,
         arguments=(
-            Argument("azimuth", "number", "0 looks along the flight [deg]", least=-360, most=360),
-            Argument("elevation", "number", "above the orbit [deg]", least=-90, most=90),
-            Argument("distance", "number", "from the centre [m]", least=NEAREST_M, most=FARTHEST_M),
+            Argument("azimuth", "number", "0 looks along the flight", least=-360, most=360, unit="deg"),
+            Argument("elevation", "number", "above the orbit", least=-90, most=90, unit="deg"),
+            Argument("distance", "number", "from the centre", least=NEAREST_M, most=FARTHEST_M, unit="m"),
         ),
     ),
     Command(

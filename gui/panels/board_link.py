@@ -41,16 +41,17 @@ class BoardLinkPanel:
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, imgui, hil = self._w, self._w.imgui, console.hil
-        w.text(hil.state, SEEN.get(hil.state, style.WARN))
+        w.text(hil.state, SEEN.get(hil.state, style.WARN), "what the session with a board is at")
         if hil.board_name:
-            w.text(hil.board_name)
+            w.text(hil.board_name, tip="the board that is connected, as it calls itself")
         if hil.on:
-            w.text(f"on {hil.url}" if hil.url else "opening the port ...", style.QUIET)
+            address = f"on {hil.url}" if hil.url else "opening the port ..."
+            w.text(address, style.QUIET, "where a board connects: flyaround hil board URL --target NAME")
             w.button(console, "hil.stop", width=w.width)
         else:
             imgui.set_next_item_width(-1)
             _, self._url = imgui.input_text("##url", self._url)
-            w.tip("where a board connects: tcp://HOST:PORT, or serial:///dev/ttyUSB0?baud=921600")
+            w.about(console, "hil.start", argument="url")
             w.button(console, "hil.start", self._url, width=w.width)
             w.text(
                 "The board is sent a picture of the newest moment whenever it has answered the last one.",
@@ -60,6 +61,7 @@ class BoardLinkPanel:
         self._methods = self._methods or known_methods()
         imgui.set_next_item_width(-1)
         _, self._method = imgui.combo("##method", self._method, list(self._methods))
+        w.about(console, "hil.board", argument="method")
         if hil.board_running:
             w.button(console, "hil.board-stop", width=w.width)
         else:
@@ -116,16 +118,18 @@ class BoardLinkPanel:
         steps = np.append(counts, 0.0)
         implot.plot_stairs("pictures", np.array(BIN_EDGES_MS), np.ascontiguousarray(steps), spec)
         implot.end_plot()
+        w.tip("pictures by their latency, from the first byte out to the pose back [ms, log scale]")
 
     def _faults(self, console: Console) -> None:
         w, imgui = self._w, self._w.imgui
         kinds = list(FAULTS)
         imgui.set_next_item_width(-1)
         _, self._fault = imgui.combo("##fault", self._fault, [k.replace("_", " ") for k in kinds])
+        w.about(console, "hil.fault", argument="kind")
         w.text(FAULTS[kinds[self._fault]][1], style.QUIET)
         imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.5 * w.width))
         _, self._seconds = imgui.input_double("s##seconds", self._seconds, 0.0, 0.0, "%.3g")
-        w.tip("how long it acts, in seconds of the flight")
+        w.about(console, "hil.fault", argument="seconds")
         w.flow(6 * imgui.get_font_size(), first=False)
         imgui.begin_disabled(not console.hil.on)
         seconds = min(max(self._seconds, 0.1), 3600.0)

@@ -48,16 +48,21 @@ class CapturePanel:
         _, self._what = imgui.combo(
             "##what", self._what, [n.replace(THIS, "this flight's scenario") for n in self._names]
         )
+        self._w.about(console, "capture.start", argument="what")
         self._label("Frames")
         _, self._frames = imgui.input_int("##frames", self._frames, 10, 100)
+        self._w.about(console, "capture.start", argument="frames")
         self._label("Folder")
         _, self._folder = imgui.input_text_with_hint("##folder", "a new one in out/console", self._folder)
+        self._w.about(console, "capture.start", argument="folder")
         self._label("Processes")
         _, self._workers = imgui.input_int("##workers", self._workers, 1, 1)
+        self._w.about(console, "capture.start", argument="workers")
         w.text("Beside the native layout", style.QUIET)
         for k, name in enumerate(writable()[1:]):
             w.flow(imgui.calc_text_size(name).x + 2.2 * imgui.get_frame_height(), first=k == 0)
             changed, on = imgui.checkbox(name, name in self._formats)
+            w.about(console, "capture.start", argument="formats")
             if changed:
                 (self._formats.add if on else self._formats.discard)(name)
         self._frames = min(max(self._frames, 1), MOST_FRAMES)
@@ -65,9 +70,10 @@ class CapturePanel:
         if imgui.button("Capture##start", w.vec(w.width, 0)):
             what, formats = self._names[self._what], ",".join(sorted(self._formats)) or "native"
             console.do("capture.start", self._frames, what, self._folder or NEW, formats, self._workers)
-        w.tip(console.table["capture.start"].help)
+        w.about(console, "capture.start")
         if job.outcome:
-            w.text(job.outcome, style.GOOD if job.outcome.startswith("captured") else style.WARN)
+            colour = style.GOOD if job.outcome.startswith("captured") else style.WARN
+            w.text(job.outcome, colour, "how the last capture ended")
             if not job.outcome.startswith("captured"):
                 w.button(console, "capture.resume", width=w.width)
 
@@ -86,14 +92,19 @@ class CapturePanel:
         request = job.request
         if request is None:
             return
-        w.text(request.what)
-        w.text(f"into {request.folder}", style.QUIET)
+        w.text(request.what, tip="scenario, recipe or file that is captured")
+        w.text(f"into {request.folder}", style.QUIET, "folder of the data set")
         share = min(job.done / max(request.frames, 1), 1.0)
         imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*style.ACCENT[:3], 0.45))
         imgui.progress_bar(share, w.vec(-1, 0), f"{job.done} of {request.frames}")
         imgui.pop_style_color()
+        w.tip("frames on the disk, of those that were asked for")
         left = "" if job.left_s is None else f", {_time(job.left_s)} left"
-        w.text("stopping ..." if job.stopping else f"{_time(job.elapsed_s)}{left}", style.QUIET)
+        w.text(
+            "stopping ..." if job.stopping else f"{_time(job.elapsed_s)}{left}",
+            style.QUIET,
+            "time since it began, and what is left at the pace so far",
+        )
         w.button(console, "capture.stop", width=w.width, label="Kill" if job.stopping else None)
 
     def _thumbnails(self, job: CaptureJob) -> None:

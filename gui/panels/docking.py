@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from gui import style
 from gui.flight.docking import PRESETS, judge
-from gui.views.docking_hud import status
+from gui.views.docking_hud import ABOUT, DISTANCE, status
 from gui.widgets import Widgets
 
 if TYPE_CHECKING:
@@ -14,6 +14,11 @@ if TYPE_CHECKING:
     from gui.flight.docking import Judged
     from gui.window import Window
 
+STATES = {
+    "within": "within its limit",
+    "near": "near its limit: up to twice as much",
+    "outside": "outside: more than twice its limit",
+}
 DECIDED = {"open": style.INK, "go": style.WITHIN, "no-go": style.OUTSIDE, "passed": style.QUIET}
 
 
@@ -30,7 +35,7 @@ class DockingPanel:
         w, session = self._w, console.session
         docking = session.docking
         text, colour = status(console)
-        w.text(text, colour)
+        w.text(text, colour, "what flies, and what it waits for")
         w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3)
         w.coloured(style.OUTSIDE)
         w.button(console, "docking.abort", width=w.width)
@@ -38,7 +43,7 @@ class DockingPanel:
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.moment.chaser, session.flight)
         w.section(docking.port.name.capitalize())
-        w.row("Distance", (figures.axial_m,), "{:.2f} m", "of the docking point before the port's plane")
+        w.row("Distance", (figures.axial_m,), "{:.2f} m", DISTANCE)
         self._table(judge(figures, docking.limits, docking.corridor_deg))
         self._preset(console)
         self._points(console)
@@ -55,14 +60,14 @@ class DockingPanel:
             imgui.table_next_column()
             short = row.name.replace("offset ", "").replace("rate ", "").replace(" rate", "")
             w.text(f"{short} {row.unit}", style.QUIET)
-            w.tip(row.name)
+            w.tip(ABOUT[row.name])
             imgui.table_next_column()
             mark = style.LIMIT_MARKS[row.state]
             w.text(f"{row.text}{mark}".rstrip(), style.LIMIT_COLORS[row.state])
-            w.tip(f"{row.state} the limit" if row.state != "near" else "near the limit: up to twice as much")
+            w.tip(f"{row.name} now [{row.unit}]; {STATES[row.state]}")
             imgui.table_next_column()
             w.text(f"{row.limit:.2g}", style.QUIET)
-            w.tip("the limit at this distance")
+            w.tip(f"how large it may be at this distance [{row.unit}]")
         imgui.end_table()
 
     def _preset(self, console: Console) -> None:
@@ -71,7 +76,7 @@ class DockingPanel:
         now = console.session.docking.limits
         imgui.set_next_item_width(w.width)
         changed, k = imgui.combo("##limits", names.index(now.name), [p.title for p in PRESETS.values()])
-        w.tip(f"limits: {now.source}; ! near a limit, # outside")
+        w.tip(f"{console.table['docking.limits'].about()}\nnow: {now.source}; ! near a limit, # outside")
         if changed:
             console.do("docking.limits", names[k])
         w.button(console, "docking.axis-here", width=w.width)
@@ -85,10 +90,15 @@ class DockingPanel:
         following = session.docking.hold_points.next
         for p in points:
             here = following is not None and p.name == following.name
-            w.text(f"{'>' if here else ' '} {p.name} {p.axial_m:5g} m  {p.decision}", DECIDED[p.decision])
+            w.text(
+                f"{'>' if here else ' '} {p.name} {p.axial_m:5g} m  {p.decision}",
+                DECIDED[p.decision],
+                "where the autopilot rests until it is given go: metres of the docking point before the port; "
+                "> is the next",
+            )
         if following is not None:
             for why in session.docking.not_ready(session.moment.chaser, session.flight):
-                w.text(f"not yet: {why}", style.QUIET)
+                w.text(f"not yet: {why}", style.QUIET, "why go would be refused now")
         w.button(console, "time.next-hold-point", width=w.width)
 
     def _contacts(self, console: Console) -> None:
@@ -98,7 +108,12 @@ class DockingPanel:
             return
         w.section("Contact")
         colour = style.WITHIN if contact.docked else style.OUTSIDE
-        w.text(f"T+{contact.t_s:.1f} s: {'docked' if contact.docked else 'no docking'}", colour)
-        w.text(f"score {contact.score} of 100", colour)
+        docked = "docked" if contact.docked else "no docking"
+        w.text(f"T+{contact.t_s:.1f} s: {docked}", colour, "when the last contact was, since the start")
+        w.text(
+            f"score {contact.score} of 100",
+            colour,
+            "each figure at contact: 100 points at zero, 50 at its limit, none from twice that on; their mean",
+        )
         for miss in contact.misses:
-            w.text(miss, style.OUTSIDE)
+            w.text(miss, style.OUTSIDE, "why it was no docking: the figure at contact, and its limit")

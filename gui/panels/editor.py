@@ -28,10 +28,15 @@ class EditorPanel:
             w.text("No scenario is being edited.", style.QUIET)
             w.button(console, "scenario.edit", label="Edit the one that flies")
             return
-        w.text(f"{draft.name}{' (changed)' if draft.changed else ''}", style.ACCENT)
+        w.text(
+            f"{draft.name}{' (changed)' if draft.changed else ''}",
+            style.ACCENT,
+            "the scenario that is edited",
+        )
         w.buttons(console, ("scenario.check", "scenario.fly"), 2)
         imgui.set_next_item_width(max(w.width - 8 * imgui.get_font_size(), 6 * imgui.get_font_size()))
         _, self._path = imgui.input_text("##path", self._path)
+        w.about(console, "scenario.save", argument="path")
         w.flow(6 * imgui.get_font_size(), first=False)
         w.button(console, "scenario.save", self._path, label="Save as")
         w.text(draft.problem or "no mistake was found", style.BAD if draft.problem else style.QUIET)
@@ -39,6 +44,7 @@ class EditorPanel:
         flags = imgui.InputTextFlags_.allow_tab_input
         changed, text = imgui.input_text_multiline("##text", draft.text, w.vec(-1, -1), flags)
         imgui.pop_font()
+        w.tip("the scenario's file; every key with its unit in its name. Leaving the field checks it")
         if changed:
             draft.text, draft.changed = text, True
         if imgui.is_item_deactivated_after_edit():

@@ -50,7 +50,7 @@ class EstimatorPanel:
         state = STATES[estimates.state]
         if estimates.per_s:
             state = f"{state}, {estimates.per_s:.1f}/s"
-        w.text(state, style.GOOD if estimates.on else style.QUIET)
+        w.text(state, style.GOOD if estimates.on else style.QUIET, "what it is at, and estimates a second")
         self._choose(console)
         newest = estimates.newest
         if newest is None:
@@ -80,7 +80,7 @@ class EstimatorPanel:
         button = imgui.calc_text_size("Network").x + 2 * imgui.get_style().frame_padding.x
         imgui.set_next_item_width(max(w.width - button - 8, 60))
         _, self._network = imgui.input_text("##network", self._network)
-        w.tip("net: and the file that flyaround train has written")
+        w.tip("a network as method: net: and the file that flyaround train has written")
         w.flow(button, first=False)
         w.button(
             console,
@@ -93,20 +93,31 @@ class EstimatorPanel:
     def _figures(self, e: ComparedEstimate) -> None:
         w, answer = self._w, e.answer
         w.section(f"{e.method} at T+{e.t_s:.2f} s")
+        w.tip("method, and mid-exposure of the picture that it was given, since the start")
         if answer.accepted:
-            w.text("accepted", style.GOOD)
+            w.text("accepted", style.GOOD, "the estimator stands by this pose")
         else:
-            w.text(f"declined: {answer.reason}", style.WARN)
-        w.row("Confidence", (answer.confidence,), "{:.3f}", "0 to 1; accepted from 0.9 on by svd")
+            w.text(f"declined: {answer.reason}", style.WARN, "the estimator does not stand by its best pose")
+        w.row(
+            "Confidence",
+            (answer.confidence,),
+            "{:.3f}",
+            "how sure the estimator is, 0 to 1; svd accepts from 0.9 on",
+        )
         if e.E_R_deg is not None and e.E_T_m is not None:
-            w.row("Attitude", (e.E_R_deg,), "{:.3f}°", "error against the truth of its picture")
-            w.row("Position", (1e3 * e.E_T_m,), "{:.1f} mm", "error against the truth of its picture")
+            w.row(
+                "Attitude", (e.E_R_deg,), "{:.3f}°", "error of the attitude against its picture's truth [deg]"
+            )
+            w.row(
+                "Position", (1e3 * e.E_T_m,), "{:.1f} mm", "error of the position against its picture's truth"
+            )
             share = 100 * e.E_T_m / max(e.range_m, 1e-9)
             w.row("of range", (share,), "{:.2f} %", "position error over the range")
         w.row("Took", (e.took_ms,), "{:.0f} ms", "all stages; making the estimator is not counted")
         w.row("Picture", e.size_px, "{:d}", "pixels of the picture that it was given")
         slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
-        w.text(", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest), style.QUIET)
+        stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
+        w.text(stages, style.QUIET, "the three stages that took longest")
 
     # --- plots
 
@@ -157,6 +168,7 @@ class EstimatorPanel:
                 f"{name} {filled}", np.ascontiguousarray(t[which]), np.ascontiguousarray(values[which]), spec
             )
         implot.end_plot()
+        w.tip(f"{name} over the flight [s since the start]; dots: accepted, rings: declined")
 
     # --- stages
 
@@ -172,6 +184,7 @@ class EstimatorPanel:
         if self._stage not in self._pictures:
             self._stage = next(reversed(self._pictures))
         self._picture(self._stage, w.width)
+        w.tip(f"what the stage {self._stage.replace('_', ' ')} made of the picture")
         w.text(f"{self._stage.replace('_', ' ')}; a click on a small one shows it here", style.QUIET)
         spacing = imgui.get_style().item_spacing.x
         columns = max(2, int((w.width + spacing) / (THUMB * w.window.scale + spacing)))

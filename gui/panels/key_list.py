@@ -32,6 +32,7 @@ class KeyList:
         if imgui.is_window_appearing():
             self._wanted = ""
         _, self._wanted = imgui.input_text_with_hint("##find", "find a command", self._wanted)
+        w.tip("a few letters of a command's name, help or key; a click on one does it")
         for group, commands in console.table.groups():
             found = [c for c in commands if matches(c, self._wanted)]
             if found:
@@ -56,7 +57,7 @@ class KeyList:
                     console.do(c.name)
             else:
                 w.text(c.title)
-            w.tip(c.name)
+            w.about(console, c.name)
             imgui.table_next_column()
             w.text(f"{c.help}{' (hold)' if c.held else ''}", style.QUIET)
         imgui.end_table()
@@ -84,15 +85,14 @@ class Palette:
         entered, self._line = imgui.input_text_with_hint(
             "##line", "a command, for example: time.rate 10", self._line, flags
         )
+        w.tip("a command and its arguments, as a script has them; Enter does it, or the first one below")
         name, _, rest = self._line.strip().partition(" ")
         found = [c for c in console.table if not c.held and matches(c, name)][: self.rows]
         chosen = None
         for c in found:
-            form = " ".join([c.name, *(f"[{a.name}]" if a.optional else a.name.upper() for a in c.arguments)])
-            if imgui.selectable(w.elided(f"{form}   {c.help}", w.width), False)[0]:
+            if imgui.selectable(w.elided(f"{c.form}   {c.help}", w.width), False)[0]:
                 chosen = c.name
-            if c.arguments and c.arguments[0].choices:
-                w.tip(", ".join(c.arguments[0].choices))
+            w.about(console, c.name)
         if entered and (name in console.table or found):
             chosen = name if name in console.table else found[0].name
         if chosen is not None:

@@ -41,15 +41,20 @@ class PassesPanel:
                 w.coloured(colour)
                 imgui.text_unformatted(w.elided(name, w.width))
                 imgui.pop_style_color()
+                w.tip(
+                    "all of them: the whole picture" if name == "picture" else f"pass of the renderer: {name}"
+                )
                 imgui.table_next_column()
                 imgui.text_unformatted(f"{ms:.1f}")
+                w.tip("milliseconds a picture, median of five")
                 imgui.table_next_column()
                 self._bar(ms / total, colour)
             imgui.end_table()
         picture = feed.newest
         if picture is not None:
             height, width = picture.frame.image.shape[:2]
-            w.text(f"{width} x {height} px, {picture.frame.scene.quality}", style.QUIET)
+            size = f"{width} x {height} px, {picture.frame.scene.quality}"
+            w.text(size, style.QUIET, "pixels of the picture that was timed, and its quality preset")
         w.text(
             "The renderer waits after each pass while this is open: a few milliseconds a picture.",
             style.QUIET,

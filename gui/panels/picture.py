@@ -28,19 +28,24 @@ class PicturePanel:
         w, settings = self._w, console.options.settings
         imgui = w.imgui
         exposure_s = console.session.plan.scenario.sensor.exposure_s * 2.0**settings.exposure_stops
-        w.text(f"Exposure {exposure_text(exposure_s)}, {settings.exposure_stops:+.1f} stops")
+        w.text(
+            f"Exposure {exposure_text(exposure_s)}, {settings.exposure_stops:+.1f} stops",
+            tip="how long a picture is exposed, and powers of two off the scenario's exposure",
+        )
         imgui.set_next_item_width(-1)
         changed, stops = imgui.slider_float(
             "##exposure", settings.exposure_stops, -MOST_STOPS, MOST_STOPS, ""
         )
-        w.tip("Ctrl and click to type a figure; right click: the scenario's own")
+        w.tip(
+            f"{console.table['picture.exposure'].about()}\nCtrl and click types it; right click: the scenario's own"
+        )
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             changed, stops = True, 0.0
         if changed:
             console.do("picture.exposure", min(max(round(stops, 2), -MOST_STOPS), MOST_STOPS))
         imgui.set_next_item_width(min(10 * imgui.get_font_size(), w.width))
         changed, k = imgui.combo("##detail", DETAILS.index(settings.detail), [f"{d} detail" for d in DETAILS])
-        w.tip(console.table["picture.detail"].help)
+        w.about(console, "picture.detail")
         if changed:
             console.do("picture.detail", DETAILS[k])
         w.switches(console, ("picture.colour", "picture.noise"))

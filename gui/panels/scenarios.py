@@ -56,6 +56,7 @@ class ScenarioChooser:
         _, self._wanted = imgui.input_text_with_hint(
             "##find", "find, or the path of a TOML file", self._wanted
         )
+        w.tip("a few letters of a scenario's name or title; a path that ends in .toml is a file to be flown")
         wanted = self._wanted.strip()
         if wanted.endswith(".toml"):
             w.button(console, "scenario.open", wanted, label="Open this file", width=w.width)

@@ -9,7 +9,7 @@ import numpy as np
 
 from gui import style
 from gui.commands.camera import SCENARIO
-from gui.picture.sensor_terms import BINS, Histogram, histogram_of, terms_of
+from gui.picture.sensor_terms import BINS, Histogram, SensorTerm, histogram_of, terms_of
 from gui.picture.view_settings import changed_sensor
 from gui.widgets import Widgets
 from simulator.camera.lens.files import list_cameras
@@ -43,6 +43,7 @@ class SensorPanel:
         if settings.camera is None:
             self._camera = SCENARIO
         changed, k = w.imgui.combo("##camera", names.index(self._camera), list(names))
+        w.about(console, "camera.use")
         if changed:
             self._camera = names[k]
             console.do("camera.use", self._camera)
@@ -54,20 +55,24 @@ class SensorPanel:
         )
         lens = "no distortion" if c.distortion.is_none else c.distortion.model.replace("_", " ")
         w.text(
-            f"{c.width_px} x {c.height_px} px, f {c.fx_px:.0f} px, {across:.1f}° x {up:.1f}° at the axis, {lens}"
+            f"{c.width_px} x {c.height_px} px, f {c.fx_px:.0f} px, {across:.1f}° x {up:.1f}° at the axis, {lens}",
+            tip="width and height of its pictures, focal length in pixels, field of view across and up, distortion",
         )
         w.section("Sensor")
         sensor = changed_sensor(scene.sensor, settings.sensor_changes)
         w.text(
-            f"{sensor.preset}, {sensor.bits} bit{', photon noise' if sensor.detector else ''}", style.QUIET
+            f"{sensor.preset}, {sensor.bits} bit{', photon noise' if sensor.detector else ''}",
+            style.QUIET,
+            "preset of the sensor, and bits of its numbers",
         )
         w.switch(console, "picture.noise")
         if settings.sensor_changes:
             w.button(console, "sensor.reset", width=w.width)
-        for name, text, value in terms_of(sensor):
-            self._term(console, name, text, value)
+        for term in terms_of(sensor):
+            self._term(console, term)
 
-    def _term(self, console: Console, name: str, text: str, value: float) -> None:
+    def _term(self, console: Console, term: SensorTerm) -> None:
+        name, text, value = term.name, term.text, term.value
         w, imgui = self._w, self._w.imgui
         changed = name in console.options.settings.sensor_changes
         field = min(7.5 * imgui.get_font_size(), 0.45 * w.width)
@@ -76,11 +81,13 @@ class SensorPanel:
         w.coloured(style.WARN if changed else style.INK)
         imgui.text_unformatted(w.elided(text, w.width - field - 8))
         imgui.pop_style_color()
-        w.tip(f"sensor.set {name} VALUE: {text}")
+        about = f"{text}: {term.effect}\nsensor.set {name} VALUE; Enter takes a new one"
+        w.tip(about)
         imgui.same_line(end - field)
         imgui.set_next_item_width(field)
         flags = imgui.InputTextFlags_.enter_returns_true
         entered, wanted = imgui.input_double(f"##{name}", value, 0.0, 0.0, "%.5g", flags)
+        w.tip(about)
         if entered and wanted != value:
             console.do("sensor.set", name, wanted)
 
@@ -110,8 +117,10 @@ class SensorPanel:
                 spec.line_weight = 1.5
                 implot.plot_line(f"band {k}", levels, np.log10(1.0 + counts), spec)
             implot.end_plot()
+            w.tip("how many pixels have each level [DN]; pixels on a log scale, a line for each band")
         w.text(
             f"levels {h.least_dn} to {h.most_dn} of {2**bits - 1}, median {h.median_dn:.0f}, "
             f"saturated {100 * h.saturated:.2f} % (pixels on a log scale)",
             style.WARN if h.saturated > 0.01 else style.QUIET,
+            "digital numbers of the picture: darkest, brightest, middle, and the share at the top of the scale",
         )

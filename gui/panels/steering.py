@@ -24,6 +24,7 @@ GUIDANCE = (
     "guidance.keep-range",
     "guidance.drift",
 )
+PLUME = "whether the exhaust, 30 deg wide to each side, meets the target's sphere within 20 m"
 
 
 class SteeringPanel:
@@ -44,9 +45,10 @@ class SteeringPanel:
             w.flow(width, first=k == 0)
             w.button(console, "steer.attitude", mode, label=mode, on=steering.attitude == mode)
         w.section("Guidance")
-        w.text(steering.doing or "by hand", style.ACCENT if steering.doing else style.QUIET)
+        colour = style.ACCENT if steering.doing else style.QUIET
+        w.text(steering.doing or "by hand", colour, "what flies the chaser while nothing is pressed")
         if steering.guided is not None:
-            w.text(steering.guided.phase(console.session.t_s), style.QUIET)
+            w.text(steering.guided.phase(console.session.t_s), style.QUIET, "what the guidance is at")
         w.buttons(console, GUIDANCE, 2)
         self._cost(console)
         self._burns(console)
@@ -57,14 +59,24 @@ class SteeringPanel:
         w, steering = self._w, console.session.steering
         spent = steering.propellant
         w.section("Spent by steering")
-        w.row("Delta-v", (spent.delta_v_m_s,), "{:.3f} m/s", "sum of what the thrusters gave")
+        w.row(
+            "Delta-v",
+            (spent.delta_v_m_s,),
+            "{:.3f} m/s",
+            "change of velocity that the thrusters gave since the start, all pushes added up",
+        )
         isp = spent.thrusters.specific_impulse_s
-        w.row("Propellant", (spent.used_kg,), "{:.3f} kg", f"at a specific impulse of {isp:g} s")
+        w.row(
+            "Propellant",
+            (spent.used_kg,),
+            "{:.3f} kg",
+            f"burnt since the start, at a specific impulse of {isp:g} s",
+        )
         w.row("Mass", (spent.mass_kg,), "{:.2f} kg", "of the chaser; the scenario's thrusters or 100 kg")
         if steering.plume:
-            w.text("# the plume strikes the target", style.OUTSIDE)
+            w.text("# the plume strikes the target", style.OUTSIDE, PLUME)
         else:
-            w.text("plume clear of the target", style.QUIET)
+            w.text("plume clear of the target", style.QUIET, PLUME)
 
     def _burns(self, console: Console) -> None:
         w, steering = self._w, console.session.steering
@@ -75,5 +87,8 @@ class SteeringPanel:
         for burn in steering.burns.burns:
             left = burn.t_s - console.session.t_s
             parts = " ".join(f"{v:+.3f}" for v in burn.delta_v_lvlh_m_s)
-            w.text(f"T+{burn.t_s:.0f} s, in {left:.0f} s: {parts} m/s")
+            w.text(
+                f"T+{burn.t_s:.0f} s, in {left:.0f} s: {parts} m/s",
+                tip="middle of the burn since the start; change of velocity radial, along-track, cross-track",
+            )
         w.button(console, "burn.cancel", width=w.width)

@@ -31,13 +31,14 @@ class TargetPanel:
         names = self._names if target.name in self._names else (target.name, *self._names)
         imgui.set_next_item_width(-1)
         changed, k = imgui.combo("##target", names.index(target.name), list(names))
-        w.tip("fly this scenario again with another craft (scenario.target)")
+        w.about(console, "scenario.target")
         if changed:
             console.do("scenario.target", names[k])
         triangles = sum(len(part.triangles) for part in target.parts)
         w.text(
             f"{len(target.parts)} parts, {triangles:,} triangles, {len(target.keypoints)} keypoints",
             style.QUIET,
+            "of the target's model: meshes, faces, and the points that labels name",
         )
         w.section("Lights")
         self._lights(console)
@@ -50,20 +51,30 @@ class TargetPanel:
             imgui.dummy(w.vec(side, side))
             imgui.same_line()
             coat = f", coat {m.clearcoat:.2g}" if m.clearcoat else ""
-            w.text(f"{m.name}: metal {m.metallic:.2g}, rough {m.roughness:.2g}{coat}")
+            w.text(
+                f"{m.name}: metal {m.metallic:.2g}, rough {m.roughness:.2g}{coat}",
+                tip="material: metal from 0 (none) to 1, roughness from 0 (a mirror) to 1 (matt), clear coat 0 to 1",
+            )
 
     def _lights(self, console: Console) -> None:
         w, imgui, scene = self._w, self._w.imgui, console.session.scene()
-        w.text(f"Sun {100 * scene.sun_visible_fraction:.0f} % of its disc")
+        w.text(
+            f"Sun {100 * scene.sun_visible_fraction:.0f} % of its disc",
+            tip="what the target sees of the Sun past the Earth and the Moon",
+        )
         if scene.lamp is not None:
             w.text("a lamp on the chaser")
         gains = console.options.settings.light_gains
         for k, light in enumerate(scene.area_lights):
             size = f"{light.width_m:g} x {light.height_m:g} m"
-            w.text(f"{k}: {size}, {light.radiance_w_m2_sr:.3g} W/m2 sr, in {light.frame} axes")
+            w.text(
+                f"{k}: {size}, {light.radiance_w_m2_sr:.3g} W/m2 sr, in {light.frame} axes",
+                tip="area light: number, size, radiance, and the axes in which it stays",
+            )
             imgui.set_next_item_width(-1)
             gain = gains.get(k, 1.0)
             logarithmic = imgui.SliderFlags_.logarithmic
             changed, value = imgui.slider_float(f"##light{k}", gain, 0.0, MOST_GAIN, "x %.2f", logarithmic)
+            w.about(console, "light.gain", argument="gain")
             if changed:
                 console.do("light.gain", k, round(min(max(value, 0.0), MOST_GAIN), 3))

@@ -23,7 +23,8 @@ class TimePanel:
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, session = self._w, console.session
-        w.text(session.plan.scenario.title or session.plan.scenario.name)
+        scenario = session.plan.scenario
+        w.text(scenario.title or scenario.name, tip=f"the scenario that is flown: {scenario.name}")
         w.buttons(console, ("time.pause", "time.step", "time.restart"), 3)
         for k, rate in enumerate(RATES):
             label = f"{rate:g}x"

@@ -32,7 +32,9 @@ class TimelinePanel:
         back = session.look_back.active
         where = f"{clock(session.t_s)} of {clock(end_s)[2:]}"
         w.text(
-            f"{where}   LOOKING BACK" if back else f"{where}   at the end", style.WARN if back else style.INK
+            f"{where}   LOOKING BACK" if back else f"{where}   at the end",
+            style.WARN if back else style.INK,
+            "where one is, and the end of what was flown [h:min:s since the start]",
         )
         self._slider(console, timeline, end_s)
         names = ("back", "step-back", "play", "step", "forward", "end")
@@ -67,7 +69,7 @@ class TimelinePanel:
         imgui.set_next_item_width(-1)
         flags = imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.no_round_to_format
         changed, t_s = imgui.slider_float("##t", console.session.t_s, 0.0, max(end_s, 0.1), "%.1f s", flags)
-        w.tip("seconds since the scenario's start; drag to look back, Ctrl and click to type a time")
+        w.tip(f"{console.table['timeline.seek'].about()}\ndrag to look back, Ctrl and click types a time")
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         draw, pad = imgui.get_window_draw_list(), 6.0 * w.window.scale
         span = max(high.x - low.x - 2 * pad, 1.0)
@@ -90,19 +92,20 @@ class TimelinePanel:
         entered, self._note = imgui.input_text_with_hint(
             "##note", "a note, and Enter", self._note, imgui.InputTextFlags_.enter_returns_true
         )
+        w.about(console, "timeline.bookmark", argument="note")
         imgui.same_line()
         if imgui.button("Bookmark##add") or entered:
             console.do("timeline.bookmark", self._note)
             self._note = ""
-        w.tip(f"{console.table['timeline.bookmark'].help} (Ctrl+B)")
+        w.about(console, "timeline.bookmark")
         gone = None
         for k, mark in enumerate(timeline.bookmarks):
             if imgui.small_button(f"x##{k}"):
                 gone = mark.t_s
-            w.tip("take this bookmark away")
+            w.about(console, "timeline.unbookmark", mark.t_s)
             imgui.same_line()
             if imgui.selectable(f"{w.elided(f'{clock(mark.t_s)}  {mark.note}', w.width)}##mark{k}", False)[0]:
                 console.do("timeline.seek", mark.t_s)
-            w.tip(mark.note or "go to this place")
+            w.tip(f"{mark.note or 'bookmark'}: a click goes there")
         if gone is not None:
             console.do("timeline.unbookmark", gone)

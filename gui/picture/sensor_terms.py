@@ -17,34 +17,64 @@ if TYPE_CHECKING:
     from simulator.camera.detector.sensor import Sensor
     from simulator.runtime.arrays import IntArray
 
-RECIPE: tuple[tuple[str, str], ...] = (
-    ("blur_sigma_px", "blur, sigma [px]"),
-    ("gaussian_variance", "additive noise, variance [1]"),
-    ("speckle_variance", "multiplicative noise, variance [1]"),
-    ("full_scale_j_m2_sr", "full scale [J/m2 sr]"),
-    ("bits", "depth [bit]"),
+BLUR = ("blur_sigma_px", "blur, sigma [px]", "more makes edges softer")
+DEPTH = ("bits", "depth [bit]", "levels of a picture are two to this power; fewer make steps")
+RECIPE: tuple[tuple[str, str, str], ...] = (
+    BLUR,
+    ("gaussian_variance", "additive noise, variance [1]", "more is grainier, dark parts most"),
+    ("speckle_variance", "multiplicative noise, variance [1]", "more is grainier, bright parts most"),
+    ("full_scale_j_m2_sr", "full scale [J/m2 sr]", "exposure that is white; more makes the picture darker"),
+    DEPTH,
 )
-DETECTOR: tuple[tuple[str, str], ...] = (
-    ("blur_sigma_px", "blur, sigma [px]"),
-    ("gain_e_per_dn", "gain [e/DN]"),
-    ("black_level_dn", "black level [DN]"),
-    ("full_well_e", "full well [e]"),
-    ("read_noise_e", "read noise [e]"),
-    ("row_noise_e", "row noise [e]"),
-    ("column_noise_e", "column noise [e]"),
-    ("dark_current_e_s", "dark current [e/s]"),
-    ("temperature_c", "temperature [°C]"),
-    ("dsnu_e", "dark offsets, DSNU [e]"),
-    ("dark_nonuniformity", "dark current's spread [1]"),
-    ("prnu", "response's spread, PRNU [1]"),
-    ("hot_pixel_share", "hot pixels [share]"),
-    ("hot_pixel_e_s", "hot pixels' current [e/s]"),
-    ("dead_pixel_share", "dead pixels [share]"),
-    ("cosmic_rays_cm2_s", "particles [1/cm2 s]"),
-    ("blooming", "blooming [share]"),
-    ("bits", "depth [bit]"),
+DETECTOR: tuple[tuple[str, str, str], ...] = (
+    BLUR,
+    ("gain_e_per_dn", "gain [e/DN]", "electrons a level is worth; more makes the picture darker"),
+    ("black_level_dn", "black level [DN]", "level of a pixel without light; more lifts the dark parts"),
+    ("full_well_e", "full well [e]", "electrons a pixel holds; fewer saturate sooner"),
+    ("read_noise_e", "read noise [e]", "of reading a pixel; more makes dark parts grainier"),
+    ("row_noise_e", "row noise [e]", "alike along a row; more draws lines across"),
+    ("column_noise_e", "column noise [e]", "alike along a column; more draws lines down"),
+    (
+        "dark_current_e_s",
+        "dark current [e/s]",
+        "without light, at the reference temperature; more lifts long exposures",
+    ),
+    ("temperature_c", "temperature [°C]", "of the detector; warmer has more dark current"),
+    ("dsnu_e", "dark offsets, DSNU [e]", "how unlike pixels are in the dark; more is a fixed grain"),
+    (
+        "dark_nonuniformity",
+        "dark current's spread [1]",
+        "how unlike dark currents are; more is grain with time",
+    ),
+    (
+        "prnu",
+        "response's spread, PRNU [1]",
+        "how unlike pixels answer to light; more is grain in bright parts",
+    ),
+    ("hot_pixel_share", "hot pixels [share]", "pixels with far more dark current: bright dots"),
+    ("hot_pixel_e_s", "hot pixels' current [e/s]", "of each hot pixel; more makes them brighter"),
+    ("dead_pixel_share", "dead pixels [share]", "pixels that see nothing: dark dots"),
+    ("cosmic_rays_cm2_s", "particles [1/cm2 s]", "that strike the detector; more leave more dots and tracks"),
+    ("blooming", "blooming [share]", "of a full pixel's surplus that runs into its column: streaks"),
+    DEPTH,
 )
+"""Field, name with its unit, and what a change does."""
 BINS = 128
+
+
+@dataclass(frozen=True)
+class SensorTerm:
+    """A number of a sensor.
+
+    Parameters
+    ----------
+    name : its field. text : for people, with its unit. effect : what a change does. value : now.
+    """
+
+    name: str
+    text: str
+    effect: str
+    value: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +95,10 @@ class Histogram:
     most_dn: int
 
 
-def terms_of(sensor: Sensor) -> tuple[tuple[str, str, float], ...]:
-    """Field, what it is, and value of each number of a sensor."""
+def terms_of(sensor: Sensor) -> tuple[SensorTerm, ...]:
+    """Each number of a sensor."""
     rows = RECIPE if sensor.detector is None else DETECTOR
-    return tuple((name, text, float(_value(sensor, name))) for name, text in rows)
+    return tuple(SensorTerm(name, text, effect, _value(sensor, name)) for name, text, effect in rows)
 
 
 def _value(sensor: Sensor, name: str) -> float:
@@ -85,7 +115,7 @@ def checked_change(sensor: Sensor, changes: dict[str, float], name: str, value: 
     UserError
         If the sensor has no such number, or it may not be that.
     """
-    known = [field for field, _, _ in terms_of(sensor)]
+    known = [term.name for term in terms_of(sensor)]
     if name not in known:
         raise UserError(f"this sensor has no {name[:60]}; it has {', '.join(known)}")
     wanted = {**changes, name: value}

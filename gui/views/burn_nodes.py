@@ -104,7 +104,9 @@ class BurnNodes:
         width, height = canvas.size(text)
         at = (min(tip[0] + 8, x + w - width - 4), min(max(tip[1] - height / 2, y), y + h - height))
         if all(abs(at[0] - a) > width or abs(at[1] - b) > height for a, b in written):
-            canvas.text(at, text, style.INK)
+            canvas.text(
+                at, text, style.INK, "size of the burn; drag its handle for that, its node for the time"
+            )
             written.append(at)
 
     @property

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gui import style
+from gui import hover_text, style
 from gui.picture.truth_overlay import Pixel
 from gui.views.docking_hud import DockingHud
 from gui.views.estimate_overlay import EstimateOverlay
@@ -19,6 +19,23 @@ if TYPE_CHECKING:
     from gui.flight.session import Session
     from gui.picture.feed import Feed, Picture
     from gui.window import Window
+
+FIGURES = {
+    "UTC": "mid-exposure of this picture",
+    "T+": "simulated time since the scenario's start [h:min:s], and how many times as fast as the clock it runs",
+    "RANGE": "from the camera to the target's centre of mass",
+    "CLOSING": "how fast the range shrinks; minus: it grows",
+    "ACROSS": "speed across the line of sight, in the target's LVLH frame",
+    "RATE": "how fast the target turns before the camera; Chaser has its three axes",
+    "RADIAL": "chaser in the target's LVLH frame: outward from the Earth",
+    "ALONG": "chaser in the target's LVLH frame: ahead along the orbit",
+    "CROSS": "chaser in the target's LVLH frame: along the orbit's normal",
+    "PHASE": "angle Sun, target, camera: at 0 the Sun stands behind the camera",
+    "SUN": "share of the Sun's disc that the target sees past the Earth and the Moon",
+}
+BADGE = "what flies the chaser / how its attitude is kept"
+SPEED = "pictures a second, what one costs (render and sensor), and its size in pixels"
+PASSES = "what this pass of the renderer takes, median of five pictures; the bar is its share (F8)"
 
 
 class CameraView:
@@ -123,6 +140,8 @@ class CameraView:
         self._plate(draw, (x + width - 16 - widest, y + 14), widest, 2)
         self._text(draw, (x + width - 16 - imgui.calc_text_size(badge).x, y + 14), badge, color)
         self._text(draw, (x + width - 16 - imgui.calc_text_size(speed).x, y + 14 + line), speed, style.QUIET)
+        self._tip((x + width - 16 - widest, y + 14), (widest, line), BADGE)
+        self._tip((x + width - 16 - widest, y + 14 + line), (widest, line), SPEED)
         imgui.pop_font()
 
     def _times(self, draw: Any, place: tuple[float, float, float, float], feed: Feed) -> None:  # noqa: ANN401
@@ -139,6 +158,7 @@ class CameraView:
         for k, (name, ms) in enumerate(rows):
             at = y + k * self._line
             self._text(draw, (x, at), name, style.QUIET)
+            self._tip((x, at), (step + number + bar, self._line), PASSES)
             if total <= 0:
                 continue
             self._text(draw, (x + step, at), f"{ms:6.1f} ms", style.INK)
@@ -154,12 +174,18 @@ class CameraView:
     def _column(self, draw: Any, at: Pixel, rows: tuple[tuple[str, str, style.Rgba], ...]) -> None:  # noqa: ANN401
         x, y = at
         step = self._imgui.calc_text_size("CLOSING ").x
-        self._plate(
-            draw, at, step + max(self._imgui.calc_text_size(value).x for _, value, _ in rows), len(rows)
-        )
+        width = step + max(self._imgui.calc_text_size(value).x for _, value, _ in rows)
+        self._plate(draw, at, width, len(rows))
         for k, (name, value, color) in enumerate(rows):
             self._text(draw, (x, y + k * self._line), name, style.QUIET)
             self._text(draw, (x + step, y + k * self._line), value, color)
+            self._tip((x, y + k * self._line), (width, self._line), FIGURES[name])
+
+    def _tip(self, corner: Pixel, size: Pixel, text: str) -> None:
+        # what is drawn in letters of figures is told in the panels' own
+        self._imgui.push_font(self._window.text_font, 0.0)
+        hover_text.tell_place(self._imgui, corner, size, text)
+        self._imgui.pop_font()
 
     def _plate(self, draw: Any, at: Pixel, width: float, lines: int) -> None:  # noqa: ANN401
         """A dark ground under figures, which must be read over a sunlit cloud deck too."""

@@ -33,6 +33,23 @@ LABELLED = 60.0
 FULL_SCALE_DEG = 15.0
 """Where a needle of the attitude stops."""
 
+DISTANCE = "of the docking point before the port's plane"
+ABOUT = {
+    "closing": "how fast the docking point comes nearer to the port's plane",
+    "offset right": "docking point off the port's axis, to the right in the view",
+    "offset down": "docking point off the port's axis, downward in the view",
+    "rate right": "how fast that offset grows, to the right in the view",
+    "rate down": "how fast that offset grows, downward in the view",
+    "roll": "attitude against the port's, about the axis of approach",
+    "pitch": "attitude against the port's: nose up or down",
+    "yaw": "attitude against the port's: nose to the right or left",
+    "roll rate": "how fast roll changes against the turning port",
+    "pitch rate": "how fast pitch changes against the turning port",
+    "yaw rate": "how fast yaw changes against the turning port",
+    "off axis": "angle at the port between its axis and the docking point; nothing where the offset is small",
+}
+"""What each figure of `gui.flight.docking.judge` is."""
+
 
 class DockingHud:
     """Draws it over one view.
@@ -87,7 +104,10 @@ class DockingHud:
             canvas.stroke(drawn, colour, 2.0 if ahead else 1.2, closed=True)
             width = max(abs(drawn[1][0] - drawn[0][0]), abs(drawn[1][1] - drawn[0][1]))
             if ahead or width > LABELLED:
-                canvas.text((drawn[1][0] + 5, drawn[1][1] - 8), f"{point.name} {point.axial_m:g} m", colour)
+                name = f"{point.name} {point.axial_m:g} m"
+                canvas.text(
+                    (drawn[1][0] + 5, drawn[1][1] - 8), name, colour, "hold point, and metres before the port"
+                )
 
     def _port(
         self,
@@ -151,7 +171,8 @@ class DockingHud:
         self._pair(canvas, (cx, cy + radius + 0.4 * line), rows["yaw"], rows["yaw rate"], 0.5)
         self._pair(canvas, (cx - radius - 14, cy - 2.2 * line), rows["offset right"], rows["rate right"], 1.0)
         self._pair(canvas, (cx - radius - 14, cy + 0.2 * line), rows["offset down"], rows["rate down"], 1.0)
-        self._text(canvas, (cx, cy + radius - 3.1 * line), f"{figures.axial_m:.2f} m", style.INK, 0.5)
+        at = (cx, cy + radius - 3.1 * line)
+        self._text(canvas, at, f"{figures.axial_m:.2f} m", style.INK, 0.5, DISTANCE)
         self._figure(canvas, (cx, cy + radius - 2.1 * line), "closing", rows["closing"], 0.5)
 
     def _needles(
@@ -183,13 +204,13 @@ class DockingHud:
         self._figure(canvas, (at[0], at[1] + self._w.line), "", rate, share)
 
     @staticmethod
-    def _text(canvas: Canvas, at: Point, text: str, rgba: style.Rgba, share: float) -> None:
+    def _text(canvas: Canvas, at: Point, text: str, rgba: style.Rgba, share: float, tip: str) -> None:
         """Letters of which ``share`` lies left of the place: 0.5 centres them."""
-        canvas.text((at[0] - share * canvas.size(text)[0], at[1]), text, rgba)
+        canvas.text((at[0] - share * canvas.size(text)[0], at[1]), text, rgba, tip)
 
     def _figure(self, canvas: Canvas, at: Point, name: str, row: Judged, share: float) -> None:
         text = f"{name} {row.text} {row.unit}".strip() + style.LIMIT_MARKS[row.state]
-        self._text(canvas, at, text, style.LIMIT_COLORS[row.state], share)
+        self._text(canvas, at, text, style.LIMIT_COLORS[row.state], share, f"{ABOUT[row.name]} [{row.unit}]")
 
     def _status(self, canvas: Canvas, box: Letterbox, centre: Point, radius: float, console: Console) -> None:
         """What flies, and what the operator is waited for: where the view's other letters leave room."""
@@ -202,7 +223,7 @@ class DockingHud:
             y = box.y + box.height - 1.8 * line
         elif box.width < WIDE * self._window.scale:
             x, y = centre[0], centre[1] - radius + 0.8 * line
-        self._text(canvas, (x, y), text, colour, 0.5)
+        self._text(canvas, (x, y), text, colour, 0.5, "what flies, and what it waits for")
 
 
 _SQUARE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))

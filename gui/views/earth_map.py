@@ -40,6 +40,7 @@ TRACK_EVERY_S = 60.0
 SHADE_EVERY_DEG = 0.5
 """The day and night of the map follow the Sun in such steps."""
 PAST, SUNLIT, SHADOWED = style.ACCENT, style.YELLOW, (0.62, 0.62, 0.7, 1.0)
+AHEAD = "simulated time until then [min:s], by an orbit under J2 alone: a second an orbit"
 
 
 class EarthMap:
@@ -73,7 +74,7 @@ class EarthMap:
         rows = self._figures(session, world)
         line = canvas.line
         below = place[3] > 0.5 * place[2] + 2 * line
-        side = max(canvas.size(text)[0] for text, _ in rows) + 20
+        side = max(canvas.size(text)[0] for text, _, _ in rows) + 20
         wide = not below and place[2] - side > 1.1 * place[3]
         across = place[2] - side if wide else place[2]
         box = Letterbox.fit((360, 180), (place[0], place[1], across, place[3]))
@@ -85,9 +86,9 @@ class EarthMap:
         self._marks(canvas, box, world)
         left = box.x + box.width + 10 if wide else place[0] + 8
         top = place[1] + box.height + 4 if below else place[1] + 6
-        for k, (text, colour) in enumerate(rows):
+        for k, (text, colour, tip) in enumerate(rows):
             if top + (k + 1) * line < place[1] + place[3]:
-                canvas.text((left, top + k * line), text, colour)
+                canvas.text((left, top + k * line), text, colour, tip)
         canvas.unclip()
 
     # --- what is worked out aside
@@ -186,24 +187,28 @@ class EarthMap:
         canvas.dot(at, 4.5 * self._window.scale, style.INK if world.sun_visible_fraction > 0 else SHADOWED)
         canvas.circle(at, 8.0 * self._window.scale, style.ACCENT, 1.6)
 
-    def _figures(self, session: Session, world: WorldState) -> list[tuple[str, style.Rgba]]:
+    def _figures(self, session: Session, world: WorldState) -> list[tuple[str, style.Rgba, str]]:
         latitude, longitude = self._below(world)
         rows = [
-            (place_text(latitude, longitude), style.INK),
-            (f"{world.altitude_m / 1e3:.1f} km high", style.INK),
+            (place_text(latitude, longitude), style.INK, "geodetic latitude and longitude below the target"),
+            (
+                f"{world.altitude_m / 1e3:.1f} km high",
+                style.INK,
+                "the target above a sphere of the equatorial radius",
+            ),
         ]
         lit = world.sun_visible_fraction
         state = (
             "in sunlight" if lit >= 1 else "in the shadow" if lit <= 0 else f"{100 * lit:.0f} % of the Sun"
         )
-        rows.append((state, style.GOOD if lit >= 1 else style.WARN))
+        rows.append((state, style.GOOD if lit >= 1 else style.WARN, "what the target sees of the Sun's disc"))
         track = self._track
         if track is not None:
             for name, event_s in (("shadow in", track.enters_s), ("sunlight in", track.leaves_s)):
                 if event_s is not None and event_s > session.t_s:
-                    rows.append((f"{name} {duration_text(event_s - session.t_s)}", style.INK))
+                    rows.append((f"{name} {duration_text(event_s - session.t_s)}", style.INK, AHEAD))
             if track.enters_s is None and track.leaves_s is None:
-                rows.append(("no shadow ahead" if lit >= 1 else "no sunlight ahead", style.QUIET))
+                rows.append(("no shadow ahead" if lit >= 1 else "no sunlight ahead", style.QUIET, AHEAD))
         return rows
 
 

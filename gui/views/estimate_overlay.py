@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gui import style
+from gui import hover_text, style
 from gui.picture.truth_overlay import Segment, wireframe_at
 from simulator.world.frames.pose import Pose
 from simulator.world.frames.rotation import quat_normalize
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 OLD_S = 5.0
 """An estimate of a picture that is older by more of simulated time is not drawn."""
+SAYS = "the estimator's method, how sure it is (0 to 1), and how old the picture is that it was given"
 
 
 class EstimateOverlay:
@@ -60,6 +61,8 @@ class EstimateOverlay:
         for dx, dy in ((-1, 0), (1, 0), (0, -1), (0, 1), (1, 1)):
             draw.add_text(vec(x + dx, y + dy), self._dark(0.85), text)
         draw.add_text(vec(x, y), self._colour(1.0), text)
+        size = self._imgui.calc_text_size(text)
+        hover_text.tell_place(self._imgui, (x, y), (size.x, size.y), SAYS)
 
     @staticmethod
     def _lines_of(estimate: ComparedEstimate, picture: Picture) -> tuple[Segment, ...]:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 Place = tuple[float, float, float, float]
 SCALE_STEPS = 32
+SCALE = "camera z of the target, along the boresight [m]; bright is near"
 NO_TARGET = "the camera sees no target"
 
 
@@ -43,6 +44,7 @@ class _LabelView(ABC):
 
     name, title, place, shown = "", "", "left", False
     bare = True
+    legend_tip = ""
 
     def __init__(self, window: Window) -> None:
         self._window = window
@@ -88,7 +90,10 @@ class _LabelView(ABC):
         canvas.picture(self.name, self._made_of, part, 8, (box.x, box.y, box.width, box.height))
         if part.shape[1] < image.shape[1] and place[3] > 5 * canvas.line:
             text = f"x{image.shape[1] / part.shape[1]:.1f}"
-            canvas.text((place[0] + 8, place[1] + place[3] - 1.2 * canvas.line), text, style.QUIET)
+            at = (place[0] + 8, place[1] + place[3] - 1.2 * canvas.line)
+            canvas.text(
+                at, text, style.QUIET, "how many times closer this is than the camera's whole picture"
+            )
         left, top = box.x - columns.start * box.scale, box.y - rows.start * box.scale
         return Letterbox(left, top, image.shape[1] * box.scale, image.shape[0] * box.scale, box.scale)
 
@@ -101,7 +106,7 @@ class _LabelView(ABC):
             if top + (k + 1) * line > y + h:
                 return
             canvas.box((left, top + k * line + 0.15 * line), (0.6 * line, 0.6 * line), colour, 2.0)
-            canvas.plain_text((left + line, top + k * line), name)
+            canvas.plain_text((left + line, top + k * line), name, tip=self.legend_tip)
 
     def _split(
         self, canvas: Canvas, place: Place, names: Sequence[str], rows: int | None = None
@@ -150,19 +155,26 @@ class DepthView(_LabelView):
             # each a little higher than its share, so that no ground shows between
             canvas.box((left, top + k * height / SCALE_STEPS), (16, height / SCALE_STEPS + 1), (r, g, b, 1.0))
         digits = max(0, int(np.ceil(-np.log10(max(depth.far_m - depth.near_m, 1e-6)))) + 1)
-        canvas.plain_text((left, top - 1.1 * line), f"{depth.near_m:.{digits}f} m")
-        canvas.plain_text((left, top + height + 0.1 * line), f"{depth.far_m:.{digits}f} m")
+        nearest, farthest = f"{depth.near_m:.{digits}f} m", f"{depth.far_m:.{digits}f} m"
+        canvas.plain_text(
+            (left, top - 1.1 * line), nearest, tip="camera z of the nearest point of the target"
+        )
+        canvas.plain_text(
+            (left, top + height + 0.1 * line), farthest, tip="camera z of the farthest that is seen"
+        )
+        canvas.tip((left, top), (21, height), SCALE)
         for tick in depth.ticks_m:
             at = top + (tick - depth.near_m) / (depth.far_m - depth.near_m) * height
             canvas.stroke([(left + 16, at), (left + 21, at)], style.INK, 1.0, halo=False)
             if top + 0.6 * line < at < top + height - 0.6 * line:
-                canvas.plain_text((left + 25, at - line / 2), f"{tick:.{digits}f}", style.QUIET)
+                canvas.plain_text((left + 25, at - line / 2), f"{tick:.{digits}f}", style.QUIET, SCALE)
 
 
 class PartsView(_LabelView):
     """Parts of the target in the colours of their classes; the mask where there are none."""
 
     name, title = "parts", "Parts and mask"
+    legend_tip = "class of the part, as capture --labels parts writes it"
 
     def __init__(self, window: Window) -> None:
         super().__init__(window)
@@ -187,6 +199,7 @@ class KeypointsView(_LabelView):
     """Keypoints as a data set's labels have them, by their states, over the dimmed picture."""
 
     name, title = "keypoints", "Keypoints"
+    legend_tip = "how many keypoints are in this state: dots are seen, diamonds unlit, rings hidden"
 
     def __init__(self, window: Window) -> None:
         super().__init__(window)

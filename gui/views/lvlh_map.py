@@ -38,6 +38,11 @@ SHOWN_TARGET = 7.0
 """Screen units below which the target is a mark."""
 WHEEL_FACTOR = 1.2
 FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE
+LINES = (
+    "blue: flown; grey: the scenario's path; orange: free drift over ten minutes; purple: planned burns; "
+    "red: keep-out sphere; green: its corridor. Wheel: zoom, drag: move, double click: all of it, right click: a burn"
+)
+SUN = "direction of the Sun, as long as it lies in this plane; grey while the target is in shadow"
 
 
 class LvlhMap:
@@ -212,16 +217,17 @@ class LvlhMap:
         canvas.arrow(_point(centre), _point(centre + reach * flat), colour)
         text = "Sun" if lit > 0 else "Sun (eclipse)"
         size = canvas.size(text)
-        canvas.text((x + w - size[0] - 6, y + 2.5 * reach), text, colour)
+        canvas.text((x + w - size[0] - 6, y + 2.5 * reach), text, colour, SUN)
 
     def _letters(self, canvas: Canvas, port: MapPort, session: Session) -> None:
         x, y, w, h = port.rect
         plane, line = port.plane, canvas.line
         narrow = w < 240 * self._window.scale
         if h > 12 * line and not narrow:
-            canvas.text((x + 6, y + 4), f"{plane.name}, up: {plane.up_title}{plane.note}", style.INK)
+            text = f"{plane.name}, up: {plane.up_title}{plane.note}"
         else:
-            canvas.text((x + 6, y + 4), f"up: {plane.up_title}", style.INK)
+            text = f"up: {plane.up_title}"
+        canvas.text((x + 6, y + 4), text, style.INK, LINES)
         bar_m = nice_step(port.width_m / 4)
         bar = bar_m * port.scale
         right, foot = x + w - 10, y + h - 8
@@ -229,22 +235,31 @@ class LvlhMap:
             [(right - bar, foot - 5), (right - bar, foot), (right, foot), (right, foot - 5)], style.INK
         )
         label = metres_text(bar_m)
-        canvas.text((right - bar / 2 - canvas.size(label)[0] / 2, foot - 6 - line), label, style.INK)
+        at = (right - bar / 2 - canvas.size(label)[0] / 2, foot - 6 - line)
+        canvas.text(at, label, style.INK, "length of the bar below, in both planes")
         axis = "V-bar" if narrow else "V-bar, flight direction"
         length = 24.0 * self._window.scale
         canvas.arrow((x + 8, foot - 4), (x + 8 + length, foot - 4), style.QUIET)
-        canvas.text((x + 14 + length, foot - 4 - line / 2), axis, style.QUIET)
+        canvas.text(
+            (x + 14 + length, foot - 4 - line / 2),
+            axis,
+            style.QUIET,
+            "along-track of the target's LVLH frame",
+        )
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is not None:
             top = port.at(np.zeros(3)) - (0.0, keep_out.radius_m * port.scale)
             text = f"keep out {metres_text(keep_out.radius_m)}"
             if y + 3 * line < top[1] < y + h - 3 * line and not narrow:
-                canvas.text((top[0] - canvas.size(text)[0] / 2, top[1] - line), text, style.BAD)
+                at = (top[0] - canvas.size(text)[0] / 2, top[1] - line)
+                canvas.text(
+                    at, text, style.BAD, "radius of the sphere that the scenario keeps the chaser out of"
+                )
         mouse = self._imgui.get_io().mouse_pos
         if self._imgui.is_item_hovered() and port.inside(mouse.x, mouse.y):
             p = port.point(mouse.x, mouse.y)
             text = f"{p[plane.right]:+.2f}, {p[plane.up]:+.2f} m"
-            canvas.text((x + 6, foot - 4 - 1.6 * line), text, style.INK)
+            canvas.text((x + 6, foot - 4 - 1.6 * line), text, style.INK, "the place under the pointer")
 
 
 def planned_burns_lvlh_m(session: Session) -> FloatArray:

@@ -70,10 +70,13 @@ class OrbitCameraView:
         canvas.text(
             (place[0] + 8, place[1] + 6),
             f"about {look.about}, {look.azimuth_deg:.0f}°, {look.elevation_deg:.0f}°, {look.distance_m:.1f} m",
+            tip="what the free camera circles, its azimuth (0 looks along the flight), elevation above the orbit "
+            "and distance. A drag turns, the wheel comes nearer, a double click is the first place again",
         )
         rate = f"{image.shape[1]}x{image.shape[0]}  {feed.frames_s:.0f}/s"
         if place[3] > 6 * canvas.line:
-            canvas.text((place[0] + 8, place[1] + 6 + canvas.line), rate, style.QUIET)
+            below = (place[0] + 8, place[1] + 6 + canvas.line)
+            canvas.text(below, rate, style.QUIET, "pixels of this view's picture, and pictures a second")
         canvas.unclip()
         self._buttons(console, place)
 

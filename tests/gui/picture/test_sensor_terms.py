@@ -19,10 +19,12 @@ from simulator.scenario.load import load_scenario
 @pytest.mark.parametrize("preset", ["speed", "imx174"])
 def test_each_number_that_is_listed_can_be_changed(preset: str) -> None:
     sensor = sensor_preset(preset)
-    for name, text, value in terms_of(sensor):
-        assert text
-        changes = checked_change(sensor, {}, name, value)
-        assert changed_sensor(sensor, changes) == sensor, name
+    for term in terms_of(sensor):
+        # the unit beside the name, and what a change does
+        assert term.text.endswith("]")
+        assert term.effect
+        changes = checked_change(sensor, {}, term.name, term.value)
+        assert changed_sensor(sensor, changes) == sensor, term.name
 
 
 def test_a_number_out_of_its_limits_or_of_another_sensor_is_refused() -> None:

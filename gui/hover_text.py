@@ -1,0 +1,42 @@
+"""Hover texts: what the mouse over a control, a figure or a place of a picture tells, no wider than one reads."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gui import style
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+WIDEST = 26.0
+"""Of a hover text, in heights of its letters."""
+
+
+def tell_item(imgui: Any, text: str) -> None:  # noqa: ANN401 - a foreign module
+    """Tell what the last item is, while the mouse rests on it; also of one that cannot be used now."""
+    flags = imgui.HoveredFlags_.delay_short | imgui.HoveredFlags_.allow_when_disabled
+    if imgui.is_item_hovered(flags) and text:
+        _tell(imgui, text)
+
+
+def tell_place(imgui: Any, corner: Sequence[float], size: Sequence[float], text: str) -> None:  # noqa: ANN401
+    """Tell what is drawn in a rectangle of the current window, while the mouse rests there and holds nothing."""
+    x, y = corner
+    over = imgui.is_mouse_hovering_rect(imgui.ImVec2(x, y), imgui.ImVec2(x + size[0], y + size[1]))
+    if not (over and text) or imgui.is_any_item_active():
+        return
+    if imgui.is_window_hovered(imgui.HoveredFlags_.stationary):
+        _tell(imgui, text)
+
+
+def _tell(imgui: Any, text: str) -> None:  # noqa: ANN401
+    if not imgui.begin_tooltip():
+        return
+    width = min(WIDEST * imgui.get_font_size(), 0.8 * imgui.get_main_viewport().size.x)
+    imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*style.INK))
+    imgui.push_text_wrap_pos(width)
+    imgui.text_unformatted(text)
+    imgui.pop_text_wrap_pos()
+    imgui.pop_style_color()
+    imgui.end_tooltip()

@@ -1,0 +1,229 @@
+"""Every panel's controls and figures tell what they are: panels are laid out without a window, with much to show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gui import hover_text, style
+from gui.app import command_table, options_of
+from gui.canvas import Canvas
+from gui.command_table import CommandTable
+from gui.console import Console
+from gui.flight.docking import judge_contact
+from gui.flight.session import Session
+from gui.flight.telemetry import telemetry_of
+from gui.jobs.capture_job import CaptureRequest, Thumbnail
+from gui.panels.all import PANELS
+from gui.panels.capture import CapturePanel
+from gui.picture.estimates import Answer, compared
+from gui.picture.feed import Feed, Picture
+from gui.picture.label_images import LABELS
+from gui.picture.view_settings import reduced_camera
+from simulator.frame import Frame, take_frame
+from simulator.render.renderer import Renderer
+from simulator.scenario.load import load_scenario
+from tests.gui.jobs.test_hil_session import row
+from tests.harness.headless_imgui import FIGURE, HeadlessWindow, Noted
+
+pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
+
+WORDS_ALONE = {"log", "command-line", "keys", "palette", "help", "tour", "scenarios"}
+"""Panels whose figures are parts of sentences, names and commands."""
+
+
+class NoRenderer:
+    """Takes no picture."""
+
+    def submit(self, request: object) -> bool:
+        return False
+
+    def finished(self) -> tuple[()]:
+        return ()
+
+
+class UnderWay:
+    """The program of a capture that runs, as the panel sees it."""
+
+    stopped = False
+
+
+@pytest.fixture(scope="module")
+def table() -> CommandTable:
+    return command_table()
+
+
+@pytest.fixture(scope="module")
+def frame() -> Frame:
+    session = Session.of(load_scenario("tango-space-10m"))
+    scene = session.scene()
+    scene = replace(scene, camera=reduced_camera(scene.camera, 4), quality="draft")
+    with Renderer() as renderer:
+        return take_frame(renderer, scene, session.plan.target, labels=LABELS)
+
+
+@pytest.fixture(scope="module")
+def console(frame: Frame, table: CommandTable) -> Console:
+    """A flight with something in every panel: burns, bookmarks, a contact, estimates, a session, a capture."""
+    session = Session.of(load_scenario("tango-vbar-closed-loop"))
+    console = Console(session, Feed(NoRenderer()), options_of(session), table)
+    for line in ("burn.plan 60 0 0.02 0", "steer.pulse forward", "time.rate 1"):
+        console.do_line(line)
+    for _ in range(20):
+        console.pass_time(100)
+    for line in (
+        "guidance.hold",
+        "timeline.bookmark ends",
+        "timeline.seek 1",
+        "sensor.set gaussian_variance 0.003",
+    ):
+        console.do_line(line)
+    assert not [m for m in console.messages if m.level != "note"], console.messages
+    picture = Picture(frame, session.moment, telemetry_of(session.moment.world, frame.scene), 4)
+    console.feed.newest = picture
+    for feed in (console.feeds.setdefault(n, Feed(NoRenderer())) for n in ("orbit-camera", "labels")):
+        feed.newest = picture
+    answer = Answer(
+        accepted=True,
+        reason="",
+        q_camera_from_target_wxyz=frame.scene.q_camera_from_target_wxyz,
+        t_camera_from_target_m=frame.scene.t_camera_from_target_m,
+        confidence=0.95,
+        stages_ms={"propose": 40.0, "refine": 12.0},
+        counts={},
+    )
+    console.estimates.on = True
+    for k in range(3):
+        console.estimates.newest = compared(picture, "svd", answer, float(k))
+        console.estimates.history.append(console.estimates.newest)
+    for k, outcome in enumerate(("accepted", "declined", "dropped:timeout")):
+        console.hil._add(row(k, outcome, 80.0, ("drop",)))
+    figures = session.docking.figures(session.moment.chaser, session.flight)
+    session.docking.contacts.append(judge_contact(figures, session.docking.limits, at_port=True))
+    console.options.overlays.docking = console.options.overlays.times = True
+    console.capture.thumbnails = [Thumbnail("000000.png", np.zeros((8, 12), np.uint8))]
+    console.capture.outcome = "captured: 3 frames"
+    console.draft.edit("tango-space-10m")
+    return console
+
+
+@pytest.fixture(scope="module")
+def fresh(table: CommandTable) -> Console:
+    """A console at its first moment."""
+    session = Session.of(load_scenario("tango-flyaround"))
+    return Console(session, Feed(NoRenderer()), options_of(session), table)
+
+
+@pytest.fixture
+def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[HeadlessWindow]:
+    window = HeadlessWindow()
+    told = window.noted
+
+    def tell_item(imgui: Any, text: str, tell: Any = hover_text.tell_item) -> None:
+        told.append(Noted("tip", text))
+        tell(imgui, text)
+
+    def noting(draw: Any) -> Any:
+        def letters(canvas: Canvas, at: Any, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
+            told.append(Noted("text", text))
+            if tip:
+                told.append(Noted("tip", tip))
+            draw(canvas, at, text, rgba, tip)
+
+        return letters
+
+    monkeypatch.setattr(hover_text, "tell_item", tell_item)
+    monkeypatch.setattr(Canvas, "text", noting(Canvas.text))
+    monkeypatch.setattr(Canvas, "plain_text", noting(Canvas.plain_text))
+    yield window
+    window.close()
+
+
+def untold(noted: list[Noted], *, figures: bool) -> list[str]:
+    """Controls, and texts with figures, that no hover text follows."""
+    found = []
+    for here, after in zip(noted, [*noted[1:], Noted("end", "")], strict=False):
+        wants = here.what == "control" or (figures and here.what == "text" and FIGURE.search(here.label))
+        if wants and not (after.what == "tip" and after.label):
+            found.append(f"{here.what} '{here.label}'")
+    return found
+
+
+@pytest.mark.parametrize("panel", PANELS, ids=lambda p: p.name)
+def test_every_control_and_figure_of_a_panel_is_told(
+    panel: Any, console: Console, window: HeadlessWindow
+) -> None:
+    drawn = panel(window)
+    for width in (420.0, 900.0):
+        for _ in range(2):
+            window.noted.clear()
+            with window.panel(panel.name, width, 780.0):
+                drawn.draw(console)
+        assert window.noted or panel.name in {"parts", "camera"}
+        assert untold(window.noted, figures=panel.name not in WORDS_ALONE) == [], panel.name
+
+
+def test_a_capture_under_way_is_told(console: Console, window: HeadlessWindow) -> None:
+    job: Any = console.capture
+    job.request = CaptureRequest(what="tango-flyaround", frames=50, folder=Path("set"))
+    job._program, job.done = UnderWay(), 12
+    panel = CapturePanel(window)  # type: ignore[arg-type]
+    with window.panel("capture", 420.0, 780.0):
+        panel.draw(console)
+    job._program = None
+    assert "progress_bar" in {n.label for n in window.noted}
+    assert untold(window.noted, figures=True) == []
+
+
+@pytest.mark.parametrize("panel", PANELS, ids=lambda p: p.name)
+def test_a_panel_with_nothing_to_show_yet_is_told(panel: Any, fresh: Console, window: HeadlessWindow) -> None:
+    drawn = panel(window)
+    with window.panel(panel.name, 300.0, 780.0):
+        drawn.draw(fresh)
+    assert untold(window.noted, figures=panel.name not in WORDS_ALONE) == []
+
+
+def test_a_control_tells_its_command_keys_units_and_line(table: CommandTable) -> None:
+    save = table["picture.save"].about()
+    assert save.splitlines() == ["PNG and JSON into out/console (P / F12)", "picture.save"]
+    told = table["guidance.vbar"].about().splitlines()
+    assert told[1] == "hold [m], 0.1 to 100000: from the target's centre of mass"
+    assert told[-1] == "guidance.vbar [hold] [speed]"
+    assert table["time.rate"].about("10").splitlines()[-1] == "time.rate 10"
+    # what is switched needs no word on its one argument
+    assert "state" not in table["overlay.box"].about().splitlines()[1:-1]
+
+
+def test_every_number_has_its_unit(table: CommandTable) -> None:
+    numbers = [(c.name, a) for c in table for a in c.arguments if a.kind == "number"]
+    assert len(numbers) > 20
+    assert [name for name, a in numbers if not a.unit or not a.help] == []
+
+
+def test_the_mouse_over_a_control_and_over_a_place_shows_it(
+    window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    imgui, io = window.plain, window.plain.get_io()
+    told: list[str] = []
+    monkeypatch.setattr(hover_text, "_tell", lambda _, text: told.append(text))
+
+    def rest(x: float, y: float) -> set[str]:
+        for _ in range(4):
+            io.add_mouse_pos_event(x, y)
+            told.clear()
+            with window.panel("one", 300.0, 400.0):
+                imgui.begin_disabled()
+                imgui.button("hello", imgui.ImVec2(200.0, 60.0))
+                imgui.end_disabled()
+                hover_text.tell_item(window.imgui, "the button")
+                hover_text.tell_place(window.imgui, (40.0, 150.0), (80.0, 20.0), "the figure")
+        return set(told)
+
+    assert rest(60.0, 60.0) == {"the button"}
+    assert rest(60.0, 160.0) == {"the figure"}
+    assert rest(60.0, 260.0) == set()
