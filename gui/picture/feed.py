@@ -33,12 +33,19 @@ ENOUGH = 3
 """Pictures of one size before it is judged."""
 MEMORY_S = 15.0
 """How long a size that was too slow is not tried again."""
+FAILED = "the console's render process failed ({}); run flyaround -vv sim for more, or flyaround doctor"
+REST_S = 2.0
+"""Before a picture that failed is asked for again."""
 SEEN_S = 0.5
 """A view that has not been drawn for so long is not looked at, and gets no pictures."""
 
 
+class PictureFailedError(Exception):
+    """The picture that was asked for the longest ago could not be made; says why in one sentence."""
+
+
 class FramesOnRequest(Protocol):
-    """What the feed needs of a frame producer. Its methods may raise `FramesLostError`."""
+    """What the feed needs of a frame producer. Its methods may raise `FramesLostError` and `PictureFailedError`."""
 
     def submit(self, request: FrameRequest) -> bool:
         """Ask for a frame; False when enough are under way."""
@@ -72,11 +79,14 @@ class PictureKind:
     ----------
     scene : of the moment: given session, settings, pixels of the camera per pixel drawn, quality (None: its own).
     labels : label layers that come with every picture. every_s : the least time between two pictures.
+    title : of its view, for people. needed : whether there is no console without it.
     """
 
     scene: SceneOf = chaser_scene
     labels: LabelRequest | None = None
     every_s: float = 0.0
+    title: str = "chaser's camera"
+    needed: bool = True
 
 
 CHASER_CAMERA = PictureKind()
@@ -122,6 +132,8 @@ class Feed:
         self.frames_s = 0.0
         self.restarts = 0
         self._trouble: str | None = None
+        self._told_failure = ""
+        self._rests_until_s = -1e9
         self._ends_s: list[float] = []
         self._costs: list[tuple[Camera, float]] = []
         self._passes: list[tuple[Camera, dict[str, float]]] = []
@@ -166,7 +178,7 @@ class Feed:
         Raises
         ------
         UserError
-            If what draws failed and cannot be started again.
+            If what draws failed and cannot be started again, or the first picture of a view that is needed failed.
         """
         before = self.finished
         try:
@@ -174,27 +186,40 @@ class Feed:
             self._ask(session, settings, timed=timed)
         except FramesLostError as error:
             self._ask_again(error)
+        except PictureFailedError as error:
+            if self._kind.needed and not self.finished:
+                raise UserError(FAILED.format(error)) from error
+            self._rest(error)
         except RuntimeError as error:
-            last = str(error).strip().splitlines()[-1]
-            raise UserError(
-                f"the console's render process failed ({last}); run flyaround -vv sim for more, or flyaround doctor"
-            ) from error
+            raise UserError(FAILED.format(last_line(error))) from error
         return self.finished > before
 
     def take_trouble(self) -> str | None:
-        """Why pictures were lost since the last call, if some were."""
+        """Why pictures were lost or failed since the last call, if some were."""
         trouble, self._trouble = self._trouble, None
         return trouble
 
     def _ask_again(self, error: FramesLostError) -> None:
         """Forget what will not come; a picture that was to be saved is asked for again."""
         self.restarts += 1
-        self._trouble = str(error)
+        if self._kind.needed:
+            # the others have lost theirs for the same reason
+            self._trouble = str(error)
         self._save_wanted = self.saving
         self._waiting, self._last = [], None
 
+    def _rest(self, error: PictureFailedError) -> None:
+        """Tell a failure, the same one once, and leave its reason some time to go away."""
+        self._rests_until_s = self._clock() + REST_S
+        self._last = None
+        if str(error) != self._told_failure:
+            self._told_failure = str(error)
+            self._trouble = f"no picture of the {self._kind.title}: {error}; it is tried again"
+
     def _ask(self, session: Session, settings: ViewSettings, *, timed: bool) -> None:
         if len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s):
+            return
+        if self._clock() < self._rests_until_s:
             return
         if self._save_wanted:
             scene = apply_view_settings(session.scene(), settings)
@@ -205,7 +230,10 @@ class Feed:
             return
         divisor = self.divisor(settings, paused=session.paused)
         quality: Quality | None = None if session.paused else "draft"
-        scene = self._kind.scene(session, settings, divisor, quality)
+        try:
+            scene = self._kind.scene(session, settings, divisor, quality)
+        except (UserError, ValueError, ArithmeticError) as error:
+            raise PictureFailedError(last_line(error)) from error
         # when nothing moves the picture that is there is the picture, unless its passes are to be timed
         if scene != self._last or (timed and len(self._passes) < TIMED_PICTURES):
             self._submit(_Request(scene, session.moment, divisor, saved=False, timed=timed))
@@ -230,8 +258,13 @@ class Feed:
         return True
 
     def _collect(self) -> None:
-        for frame in self._producer.finished():
-            self.write(frame)
+        try:
+            for frame in self._producer.finished():
+                self.write(frame)
+        except PictureFailedError:
+            if self._waiting.pop(0).saved:
+                self._told_failure = ""
+            raise
 
     def write(self, frame: Frame) -> None:
         """Take the frame that was asked for the longest ago."""
@@ -245,6 +278,7 @@ class Feed:
     def _account(self, frame: Frame, request: _Request) -> None:
         now = self._clock()
         self.finished += 1
+        self._told_failure = ""
         self._ends_s = [t for t in self._ends_s if now - t < 2.0] + [now]
         if len(self._ends_s) > 1:
             self.frames_s = (len(self._ends_s) - 1) / max(self._ends_s[-1] - self._ends_s[0], 1e-6)
@@ -262,6 +296,11 @@ class Feed:
         self._costs = [*self._costs[-4:], (request.scene.camera, ms)]
         self.frame_ms = median(cost for _, cost in self._costs)
         self._detail.measured(request.divisor, ms, now)
+
+
+def last_line(error: Exception) -> str:
+    """What an error says; of one with a traceback of another process its last line."""
+    return (str(error).strip() or type(error).__name__).splitlines()[-1]
 
 
 class AdaptiveResolution:

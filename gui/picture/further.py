@@ -31,7 +31,7 @@ def further_feeds(turns: Turns, options: Options) -> dict[str, Feed]:
         return orbit_scene(session, settings, options.orbit, divisor, quality)
 
     kinds = {
-        ORBIT_CAMERA: PictureKind(scene=orbit),
-        LABEL_VIEWS: PictureKind(labels=LABELS, every_s=LABELS_EVERY_S),
+        ORBIT_CAMERA: PictureKind(scene=orbit, title="orbit camera", needed=False),
+        LABEL_VIEWS: PictureKind(labels=LABELS, every_s=LABELS_EVERY_S, title="labels", needed=False),
     }
     return {name: Feed(turns.channel(), kind=kind) for name, kind in kinds.items()}

@@ -6,7 +6,10 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING
 
+from gui.picture.feed import PictureFailedError, last_line
+from simulator.errors import UserError
 from simulator.loop import FramesLostError
+from simulator.runtime.worker import ProcessDiedError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -38,6 +41,7 @@ class Turns:
         self._channels: list[Channel] = []
         self._under_way: deque[Channel] = deque()
         self._served = 0.0
+        self._drawn = False
 
     def channel(self, share: float = 1.0) -> Channel:
         """A place for one more view.
@@ -74,7 +78,13 @@ class Turns:
         return taken
 
     def collect(self) -> None:
-        """Give what is finished to those who asked for it."""
+        """Give what is finished, and what has failed, to those who asked for it.
+
+        Raises
+        ------
+        UserError, RuntimeError
+            If what draws could not be opened, or is gone for good.
+        """
         try:
             for frame in self._producer.finished():
                 channel = self._under_way.popleft()
@@ -82,8 +92,16 @@ class Turns:
                 channel.charge(ms - channel.cost_ms)
                 channel.cost_ms = ms
                 channel.inbox.append(frame)
+                self._drawn = True
         except FramesLostError as error:
             self._lose(error)
+        except ProcessDiedError:
+            raise
+        except (UserError, RuntimeError) as error:
+            # before the first picture it may be the renderer itself that could not be opened
+            if not (self._drawn and self._under_way):
+                raise
+            self._under_way.popleft().inbox.append(PictureFailedError(last_line(error)))
 
     def _lose(self, error: FramesLostError) -> None:
         """Every view is told: what it had asked for will not come."""
@@ -108,7 +126,7 @@ class Channel:
         self.cost_ms = FIRST_MS
         self.asked_s: float | None = None
         """When it asked last and was refused."""
-        self.inbox: deque[Frame] = deque()
+        self.inbox: deque[Frame | PictureFailedError] = deque()
         self.lost: FramesLostError | None = None
 
     def charge(self, ms: float) -> None:
@@ -130,13 +148,18 @@ class Channel:
         ------
         FramesLostError
             If those under way will not come.
+        PictureFailedError
+            If the oldest of them could not be made; what comes after it, the next call gives.
         """
         self._turns.collect()
         return self._take()
 
     def _take(self) -> Iterator[Frame]:
         while self.inbox:
-            yield self.inbox.popleft()
+            came = self.inbox.popleft()
+            if isinstance(came, PictureFailedError):
+                raise came
+            yield came
         if self.lost is not None:
             lost, self.lost = self.lost, None
             raise lost

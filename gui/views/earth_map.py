@@ -20,7 +20,6 @@ from gui.flight.ground_track import (
 )
 from gui.picture.ground_map import GroundMap, load_ground_map
 from gui.views.letterbox import Letterbox
-from simulator.errors import UserError
 from simulator.world.constants import FLATTENING
 from simulator.world.frames.rotation import matrix_from_quat
 
@@ -115,11 +114,10 @@ class EarthMap:
         loading = self._maps[body]
         if not loading.done():
             return
-        try:
-            ground = loading.result()
-        except UserError:
+        if loading.exception() is not None:
             # the track is worth as much without the map
             return
+        ground = loading.result()
         sun = self._subsolar(world)
         key = (body, *(round(x / SHADE_EVERY_DEG) for x in sun))
         if key != self._shade:

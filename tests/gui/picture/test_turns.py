@@ -12,9 +12,11 @@ from gui.flight.session import Session
 from gui.picture.feed import Feed, PictureKind
 from gui.picture.turns import Channel, Turns
 from gui.picture.view_settings import ViewSettings, apply_view_settings
+from simulator.errors import UserError
 from simulator.frame import Frame
 from simulator.labels.request import LabelRequest
 from simulator.loop import FrameRequest, FramesLostError
+from simulator.runtime.worker import ProcessDiedError
 from simulator.scenario.load import load_scenario
 from simulator.scene.state import SceneState
 
@@ -144,6 +146,123 @@ def test_every_view_hears_of_lost_pictures_and_asks_again(session: Session) -> N
     for feed in feeds:
         feed.update(session, settings)
     assert len(producer.asked) == 2
+
+
+class Failing(Slow):
+    """A producer of which the oldest request may fail, as a render process tells it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.fail: Exception | None = None
+        self.done = 0
+
+    def finished(self) -> Iterable[Frame]:
+        while self.asked and (self.done or self.fail is not None):
+            if self.fail is not None:
+                error, self.fail = self.fail, None
+                self.asked.pop(0)
+                raise error
+            self.done -= 1
+            yield self.draw()
+
+
+OUT_OF_MEMORY = RuntimeError(
+    "the render process failed: Traceback (most recent call last):\n  ...\nGL_OUT_OF_MEMORY"
+)
+
+
+def test_a_picture_of_a_further_view_that_fails_is_told_and_the_others_go_on(session: Session) -> None:
+    producer = Failing()
+    turns = Turns(producer, lambda: producer.now_s)
+    settings = ViewSettings(bands="mono", environment=session.scene().environment)
+    camera = Feed(turns.channel(), lambda: producer.now_s)
+    further = Feed(turns.channel(), lambda: producer.now_s, PictureKind(title="orbit camera", needed=False))
+    camera.update(session, settings)
+    producer.done = 1
+    assert camera.update(session, settings)
+    for k in range(3):
+        session.advance(0.1)
+        producer.now_s += 3.0
+        further.update(session, settings)
+        camera.update(session, settings)
+        assert len(producer.asked) == 2
+        # the further view's is the older one; the camera, which looks first, is not struck by it
+        producer.fail, producer.done = OUT_OF_MEMORY, 1
+        camera.update(session, settings)
+        assert not further.update(session, settings)
+        assert camera.update(session, settings)
+        assert camera.take_trouble() is None
+        told = "no picture of the orbit camera: GL_OUT_OF_MEMORY; it is tried again"
+        # the same again and again is told once
+        assert further.take_trouble() == (told if k == 0 else None)
+        further.update(session, settings)
+        assert not further.waiting, "it is not asked for again at once"
+    producer.now_s += 3.0
+    further.update(session, settings)
+    producer.done = 2
+    assert further.update(session, settings)
+    assert (camera.restarts, further.restarts) == (0, 0)
+
+
+def test_a_picture_of_the_camera_that_fails_is_told_once_there_was_one(session: Session) -> None:
+    producer = Failing()
+    feed = Feed(Turns(producer, lambda: producer.now_s).channel(), lambda: producer.now_s)
+    settings = ViewSettings(bands="mono", environment=session.scene().environment)
+    feed.update(session, settings)
+    producer.done = 1
+    feed.update(session, settings)
+    session.advance(0.1)
+    feed.ask_to_save()
+    producer.now_s += 1.0
+    feed.update(session, settings)
+    producer.fail = UserError("the graphics memory is full")
+    assert not feed.update(session, settings)
+    assert "chaser's camera: the graphics memory is full" in (feed.take_trouble() or "")
+    assert not feed.saving
+    assert feed.newest is not None
+    producer.now_s += 3.0
+    feed.update(session, settings)
+    producer.done = 1
+    assert feed.update(session, settings)
+
+
+@pytest.mark.parametrize(
+    "error", [UserError("no OpenGL 4.1"), RuntimeError("no driver"), ProcessDiedError("render process", -9)]
+)
+def test_a_renderer_that_cannot_be_opened_ends_the_console(session: Session, error: Exception) -> None:
+    producer = Failing()
+    feed = Feed(Turns(producer, lambda: producer.now_s).channel(), lambda: producer.now_s)
+    settings = ViewSettings(bands="mono", environment=session.scene().environment)
+    feed.update(session, settings)
+    producer.fail = error
+    with pytest.raises(UserError):
+        feed.update(session, settings)
+
+
+def test_a_render_process_that_is_gone_for_good_ends_the_console(session: Session) -> None:
+    producer = Failing()
+    feed = Feed(Turns(producer, lambda: producer.now_s).channel(), lambda: producer.now_s)
+    settings = ViewSettings(bands="mono", environment=session.scene().environment)
+    feed.update(session, settings)
+    producer.done = 1
+    feed.update(session, settings)
+    session.advance(0.1)
+    feed.update(session, settings)
+    producer.fail = ProcessDiedError("render process", -9)
+    with pytest.raises(UserError, match="exit code -9"):
+        feed.update(session, settings)
+
+
+def test_a_further_view_whose_moment_cannot_be_drawn_says_so(session: Session) -> None:
+    def nowhere(*_: object) -> SceneState:
+        raise ValueError("the free camera is inside the target")
+
+    producer = Failing()
+    feed = Feed(
+        producer, lambda: producer.now_s, PictureKind(scene=nowhere, title="orbit camera", needed=False)
+    )
+    assert not feed.update(session, ViewSettings(bands="mono", environment=session.scene().environment))
+    assert "inside the target" in (feed.take_trouble() or "")
 
 
 def test_a_feed_of_labels_asks_for_them_now_and_then_only(session: Session) -> None:
