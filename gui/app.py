@@ -155,9 +155,11 @@ def run(request: Request) -> dict[str, Any]:
         finally:
             # also when the flight ends otherwise than it should
             console.close()
-            replay = recorder.close()
-            if request.log is not None:
-                save_script(console, request.log)
+            try:
+                replay = recorder.close()
+            finally:
+                if request.log is not None:
+                    save_script(console, request.log)
     if replay is not None:
         state["replay"] = str(replay)
     return state
@@ -339,6 +341,7 @@ class ConsoleLoop:
         recorder = self._console.session.recorder
         for trouble in (
             self._console.feed.take_trouble(),
+            *(feed.take_trouble() for feed in self._console.feeds.values()),
             None if recorder is None else recorder.take_trouble(),
         ):
             if trouble is not None:

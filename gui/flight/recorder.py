@@ -137,6 +137,9 @@ class FlightRecorder:
 
     def _write_whole(self, folder: Path, scenario: Scenario) -> Path:
         recording = self.recording
+        # the folder may be gone meanwhile
+        with contextlib.suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
         write_atomic(folder / WHOLE, recording.to_bytes())
         return _write_replay(folder, scenario, WHOLE, recording.duration_s)
 

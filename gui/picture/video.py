@@ -1,8 +1,12 @@
-"""The view as a film: H.264 in an mp4 file, encoded in a thread beside the window."""
+"""The view as a film: H.264 in an mp4 file, encoded in a thread beside the window.
+
+It has its name once it is whole; one that a full disk ends, or of which the console is killed, leaves no such file.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import threading
 from fractions import Fraction
@@ -11,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.errors import UserError
+from simulator.errors import UserError, write_error
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,9 +50,10 @@ class Film:
         if path.suffix != ".mp4":
             raise UserError(f"cannot write '{path.suffix}' films ({path}); end its name in .mp4")
         self.path = path
+        self._part = path.with_name(f".{path.name}.{os.getpid()}.part")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file: Any = av.open(str(path), "w")
+            self._file: Any = av.open(str(self._part), "w", format="mp4")
         except (OSError, ValueError) as error:
             raise UserError(f"cannot write the film {path}: {error}") from error
         self._av: Any = av
@@ -101,11 +106,24 @@ class Film:
             if stream is not None:
                 self._file.mux(stream.encode())
             self._file.close()
-        except (OSError, ValueError, MemoryError) as error:
-            # libav's errors are of these kinds; a full disk ends the film and not the flight
-            self.trouble = f"the film {self.path} has ended: {error}"
-            with contextlib.suppress(OSError, ValueError):
-                self._file.close()
+            if stream is None:
+                self._give_up("no picture came")
+            else:
+                self._part.replace(self.path)
+        except OSError as error:
+            # a full disk ends the film and not the flight
+            self._give_up(write_error(self.path, error))
+        except (ValueError, MemoryError) as error:
+            # libav's other errors are of these kinds
+            self._give_up(error)
+
+    def _give_up(self, why: object) -> None:
+        """No film: what was written of it is not whole."""
+        with contextlib.suppress(OSError, ValueError):
+            self._file.close()
+        with contextlib.suppress(OSError):
+            self._part.unlink(missing_ok=True)
+        self.trouble = f"the film {self.path} is not kept: {why}"
 
     def _stream(self, size: tuple[int, int]) -> Any:  # noqa: ANN401 - libav's own
         stream = self._file.add_stream("libx264", rate=30, options={"preset": "veryfast", "crf": "18"})

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -21,6 +23,7 @@ from gui.panels.all import PANELS
 from simulator.scenario.load import list_scenarios, load_scenario
 from tests.gui.test_window import drawing_process
 from tests.harness.screen import virtual_screen, xdotool
+from tests.harness.small_disk import small_disk
 
 pytestmark = [pytest.mark.gui, pytest.mark.slow]
 TIMEOUT_S = 240.0
@@ -44,6 +47,7 @@ class Sitting:
             "FLYAROUND_CONSOLE_LAYOUT": str(folder / "layout.json"),
             "COLUMNS": "400",
         }
+        self.heard = ""
         self.process = subprocess.Popen(
             command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
@@ -51,6 +55,7 @@ class Sitting:
     def wait_for(self, word: str) -> str:
         assert self.process.stderr is not None
         for line in self.process.stderr:
+            self.heard += line
             if word in line:
                 return line
         pytest.fail(f"the console never said '{word}'")
@@ -59,7 +64,7 @@ class Sitting:
         out, err = self.process.communicate(timeout=TIMEOUT_S)
         assert self.process.returncode == 0, err
         assert "Traceback" not in err
-        return json.loads(out), err
+        return json.loads(out), self.heard + err
 
 
 def looks(path: Path) -> np.ndarray:
@@ -146,6 +151,21 @@ def test_a_render_process_that_is_stopped_is_started_again(display: str, tmp_pat
     assert load_scenario(tmp_path / state["replay"]).duration_s > 60.0
 
 
+def test_a_render_process_without_memory_is_told_and_the_flight_goes_on(display: str, tmp_path: Path) -> None:
+    script = "6 picture.detail full\n8 panel.orbit-camera on\n9 panel.depth on\n40 window.close\n"
+    sitting = Sitting(display, tmp_path, script, "tango-flyaround", "--record", "flown")
+    sitting.wait_for("first picture")
+    time.sleep(2.0)
+    pid = drawing_process(sitting.process.pid)
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[0])
+    # what a software driver takes for graphics memory is the process's: no more of it
+    limit = pages * resource.getpagesize()
+    resource.prlimit(pid, resource.RLIMIT_AS, (limit, limit))
+    state, said = sitting.end()
+    assert "no picture of the" in said or state["drawing_restarts"] >= 1, said
+    assert load_scenario(tmp_path / state["replay"]).duration_s > 30.0
+
+
 def test_slow_pictures_do_not_slow_the_keys(display: str, tmp_path: Path) -> None:
     # whole pictures of the camera, as fine as the scenario asks for: seconds each
     script = "1 picture.detail full\n5 hold steer.forward\n7 release steer.forward\n12 window.close\n"
@@ -172,6 +192,33 @@ def test_what_goes_wrong_is_told_and_the_flight_goes_on(display: str, tmp_path: 
     ):
         assert word in said, word
     assert state["t_s"] > 5.0
+
+
+def test_a_full_disk_and_a_folder_that_is_gone_are_told_and_the_flight_goes_on(
+    display: str, tmp_path: Path
+) -> None:
+    script = (
+        "2 film.start disk/view.mp4\n9 picture.save\n12 window.screenshot disk/look.png\n14 log.save disk/done.script\n"
+        "15 timeline.keep disk/kept\n18 film.start gone/view.mp4\n25 film.stop\n26 window.screenshot look.png\n"
+        "28 window.close\n"
+    )
+    with small_disk(tmp_path / "disk", 64) as disk:
+        (disk / "other").write_bytes(bytes(52 * 1024))
+        (tmp_path / "out").symlink_to(disk)
+        sitting = Sitting(display, tmp_path, script, "tango-flyaround", "--record", "flown")
+        sitting.wait_for("first picture")
+        sitting.wait_for("gone/view.mp4")
+        shutil.rmtree(tmp_path / "gone")
+        state, said = sitting.end()
+        whole = [p for p in disk.rglob("*") if p.suffix in {".mp4", ".png", ".npz", ".toml"}]
+    assert whole == []
+    for name in ("view.mp4 is not kept", "not saved: cannot write", "look.png", "flight was not kept"):
+        assert name in said, name
+    assert said.count("no space left") >= 4
+    assert "gone/view.mp4 is not kept" in said
+    assert state["t_s"] > 20.0
+    assert load_scenario(tmp_path / state["replay"]).duration_s > 20.0
+    assert looks(tmp_path / "look.png").std() > 5.0
 
 
 @pytest.mark.parametrize("version", ["3.0", "3.3"])

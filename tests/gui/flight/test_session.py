@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,6 +32,7 @@ from simulator.world.flight.recording import Recording, csv_header
 from simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad
 from simulator.world.guidance.keep_out import KeepOut
 from simulator.world.guidance.thrusters import Thrusters
+from tests.harness.small_disk import small_disk
 
 TICK_S = 1 / 50
 
@@ -382,6 +384,36 @@ def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path: Path) -> No
     replay = recorder.close()
     assert replay is not None
     assert load_scenario(replay).duration_s == recorder.end_s
+
+
+def test_a_recording_whose_folder_is_gone_is_told_and_made_again_at_the_end(tmp_path: Path) -> None:
+    clock = Clock()
+    recorder = FlightRecorder(clock)
+    session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+    recorder.keep_in(tmp_path / "flown", session.plan.scenario)
+    shutil.rmtree(tmp_path / "flown")
+    clock.now_s = 2.0
+    fly(session, 1.0)
+    assert "is not recorded any more" in str(recorder.take_trouble())
+    replay = recorder.close()
+    assert replay is not None
+    assert load_scenario(replay).duration_s == recorder.end_s
+
+
+def test_a_disk_that_stays_full_leaves_no_half_flight(tmp_path: Path) -> None:
+    with small_disk(tmp_path / "disk", 40) as disk:
+        recorder = FlightRecorder()
+        session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+        recorder.keep_in(disk / "flown", session.plan.scenario)
+        (disk / "other").write_bytes(bytes(24 * 1024))
+        fly(session, 8.0)
+        assert "No space left on device" in str(recorder.take_trouble())
+        assert session.t_s > 7.0
+        with pytest.raises(UserError, match="no space left"):
+            recorder.close()
+        assert not (disk / "flown" / "flight.npz").exists()
+        # its lines stay, as far as they went
+        assert Recording.read(disk / "flown" / "flight.csv").duration_s > 0.5
 
 
 def test_lines_that_are_no_flight_are_refused(tmp_path: Path) -> None:

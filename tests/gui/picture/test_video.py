@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+import time
 from pathlib import Path
 
 import cv2
@@ -11,6 +13,7 @@ import pytest
 
 from gui.picture.video import Film, eight_bits
 from simulator.errors import UserError
+from tests.harness.small_disk import small_disk
 
 pytest.importorskip("av", reason="the gui extra is not installed")
 
@@ -49,6 +52,48 @@ def test_what_cannot_be_filmed_is_one_sentence(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(UserError, match=r"pip install 'flyaround\[gui\]'"):
         Film(tmp_path / "view.mp4")
+
+
+def noise(film: Film, pictures: int) -> None:
+    """Pictures that no encoder makes small."""
+    rng = np.random.default_rng(5)
+    for k in range(pictures):
+        film.add(40 * k, rng.integers(0, 256, (240, 320), np.uint8))
+        until = time.monotonic() + 10.0
+        while not film._queue.empty() and film.trouble is None and time.monotonic() < until:
+            time.sleep(1e-3)
+
+
+def test_a_film_has_its_name_once_it_is_whole(tmp_path: Path) -> None:
+    film = Film(tmp_path / "view.mp4")
+    noise(film, 3)
+    assert not film.path.exists()
+    film.close()
+    assert [p.name for p in tmp_path.iterdir()] == ["view.mp4"]
+    empty = Film(tmp_path / "empty.mp4")
+    empty.close()
+    assert empty.trouble == f"the film {empty.path} is not kept: no picture came"
+    assert [p.name for p in tmp_path.iterdir()] == ["view.mp4"]
+
+
+def test_a_full_disk_ends_the_film_and_leaves_nothing_of_it(tmp_path: Path) -> None:
+    with small_disk(tmp_path / "disk", 200) as disk:
+        film = Film(disk / "view.mp4")
+        noise(film, 40)
+        film.close()
+        assert film.trouble == (
+            f"the film {film.path} is not kept: cannot write {film.path}: no space left on its disk; "
+            "free some space or choose another disk"
+        )
+        assert list(disk.iterdir()) == []
+
+
+def test_a_folder_that_is_gone_ends_the_film(tmp_path: Path) -> None:
+    film = Film(tmp_path / "gone" / "view.mp4")
+    noise(film, 3)
+    shutil.rmtree(tmp_path / "gone")
+    film.close()
+    assert "is not kept: cannot write" in (film.trouble or "")
 
 
 def test_digital_numbers_become_bytes() -> None:
