@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -27,11 +27,12 @@ class Noted:
 
     Parameters
     ----------
-    what : control, text or tip. label : of it.
+    what : control, text or tip. label : of it. middle : where it is.
     """
 
     what: str
     label: str
+    middle: tuple[float, float] = (0.0, 0.0)
 
 
 class NotedModule:
@@ -47,8 +48,14 @@ class NotedModule:
 
         def call(*arguments: Any) -> Any:
             label = str(arguments[0]) if arguments and name not in {"progress_bar", "image"} else name
-            self._noted.append(Noted("control" if name in CONTROLS else "text", label))
-            return found(*arguments)
+            given = found(*arguments)
+            if hasattr(self._module, "get_item_rect_min"):
+                low, high = self._module.get_item_rect_min(), self._module.get_item_rect_max()
+                middle = (low.x + high.x) / 2, (low.y + high.y) / 2
+            else:
+                middle = (0.0, 0.0)
+            self._noted.append(Noted("control" if name in CONTROLS else "text", label, middle))
+            return given
 
         return call
 
@@ -91,6 +98,25 @@ class HeadlessWindow:
         finally:
             imgui.end()
             imgui.render()
+
+    def press(
+        self, label: str, draw: Callable[[], None], width: float = 420.0, height: float = 780.0
+    ) -> None:
+        """Click the button with these letters on it, in the panel that ``draw`` lays out."""
+
+        def turn() -> None:
+            self.noted.clear()
+            with self.panel("pressed", width, height):
+                draw()
+
+        turn()
+        place = next(n.middle for n in self.noted if n.what == "control" and n.label.startswith(label))
+        io = self.plain.get_io()
+        for down in (None, True, False, None):
+            io.add_mouse_pos_event(*place)
+            if down is not None:
+                io.add_mouse_button_event(0, down)
+            turn()
 
     def close(self) -> None:
         self.implot.destroy_context()

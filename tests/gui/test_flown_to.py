@@ -1,0 +1,124 @@
+"""The timeline's buttons: what was flown becomes a scenario, and that a data set or the flight of a session."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gui.app import command_table, options_of
+from gui.commands.capture import keep_capture
+from gui.console import Console
+from gui.flight.session import Session
+from gui.panels.timeline import TimelinePanel
+from gui.picture.feed import Feed
+from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
+from tests.harness.headless_imgui import HeadlessWindow
+
+pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
+
+WAIT_S = 300.0
+
+
+class NoRenderer:
+    """Takes no picture: the flight alone is under test."""
+
+    def submit(self, request: object) -> bool:
+        return False
+
+    def finished(self) -> tuple[()]:
+        return ()
+
+
+@pytest.fixture
+def console(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Console]:
+    """A flight that was steered for two seconds."""
+    monkeypatch.chdir(tmp_path)
+    session = Session.of(load_scenario("tango-vbar-closed-loop"))
+    console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
+    console.on_pass_time.append(keep_capture)
+    for k in range(40):
+        console.pass_time(50, frozenset({"steer.left"} if k < 20 else ()))
+    console.do("time.pause")
+    yield console
+    console.close()
+
+
+def turn_until(console: Console, done: Callable[[], bool]) -> None:
+    """Let the console's loop turn; the flight is paused."""
+    until = time.monotonic() + WAIT_S
+    while not done():
+        assert time.monotonic() < until, console.messages
+        console.pass_time(10)
+        time.sleep(2e-3)
+
+
+def press(console: Console, label: str) -> None:
+    window = HeadlessWindow()
+    try:
+        panel = TimelinePanel(window)  # type: ignore[arg-type]
+        window.press(label, lambda: panel.draw(console))
+    finally:
+        window.close()
+
+
+def test_the_button_of_a_hil_run_flies_what_was_flown(console: Console) -> None:
+    flown = console.session
+    press(console, "HIL run")
+    turn_until(console, lambda: console.session is not flown)
+    replayed = console.session
+    assert console.source == "out/console/flights/tango-vbar-closed-loop-001/replay.toml"
+    assert console.shown["board-link"]
+    assert [m for m in console.messages if m.level != "note"] == []
+    # the same flight, where it was kept
+    replayed.paused = False
+    while replayed.t_s < 1.5:
+        replayed.advance(0.02)
+    at = replayed.moment.world
+    flown.look_back.seek(at.t_s)
+    assert np.linalg.norm(at.velocity_lvlh_m_s) > 0.01
+    assert at.position_lvlh_m == pytest.approx(flown.moment.world.position_lvlh_m, abs=1e-5)
+
+
+def test_the_button_of_a_data_set_captures_what_was_flown(
+    console: Console, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    monkeypatch.setattr(console.capture, "start", asked.append)
+    press(console, "Data set")
+    turn_until(console, lambda: bool(asked))
+    assert (asked[0].frames, asked[0].what) == (
+        50,
+        "out/console/flights/tango-vbar-closed-loop-001/replay.toml",
+    )
+    assert console.shown["capture"]
+    replay = load_scenario(asked[0].what)
+    assert replay.duration_s == pytest.approx(console.session.t_s, abs=0.11)
+    last = plan_flight(replay, n=1).flight.state(replay.duration_s)
+    assert last.velocity_lvlh_m_s == pytest.approx(console.session.moment.world.velocity_lvlh_m_s, abs=1e-3)
+    # again: a folder of its own
+    press(console, "Data set")
+    turn_until(console, lambda: len(asked) == 2)
+    assert "loop-002" in asked[1].what
+
+
+@pytest.mark.slow
+def test_the_data_set_of_what_was_flown_is_right(console: Console, tmp_path: Path) -> None:
+    console.do("timeline.dataset", 4)
+    turn_until(console, lambda: bool(console.capture.outcome))
+    assert console.capture.outcome.startswith("captured"), console.capture.outcome
+    assert console.capture.request is not None
+    done = subprocess.run(
+        [sys.executable, "-m", "flyaround", "check", str(console.capture.request.folder)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert len(list((tmp_path / console.capture.request.folder / "images").glob("*.png"))) >= 4
