@@ -53,6 +53,7 @@ test-formats: $(STAMP) system
 
 # The console in real windows on a virtual screen: every panel, size and scenario, lost processes, an autopilot. Half an hour.
 test-console: $(STAMP) system
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[console-test]'
 	$(BIN)/pytest -q tests/gui/console tests/gui/test_window.py
 
 test-starts: $(STAMP) system

@@ -1,0 +1,54 @@
+"""Files dropped on the console's window by an X client, as a file manager drops them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from tests.gui.console.test_windows import Sitting
+from tests.harness.screen import virtual_screen, xdotool
+from tests.harness.x_drop import DragSource
+
+pytestmark = [pytest.mark.gui, pytest.mark.slow, pytest.mark.timeout(600)]
+
+
+@pytest.fixture(scope="module")
+def display() -> Iterator[str]:
+    with virtual_screen() as name:
+        yield name
+
+
+def test_a_mesh_and_a_scenario_that_are_dropped_are_flown(
+    display: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FLYAROUND_DATA_DIR", str(tmp_path / "data"))
+    cube = tmp_path / "my cube.glb"
+    trimesh.creation.box((1.0, 0.6, 0.4)).export(cube)
+    mine = tmp_path / "mine.toml"
+    mine.write_text("name = 1")
+    sitting = Sitting(display, tmp_path, "0.1 picture.detail quarter\n900 window.close\n", "tango-space-10m")
+    try:
+        sitting.wait_for("first picture")
+        window = int(xdotool(display, "search", "--name", "Flyaround").split()[0])
+        source = DragSource(display, window)
+        assert source.drop([cube], (400, 300))
+        sitting.wait_for("importing my cube.glb as target my-cube")
+        sitting.wait_for("flying")
+        # two at once: each is told what is wrong with it, and the flight goes on
+        (tmp_path / "notes.txt").touch()
+        assert source.drop([mine, tmp_path / "notes.txt"], (400, 300))
+        sitting.wait_for("mine.toml")
+        sitting.wait_for("notes.txt is neither")
+        source.close()
+        time.sleep(3.0)
+        xdotool(display, "key", "ctrl+q")
+        state, said = sitting.end()
+    finally:
+        sitting.process.kill()
+    assert state["pictures"] > 0
+    assert (tmp_path / "data").is_dir()
+    assert "my-cube" in said
