@@ -212,7 +212,12 @@ class Console:
             keep(self)
 
     def _advance(self, t_ms: int) -> None:
-        self.session.advance((t_ms - self.clock_ms) / 1000, self.held)
+        try:
+            self.session.advance((t_ms - self.clock_ms) / 1000, self.held)
+        except UserError as error:
+            # an orbit that reaches the ground, a file of attitudes that ends: what was flown is there to look back at
+            self.session.paused = True
+            self.say(f"the flight is paused: {error}", "warning")
         self.clock_ms = t_ms
 
     def _take_opened(self) -> None:

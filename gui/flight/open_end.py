@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import msgspec
 
+from simulator.errors import UserError
 from simulator.scenario.flight import fly
 from simulator.world.attitude.target_attitude import Attitude
 from simulator.world.guidance.paths import Hold
@@ -34,7 +36,7 @@ def orbit_ahead(plan: Plan, span_s: float, *, quick: bool) -> Flight:
     return fly(plain, plan.target, span_s)
 
 
-def longer_flight(plan: Plan, flight: Flight, span_s: float, *, guided: bool) -> Flight:
+def longer_flight(plan: Plan, flight: Flight, spans_s: tuple[float, ...], *, guided: bool) -> Flight:
     """The flight over a longer span; its camera keeps the reference it was planned with.
 
     A chaser that flies by thrusters is decided for once a second, which takes a minute for two days. While it is
@@ -42,8 +44,21 @@ def longer_flight(plan: Plan, flight: Flight, span_s: float, *, guided: bool) ->
 
     Parameters
     ----------
-    plan : of the scenario. flight : as it is. span_s : from the start. guided : whether guidance flies to its end.
+    plan : of the scenario. flight : as it is. guided : whether guidance flies to its end.
+    spans_s : from the start, the one that is wished for first; another one where that far nothing can fly.
+
+    Raises
+    ------
+    UserError
+        If nothing can fly over the last one either.
     """
+    for span_s in spans_s[:-1]:
+        with contextlib.suppress(UserError):
+            return _longer(plan, flight, span_s, guided=guided)
+    return _longer(plan, flight, spans_s[-1], guided=guided)
+
+
+def _longer(plan: Plan, flight: Flight, span_s: float, *, guided: bool) -> Flight:
     scenario = plan.scenario
     costly = flight.controlled is not None or flight.scripted is not None or flight.wheels is not None
     # a target that points may point at the chaser

@@ -254,9 +254,9 @@ class Session:
             return
         grown_s = 2 * (self._guided_until_s if guided else self.flight.duration_s)
         span_s = max(FIRST_SPAN_S, grown_s, end_s + MARGIN_S)
-        self.flight = longer_flight(self.plan, self.flight, span_s, guided=guided)
+        self.flight = longer_flight(self.plan, self.flight, (span_s, end_s + MARGIN_S), guided=guided)
         if guided:
-            self._guided_until_s = span_s
+            self._guided_until_s = self.flight.duration_s
 
     # --- who flies
 

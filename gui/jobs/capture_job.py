@@ -203,9 +203,9 @@ def thumbnails(folder: Path, names: list[str]) -> list[Thumbnail]:
     for name in names:
         try:
             data = np.fromfile(folder / name, np.uint8)
-        except OSError:
+            image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+        except (OSError, cv2.error):
             continue
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
         if image is None:
             continue
         scale = THUMBNAIL_PX / max(image.shape[1], 1)

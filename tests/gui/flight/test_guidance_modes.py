@@ -189,7 +189,7 @@ def test_burns_that_cannot_be_flown_are_refused() -> None:
 def test_events_of_the_sky_are_where_the_worlds_own_figures_change() -> None:
     session = Session.of(load_scenario("tango-eclipse-pass"))
     flight = session.flight
-    flight = longer_flight(session.plan, flight, search_s(flight) + 10.0, guided=True)
+    flight = longer_flight(session.plan, flight, (search_s(flight) + 10.0,), guided=True)
     dark = next_event_s(flight, "eclipse", 0.0)
     assert dark is not None
     assert flight.state(dark - 0.05).sun_visible_fraction > flight.state(dark + 1.0).sun_visible_fraction
@@ -221,7 +221,7 @@ def test_a_jump_ends_at_its_moment_at_1x_and_goes_on() -> None:
 
 def test_a_steered_flight_goes_on_without_its_guidance_and_comes_back_to_it() -> None:
     session = Session.of(load_scenario("tango-vbar-approach"))
-    whole = longer_flight(session.plan, session.flight, 1900.0, guided=True)
+    whole = longer_flight(session.plan, session.flight, (1900.0,), guided=True)
     session.take_over()
     session.set_rate(1000.0)
     for _ in range(30):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from gui.app import command_table, options_of
@@ -66,6 +67,33 @@ def test_a_scenario_that_is_wrong_is_a_message_and_the_flight_goes_on(
     console.pass_time(200)
     assert console.session.t_s > before
     assert console.session.plan.scenario.name == "tango-flyaround"
+
+
+def test_a_flight_that_cannot_go_on_is_paused_with_a_message() -> None:
+    # its perigee is below the ground, which it reaches after its own end
+    scenario = load_scenario("tango-flyaround")
+    orbit = msgspec.structs.replace(
+        scenario.orbit, altitude_km=300.0, eccentricity=0.05, true_anomaly_deg=250.0
+    )
+    session = Session.of(msgspec.structs.replace(scenario, orbit=orbit, duration_s=300.0))
+    console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
+    console.do("time.rate", "100")
+    for _ in range(150):
+        console.pass_time(100)
+    assert console.session.paused
+    reached = session.t_s
+    # beyond its own duration, nearly to the ground
+    assert 1100.0 < reached < 1303.0
+    assert console.messages[-1].level == "warning"
+    assert "is paused: scenario tango-flyaround: the target is below the surface" in console.messages[-1].text
+    # what was flown is still there, and it may be steered up to that place
+    console.do("timeline.seek", 50.0)
+    assert session.t_s == pytest.approx(50.0, abs=10.0)
+    console.do("timeline.fly-on")
+    for _ in range(20):
+        console.pass_time(100, frozenset({"steer.up"}))
+    assert session.steering.propellant.delta_v_m_s > 0.0
+    assert session.t_s < reached + 10.0
 
 
 def test_a_script_that_opens_a_scenario_flies_the_same_again(console: Console) -> None:

@@ -110,3 +110,16 @@ def test_a_data_set_is_captured_stopped_and_gone_on_with(tmp_path: Path) -> None
         assert told.startswith("captured: 3 frames")
         until(job, lambda: len(job.thumbnails) == 3)
     assert had >= 3
+
+
+@pytest.mark.slow
+def test_a_data_set_whose_folder_is_gone_ends_with_a_sentence(tmp_path: Path) -> None:
+    with contextlib.closing(CaptureJob()) as job:
+        job.start(CaptureRequest(what="tango-space-10m", frames=400, folder=tmp_path / "disk" / "set"))
+        until(job, lambda: job.done >= 2)
+        (tmp_path / "disk").rename(tmp_path / "elsewhere")
+        (tmp_path / "disk").touch()
+        told = until(job, lambda: not job.running)
+    assert told.startswith("the capture failed after"), told
+    assert "disk/set" in told
+    assert "Traceback" not in told

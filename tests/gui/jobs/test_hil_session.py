@@ -162,3 +162,19 @@ def test_another_flight_ends_the_session(session: Session) -> None:
         turns.session = Session.of(load_scenario("tango-space-10m"))
         turns.until(lambda: not hil.on)
         assert "another flight" in " ".join(n.text for n in turns.notes)
+
+
+@pytest.mark.slow
+def test_a_ledger_whose_folder_is_gone_is_told(session: Session, tmp_path: Path) -> None:
+    with contextlib.closing(HilSession()) as hil:
+        turns = Turns(hil, session)
+        hil.start(session, config(session, tmp_path / "hil"))
+        hil.start_board("tango", "svd")
+        turns.until(lambda: hil.accepted + hil.outcomes["declined"] >= 1)
+        (tmp_path / "hil").rename(tmp_path / "elsewhere")
+        hil.stop()
+        turns.until(lambda: not hil.on)
+        turns.until(lambda: not hil.board_running)
+    told = [n.text for n in turns.notes if n.warning]
+    assert any("cannot write" in text for text in told), turns.notes
+    assert not any("Traceback" in text for text in told)
