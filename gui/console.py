@@ -215,7 +215,7 @@ class Console:
         try:
             self.session.advance((t_ms - self.clock_ms) / 1000, self.held)
         except UserError as error:
-            # an orbit that reaches the ground, a file of attitudes that ends: what was flown is there to look back at
+            # an orbit that reaches the ground, for example: what was flown is there to look back at
             self.session.paused = True
             self.say(f"the flight is paused: {error}", "warning")
         self.clock_ms = t_ms
