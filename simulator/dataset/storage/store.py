@@ -8,7 +8,7 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from simulator.errors import write_error
+from simulator.errors import UserError, write_error
 from simulator.runtime.files import PART_FILES, write_lasting
 from simulator.runtime.untrusted_files import read_regular
 
@@ -75,6 +75,7 @@ class FolderStore:
 
     def __init__(self, folder: Path, others: frozenset[str] = frozenset()) -> None:
         self.folder, self._others = folder, others
+        self._place = folder.stat()
 
     @property
     def title(self) -> str:
@@ -83,6 +84,7 @@ class FolderStore:
 
     def write(self, *waves: Files) -> None:
         """Write files, all of them on the disk before the first has its name; they get their names in order."""
+        self._refuse_if_moved()
         files = [(self.folder / name, data) for wave in waves for name, data in wave]
         for parent in {path.parent for path, _ in files}:
             try:
@@ -91,8 +93,19 @@ class FolderStore:
                 raise write_error(parent, error) from error
         write_lasting(files)
 
+    def _refuse_if_moved(self) -> None:
+        """A folder made anew in place of one that was moved away would hold half a data set that calls itself whole."""
+        with contextlib.suppress(OSError):
+            if os.path.samestat(self._place, self.folder.stat()):
+                return
+        raise UserError(
+            f"{self.folder} was moved or removed while it was written to; what it holds is whole: move it back, "
+            "or go on where it is now with --resume"
+        )
+
     def append(self, name: str, text: bytes) -> None:
         """Add to the end of a file of text."""
+        self._refuse_if_moved()
         path = self.folder / name
         try:
             with path.open("ab") as file:

@@ -46,6 +46,21 @@ def test_nothing_has_its_name_before_all_of_the_batch_is_on_the_disk(tmp_path, m
     assert happened == [("disk", ".part")] * 3 + [("name", "a.png"), ("name", "b.png"), ("name", "a.json")]
 
 
+@pytest.mark.parametrize("again", [False, True])
+def test_a_folder_that_is_moved_away_meanwhile_is_not_made_again_behind_the_users_back(tmp_path, again):
+    folder = tmp_path / "set"
+    folder.mkdir()
+    store = FolderStore(folder)
+    store.write([("images/a", b"x")])
+    folder.rename(tmp_path / "elsewhere")
+    if again:
+        folder.mkdir()  # another of the same name is not it either
+    for write in (lambda: store.write([("b", b"x")]), lambda: store.append("c", b"x")):
+        with pytest.raises(UserError, match="moved or removed"):
+            write()
+    assert not folder.exists() or not list(folder.iterdir())
+
+
 def test_a_disk_that_is_full_says_so_and_leaves_nothing_half_written(tmp_path, monkeypatch):
     real = os.fsync
 
