@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Dict, Optional, Tuple
 
 import numpy as np
@@ -128,6 +128,12 @@ def decided(
         alternatives,
         method,
     )
+
+
+def reconsidered(result: PoseResult, evidence: Evidence, accept_at: float = ACCEPT_AT) -> PoseResult:
+    """The same pose decided anew, by more evidence."""
+    reason, sure = decide(evidence, accept_at), confidence(evidence)
+    return replace(result, accepted=not reason, reason=reason, confidence=sure, evidence=evidence)
 
 
 def unusable(image: Any, camera: CameraIntrinsics) -> str:  # noqa: ANN401 - see Estimator.estimate

@@ -103,7 +103,7 @@ def test_a_mock_up_has_the_networks_of_the_craft_whose_shape_it_has(tango: Board
     assert network_for(replace(tango, name="soyuz-ms"), LAMPS) is None
 
 
-def evidence(**changes: float) -> Evidence:
+def evidence(**changes: float | None) -> Evidence:
     """What was seen of a mock-up at the right pose."""
     return replace(
         Evidence(
@@ -135,8 +135,17 @@ def test_evidence_by_lamps_is_weighed_by_its_own_weights_and_burnt_out_faces_cou
     assert confidence(evidence(lamps=True, drawn=0.1, likeness=0.8)) < 0.3
 
 
+def test_by_lamps_two_rounds_that_agree_make_a_pose_surer_than_one_and_one_surer_than_two_poses() -> None:
+    alone, apart, same = (evidence(lamps=True, drawn=0.33, agreed=a) for a in (None, False, True))
+    assert decide(alone) != ""
+    assert confidence(alone) < confidence(apart) < confidence(same)
+    assert decide(same) == ""
+    # in sunlight rounds say nothing of each other
+    assert confidence(evidence(agreed=True)) == confidence(evidence())
+
+
 def test_by_lamps_a_rival_nearly_as_good_or_little_explained_declines() -> None:
-    assert decide(evidence(lamps=True)) == ""
+    assert decide(evidence(lamps=True, agreed=True)) == ""
     assert decide(evidence(lamps=True, margin=0.02)).startswith("ambiguous")
     assert decide(evidence(lamps=True, covered=0.08)).startswith("too little")
 
