@@ -65,3 +65,11 @@ def test_what_lies_on_another_may_be_shown_and_what_lies_behind_may_not():
     behind = _sheet([(-5, -5), (5, -5), (5, 5), (-5, 5)], 20.01)
     assert _shown(BOARD, decal) == {1, 2}
     assert _shown(BOARD, behind) == {1}
+
+
+@pytest.mark.parametrize(("gap_m", "shown"), [(0.03, {1, 2}), (0.5, {1})])
+def test_a_steep_face_hides_what_lies_behind_it_by_more_than_its_depth_is_known(gap_m, shown):
+    """Three steps wide, 0.084 m deep: its depth changes by 0.055 m over the two steps that it may be off."""
+    steep = _sheet([(-0.006, -5), (0.006, -5), (0.006, 5), (-0.006, 5)], [20.0, 20.084, 20.084, 20.0])
+    behind = _sheet([(-5, -5), (5, -5), (5, 5), (-5, 5)], 20.042 + gap_m)
+    assert _shown(steep, behind) == shown
