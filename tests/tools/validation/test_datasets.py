@@ -73,3 +73,12 @@ def test_a_steep_face_hides_what_lies_behind_it_by_more_than_its_depth_is_known(
     steep = _sheet([(-0.006, -5), (0.006, -5), (0.006, 5), (-0.006, 5)], [20.0, 20.084, 20.084, 20.0])
     behind = _sheet([(-5, -5), (5, -5), (5, 5), (-5, 5)], 20.042 + gap_m)
     assert _shown(steep, behind) == shown
+
+
+@pytest.mark.parametrize(("gap_m", "shown"), [(0.008, {1, 2}), (0.02, {1}), (0.5, {1})])
+def test_a_face_four_pixels_wide_is_known_to_two_steps_of_its_slope(gap_m, shown):
+    """Its depth changes by a metre a pixel, by 0.008 m over two steps; 0.002 m more are a decal's."""
+    sloping = _sheet([(-2, -5), (2, -5), (2, 5), (-2, 5)], [18.0, 22.0, 22.0, 18.0])
+    # 1/z is linear on the image: what is seen at the centre is nearer than the corners' mean
+    behind = _sheet([(-5, -5), (5, -5), (5, 5), (-5, 5)], 19.8 + gap_m)
+    assert _shown(sloping, behind) == shown

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 STEPS = 256
 """Of a pixel: Mesa's software driver, and what GPUs have at least."""
-UNSURE_STEPS = 2
+ROUNDING_PX = 2 / STEPS
 """How far beside itself a plane's depth may be: the roundings of two corners (docs/datasets.md)."""
 _TRIES = 24
 # what single precision makes of a corner that lies between two steps; the tries go either way
@@ -76,17 +76,17 @@ def _first(corners: NDArray[Any], depth_m: NDArray[Any], parts: NDArray[Any], co
         # 1/z is linear on the image: from the first corner to the origin
         b, c = _cross(-corners[:, 0], e2) / twice, _cross(e1, -corners[:, 0]) / twice
         here = inverse[:, 0] + b * (inverse[:, 1] - inverse[:, 0]) + c * (inverse[:, 2] - inverse[:, 0])
-    # a plane is known as well as its corners: the depth may be that of a place so far beside the origin, and thinner
-    # than that the plane says nothing: anything between its corners
-    with np.errstate(divide="ignore", invalid="ignore"):
+        # and what it changes by over a pixel
         along = (
             np.stack([inverse[:, 1] - inverse[:, 0], inverse[:, 2] - inverse[:, 0]], axis=1) / twice[:, None]
         )
         slope = np.hypot(
             along[:, 0] * e2[:, 1] - along[:, 1] * e1[:, 1], along[:, 1] * e1[:, 0] - along[:, 0] * e2[:, 0]
         )
-    thin = np.abs(twice) <= UNSURE_STEPS * longest
-    unsure = np.where(thin, np.inf, UNSURE_STEPS * slope)
+    # a plane is known as well as its corners: the depth may be that of a place so far beside the origin, and thinner
+    # than that the plane says nothing: anything between its corners
+    thin = np.abs(twice) <= ROUNDING_PX * longest
+    unsure = np.where(thin, np.inf, ROUNDING_PX * slope)
     high = np.minimum(np.where(thin, np.inf, here) + unsure, inverse.max(axis=1))
     low = np.maximum(np.where(thin, -np.inf, here) - unsure, inverse.min(axis=1))
     first = low.max()
