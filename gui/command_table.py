@@ -45,10 +45,11 @@ class Argument:
 
     @property
     def about(self) -> str:
-        """A line for people: its name, unit and bounds, and what it is."""
+        """A line for people: its name, unit and bounds, what it is, and the words that are allowed."""
         unit = f" [{self.unit}]" if self.unit else ""
         bounds = f", {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
-        return f"{self.name}{unit}{bounds}: {self.help}"
+        words = f" ({', '.join(self.choices)})" if self.choices else ""
+        return f"{self.name}{unit}{bounds}: {self.help}{words}"
 
     def read(self, text: str, command: str) -> Value:
         """The value of a word of a script.

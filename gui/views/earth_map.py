@@ -39,7 +39,7 @@ TRACK_EVERY_S = 60.0
 SHADE_EVERY_DEG = 0.5
 """The day and night of the map follow the Sun in such steps."""
 PAST, SUNLIT, SHADOWED = style.ACCENT, style.YELLOW, (0.62, 0.62, 0.7, 1.0)
-AHEAD = "simulated time until then [min:s], by an orbit under J2 alone: a second an orbit"
+AHEAD = "simulated time until then [min:s], by an orbit under J2 alone, which is right to a second an orbit"
 
 
 class EarthMap:

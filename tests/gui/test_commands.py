@@ -17,16 +17,7 @@ from gui.picture.feed import Feed
 from gui.script import LARGEST_BYTES, Script
 from simulator.errors import UserError
 from simulator.scenario.load import load_scenario
-
-
-class NoRenderer:
-    """Takes no picture: the flight alone is under test."""
-
-    def submit(self, request: object) -> bool:
-        return False
-
-    def finished(self) -> tuple[()]:
-        return ()
+from tests.harness.no_renderer import NoRenderer
 
 
 @pytest.fixture(scope="module")

@@ -20,20 +20,11 @@ from gui.picture.feed import Feed
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
 from tests.harness.headless_imgui import HeadlessWindow
+from tests.harness.no_renderer import NoRenderer
 
 pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
 
 WAIT_S = 300.0
-
-
-class NoRenderer:
-    """Takes no picture: the flight alone is under test."""
-
-    def submit(self, request: object) -> bool:
-        return False
-
-    def finished(self) -> tuple[()]:
-        return ()
 
 
 @pytest.fixture

@@ -30,21 +30,12 @@ from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
 from tests.gui.jobs.test_hil_session import row
 from tests.harness.headless_imgui import FIGURE, HeadlessWindow, Noted
+from tests.harness.no_renderer import NoRenderer
 
 pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
 
 WORDS_ALONE = {"log", "command-line", "keys", "palette", "help", "tour", "scenarios"}
 """Panels whose figures are parts of sentences, names and commands."""
-
-
-class NoRenderer:
-    """Takes no picture."""
-
-    def submit(self, request: object) -> bool:
-        return False
-
-    def finished(self) -> tuple[()]:
-        return ()
 
 
 class UnderWay:
@@ -195,6 +186,7 @@ def test_a_control_tells_its_command_keys_units_and_line(table: CommandTable) ->
     assert told[1] == "hold [m], 0.1 to 100000: from the target's centre of mass"
     assert told[-1] == "guidance.vbar [hold] [speed]"
     assert table["time.rate"].about("10").splitlines()[-1] == "time.rate 10"
+    assert "detail: how fine (auto, full, half, quarter)" in table["picture.detail"].about()
     # what is switched needs no word on its one argument
     assert "state" not in table["overlay.box"].about().splitlines()[1:-1]
 

@@ -17,16 +17,7 @@ from gui.flight.session import Session
 from gui.jobs.capture_job import CaptureRequest
 from gui.picture.feed import Feed
 from simulator.scenario.load import load_scenario
-
-
-class NoRenderer:
-    """Takes no picture."""
-
-    def submit(self, request: object) -> bool:
-        return False
-
-    def finished(self) -> tuple[()]:
-        return ()
+from tests.harness.no_renderer import NoRenderer
 
 
 @pytest.fixture(scope="module")

@@ -22,21 +22,12 @@ from simulator.scenario.load import load_scenario
 from simulator.scenario.scenario import Scenario
 from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
 from simulator.world.guidance.free_flight import FreeDrift
+from tests.harness.no_renderer import NoRenderer
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 SEEDS = 100
 TICK_MS = 20
 LONGEST_S = 3600.0
-
-
-class NoRenderer:
-    """Takes no picture: the flight alone is under test."""
-
-    def submit(self, request: object) -> bool:
-        return False
-
-    def finished(self) -> tuple[()]:
-        return ()
 
 
 @pytest.fixture(scope="module")

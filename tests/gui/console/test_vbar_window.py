@@ -23,7 +23,8 @@ from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
 from simulator.scenario.write import to_toml
 from simulator.world.orbit.propagation import propagate
-from tests.gui.flight.test_vbar_by_keys import START_M, NoRenderer, beside
+from tests.gui.flight.test_vbar_by_keys import START_M, beside
+from tests.harness.no_renderer import NoRenderer
 from tests.harness.screen import virtual_screen, xdotool
 
 pytestmark = [pytest.mark.gui, pytest.mark.slow, pytest.mark.timeout(600)]
@@ -63,10 +64,13 @@ def test_the_v_bar_by_keys_in_a_window(display: str, tmp_path: Path) -> None:
         command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as console:
         assert console.stderr is not None
-        assert any("first picture" in line for line in console.stderr), "no picture came"
-        time.sleep(2.0)
-        by_keys(display)
-        out, err = console.communicate(timeout=120.0)
+        try:
+            assert any("first picture" in line for line in console.stderr), "no picture came"
+            time.sleep(2.0)
+            by_keys(display)
+            out, err = console.communicate(timeout=120.0)
+        finally:
+            console.kill()
     assert console.returncode == 0, err
     state = json.loads(out)
     # every press was one pulse, and the chaser rests about five metres nearer

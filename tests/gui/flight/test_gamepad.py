@@ -12,20 +12,11 @@ from gui.flight.manual_control import ACCELERATION_M_S2
 from gui.flight.session import Session
 from gui.picture.feed import Feed
 from simulator.scenario.load import load_scenario
+from tests.harness.no_renderer import NoRenderer
 
 FREE = (0.0, 0.0, 0.0, 0.0, -1.0, -1.0)
 UP = (False,) * 15
 TICK_MS = 20
-
-
-class NoRenderer:
-    """Takes no picture: the flight alone is under test."""
-
-    def submit(self, request: object) -> bool:
-        return False
-
-    def finished(self) -> tuple[()]:
-        return ()
 
 
 def axes(**moved: float) -> tuple[float, ...]:

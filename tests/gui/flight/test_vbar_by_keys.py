@@ -19,6 +19,7 @@ from simulator.scenario.plan import plan_flight
 from simulator.scenario.scenario import Scenario
 from simulator.world.guidance.free_flight import FreeDrift
 from simulator.world.orbit.burns import Burn
+from tests.harness.no_renderer import NoRenderer
 
 START_M, MOVED_M = 15.0, -5.0
 FINE = 0.2
@@ -30,16 +31,6 @@ PUSHES = (
     (51.0, 2.0, "forward", (0.0, 1.0, 0.0), 1.0),
 )
 END_S = 60.0
-
-
-class NoRenderer:
-    """Takes no picture: the flight alone is under test."""
-
-    def submit(self, request: object) -> bool:
-        return False
-
-    def finished(self) -> tuple[()]:
-        return ()
 
 
 def beside() -> Scenario:

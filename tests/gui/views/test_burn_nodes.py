@@ -15,6 +15,7 @@ from gui.picture.feed import Feed
 from gui.views.burn_nodes import ARM, FIRST_M_S, PER_M_S, BurnNodes, dragged, handle
 from simulator.scenario.load import load_scenario
 from simulator.world.guidance.free_flight import FreeDrift
+from tests.harness.no_renderer import NoRenderer
 
 LEFT_DOWN, HELD, RIGHT, NOTHING = (
     (True, True, False),
@@ -22,16 +23,6 @@ LEFT_DOWN, HELD, RIGHT, NOTHING = (
     (False, False, True),
     (False, False, False),
 )
-
-
-class NoRenderer:
-    """Takes no picture: the flight alone is under test."""
-
-    def submit(self, request: object) -> bool:
-        return False
-
-    def finished(self) -> tuple[()]:
-        return ()
 
 
 @pytest.fixture
