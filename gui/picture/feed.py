@@ -208,13 +208,13 @@ class Feed:
         self._save_wanted = self.saving
         self._waiting, self._last = [], None
 
-    def _rest(self, error: PictureFailedError) -> None:
+    def _rest(self, error: PictureFailedError, then: str = "it is tried again") -> None:
         """Tell a failure, the same one once, and leave its reason some time to go away."""
         self._rests_until_s = self._clock() + REST_S
         self._last = None
-        if str(error) != self._told_failure:
-            self._told_failure = str(error)
-            self._trouble = f"no picture of the {self._kind.title}: {error}; it is tried again"
+        told = f"no picture of the {self._kind.title}: {error}; {then}"
+        if told != self._told_failure:
+            self._told_failure = self._trouble = told
 
     def _ask(self, session: Session, settings: ViewSettings, *, timed: bool) -> None:
         if len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s):
@@ -222,7 +222,7 @@ class Feed:
         if self._clock() < self._rests_until_s:
             return
         if self._save_wanted:
-            scene = apply_view_settings(session.scene(), settings)
+            scene = _made(lambda: apply_view_settings(session.scene(), settings))
             if self._submit(_Request(scene, session.moment, 1, saved=True, timed=False)):
                 self._save_wanted = False
             return
@@ -230,10 +230,7 @@ class Feed:
             return
         divisor = self.divisor(settings, paused=session.paused)
         quality: Quality | None = None if session.paused else "draft"
-        try:
-            scene = self._kind.scene(session, settings, divisor, quality)
-        except (UserError, ValueError, ArithmeticError) as error:
-            raise PictureFailedError(last_line(error)) from error
+        scene = _made(lambda: self._kind.scene(session, settings, divisor, quality))
         # when nothing moves the picture that is there is the picture, unless its passes are to be timed
         if scene != self._last or (timed and len(self._passes) < TIMED_PICTURES):
             self._submit(_Request(scene, session.moment, divisor, saved=False, timed=timed))
@@ -261,10 +258,13 @@ class Feed:
         try:
             for frame in self._producer.finished():
                 self.write(frame)
-        except PictureFailedError:
-            if self._waiting.pop(0).saved:
-                self._told_failure = ""
-            raise
+        except PictureFailedError as error:
+            saved = self._waiting.pop(0).saved
+            if not (saved and self.finished):
+                raise
+            # told each time, for each was asked for by itself
+            self._told_failure = ""
+            self._rest(error, "it is not saved")
 
     def write(self, frame: Frame) -> None:
         """Take the frame that was asked for the longest ago."""
@@ -296,6 +296,14 @@ class Feed:
         self._costs = [*self._costs[-4:], (request.scene.camera, ms)]
         self.frame_ms = median(cost for _, cost in self._costs)
         self._detail.measured(request.divisor, ms, now)
+
+
+def _made(make: Callable[[], SceneState]) -> SceneState:
+    """A scene; one that cannot be made is a picture that failed."""
+    try:
+        return make()
+    except (UserError, ValueError, ArithmeticError) as error:
+        raise PictureFailedError(last_line(error)) from error
 
 
 def last_line(error: Exception) -> str:

@@ -54,7 +54,7 @@ class Film:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file: Any = av.open(str(self._part), "w", format="mp4")
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, av.error.FFmpegError) as error:
             raise UserError(f"cannot write the film {path}: {error}") from error
         self._av: Any = av
         self.pictures = self.left_out = 0
@@ -113,13 +113,13 @@ class Film:
         except OSError as error:
             # a full disk ends the film and not the flight
             self._give_up(write_error(self.path, error))
-        except (ValueError, MemoryError) as error:
-            # libav's other errors are of these kinds
+        except (ValueError, MemoryError, self._av.error.FFmpegError) as error:
+            # the encoder's own errors are of libav's kind alone
             self._give_up(error)
 
     def _give_up(self, why: object) -> None:
         """No film: what was written of it is not whole."""
-        with contextlib.suppress(OSError, ValueError):
+        with contextlib.suppress(OSError, ValueError, self._av.error.FFmpegError):
             self._file.close()
         with contextlib.suppress(OSError):
             self._part.unlink(missing_ok=True)

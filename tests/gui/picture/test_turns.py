@@ -217,7 +217,9 @@ def test_a_picture_of_the_camera_that_fails_is_told_once_there_was_one(session: 
     feed.update(session, settings)
     producer.fail = UserError("the graphics memory is full")
     assert not feed.update(session, settings)
-    assert "chaser's camera: the graphics memory is full" in (feed.take_trouble() or "")
+    assert feed.take_trouble() == (
+        "no picture of the chaser's camera: the graphics memory is full; it is not saved"
+    )
     assert not feed.saving
     assert feed.newest is not None
     producer.now_s += 3.0

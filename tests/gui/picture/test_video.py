@@ -96,5 +96,19 @@ def test_a_folder_that_is_gone_ends_the_film(tmp_path: Path) -> None:
     assert "is not kept: cannot write" in (film.trouble or "")
 
 
+def test_an_encoder_that_fails_ends_the_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import av
+
+    def fails(*_: object) -> None:
+        raise av.error.ExternalError(1, "the encoder failed")
+
+    film = Film(tmp_path / "view.mp4")
+    monkeypatch.setattr(film, "_stream", fails)
+    noise(film, 1)
+    film.close()
+    assert "is not kept" in (film.trouble or "")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_digital_numbers_become_bytes() -> None:
     assert eight_bits(np.array([[4095]], np.uint16), 12)[0, 0] == 255
