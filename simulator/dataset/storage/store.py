@@ -99,8 +99,8 @@ class FolderStore:
             if os.path.samestat(self._place, self.folder.stat()):
                 return
         raise UserError(
-            f"{self.folder} was moved or removed while it was written to; what it holds is whole: move it back, "
-            "or go on where it is now with --resume"
+            f"{self.folder} was moved or removed while a data set was written to it; what was written is whole: "
+            "move it back, or go on with --resume where it is now"
         )
 
     def append(self, name: str, text: bytes) -> None:
