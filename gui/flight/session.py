@@ -179,26 +179,31 @@ class Session:
             return
         end = self._t_s + FRAME_STEP_S * self.rate
         # the small term: sums of equal parts count as the whole
-        while self._t_s < end - 1e-9 * self.rate:
-            self._step(min(self._step_s(), end - self._t_s))
-        self._moment = None
-        self._leave_trail()
+        try:
+            while self._t_s < end - 1e-9 * self.rate:
+                self._step(min(self._step_s(), end - self._t_s))
+        finally:
+            self._moment = None
+            self._leave_trail()
 
     def _run_owed(self) -> None:
         """Step for step, each paid with the operator's time that it stands for."""
         stepped = False
-        while not self.paused:
-            h = self._step_s()
-            costs = max(h / self._rate, 1 / MOST_STEPS_PER_S)
-            # the small term: sums of equal parts count as the whole
-            if self._owed_s < costs * (1 - 1e-9):
-                break
-            self._owed_s = max(self._owed_s - costs, 0.0)
-            self._step(h)
-            stepped = True
-        if stepped:
-            self._moment = None
-            self._leave_trail()
+        try:
+            while not self.paused:
+                h = self._step_s()
+                costs = max(h / self._rate, 1 / MOST_STEPS_PER_S)
+                # the small term: sums of equal parts count as the whole
+                if self._owed_s < costs * (1 - 1e-9):
+                    break
+                self._owed_s = max(self._owed_s - costs, 0.0)
+                self._step(h)
+                stepped = True
+        finally:
+            # also where the flight cannot go on: it is shown where it got to
+            if stepped:
+                self._moment = None
+                self._leave_trail()
 
     @property
     def _rate(self) -> float:

@@ -69,8 +69,10 @@ def test_a_flight_that_cannot_go_on_is_paused_with_a_message() -> None:
     session = Session.of(msgspec.structs.replace(scenario, orbit=orbit, duration_s=300.0))
     console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
     console.do("time.rate", "100")
-    for _ in range(150):
-        console.pass_time(100)
+    for _ in range(220):
+        console.pass_time(70)
+        # what is shown is where it got to, at its last step too
+        assert session.moment.world.t_s == session.t_s
     assert console.session.paused
     reached = session.t_s
     # beyond its own duration, nearly to the ground
