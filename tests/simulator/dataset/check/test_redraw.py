@@ -28,6 +28,7 @@ from simulator.frame import take_frame
 from simulator.imaging.image_formation import digitise_scene, expose_scene
 from simulator.labels.layers import pixel_hash
 from simulator.labels.truth import read_truth
+from simulator.recipes.plan import plan_recipe
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
@@ -183,6 +184,18 @@ def test_shares_that_are_off_by_a_hundredth_are_caught(copy, pictures, plan):
     faults = check_dataset(copy, redraw=1).faults
     for name in ("silhouette_inside", "wireframe_step_share"):
         assert {fault.frame for fault in faults if name in fault.what} == {0, 1, 2}
+
+
+def test_no_share_is_refused_of_a_craft_that_reaches_to_the_lens_or_is_cut_through_thin_antennas():
+    """Frames of a close CubeSat: its antennas are a pixel wide in one, and 7 mm before the camera in the other."""
+    plan = plan_recipe("swisscube", 45, seed=2811)
+    plan = dataclasses.replace(plan, camera=smaller(plan.camera, 384))
+    with Renderer() as renderer:
+        for k in (37, 44):
+            scene = plan.scene(k)
+            truth = take_frame(renderer, scene, scene.target.drawn(plan.target)).truth
+            assert 0 < truth.silhouette_inside < 1
+            assert check_silhouette_inside(truth, scene.target.drawn(plan.target)) == []
 
 
 def test_states_and_boxes_by_rays(dataset, plan):
