@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from gui import style
+from gui.key_queue import KeyQueue
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -84,6 +85,15 @@ class Window:
         # panels are moved by their titles, so that a drag in a picture or a map is the picture's
         io.config_windows_move_from_title_bar_only = True
         self._backend = GlfwRenderer(self._native)
+        self._typed = KeyQueue(
+            self._backend.keyboard_callback,
+            self._backend.char_callback,
+            pressed=self._glfw.PRESS,
+            ctrl=self._glfw.MOD_CONTROL,
+            turns=(self._glfw.KEY_ESCAPE, self._glfw.KEY_ENTER, self._glfw.KEY_KP_ENTER),
+        )
+        self._glfw.set_key_callback(self._native, self._typed.key)
+        self._glfw.set_char_callback(self._native, self._typed.letter)
         # a key that is down when the window loses the focus must not stay down
         self._glfw.set_window_focus_callback(
             self._native, lambda _, focused: io.add_focus_event(bool(focused))
@@ -163,11 +173,12 @@ class Window:
         """Take what input there is, waiting for it at most so long; whether some came."""
         start = self.seconds
         self._glfw.wait_events_timeout(longest_s)
-        return self.seconds - start < 0.9 * longest_s
+        return bool(self._typed) or self.seconds - start < 0.9 * longest_s
 
     @contextmanager
     def frame(self) -> Iterator[None]:
         """Draw what the body lays out."""
+        self._typed.hand_on()
         self._backend.process_inputs()
         height = self.imgui.get_io().display_size.y
         self._growth = min(max(height / self._monitor_scale / 900.0, 1.0), 1.5)

@@ -93,8 +93,9 @@ class Palette:
             if imgui.selectable(w.elided(f"{c.form}   {c.help}", w.width), False)[0]:
                 chosen = c.name
             w.about(console, c.name)
-        if entered and (name in console.table or found):
-            chosen = name if name in console.table else found[0].name
+        if entered and name:
+            # a name that nobody knows is told by whoever does the line
+            chosen = name if name in console.table or not found else found[0].name
         if chosen is not None:
             console.open_panel(self.name, shown=False)
             console.do_line(f"{chosen} {rest}")

@@ -174,6 +174,31 @@ def test_slow_pictures_do_not_slow_the_keys(display: str, tmp_path: Path) -> Non
     assert state["window_per_s"] > state["pictures_per_s"]
 
 
+def test_what_is_typed_ahead_of_a_slow_window_goes_where_it_should(display: str, tmp_path: Path) -> None:
+    """Keys and letters that come in one go: none of the letters steers, or saves a picture."""
+    sitting = Sitting(display, tmp_path, "600 window.close", "tango-space-10m")
+    try:
+        sitting.wait_for("first picture")
+        time.sleep(2.0)
+        sitting.process.send_signal(signal.SIGSTOP)
+        xdotool(display, "key", "ctrl+p")
+        xdotool(display, "type", "--delay", "5", "time.rate 5")
+        xdotool(display, "key", "Return")
+        xdotool(display, "key", "ctrl+p")
+        xdotool(display, "type", "--delay", "5", "no.such pages")
+        xdotool(display, "key", "Return")
+        sitting.process.send_signal(signal.SIGCONT)
+        said = sitting.wait_for("no.such")
+        time.sleep(1.0)
+        xdotool(display, "key", "ctrl+q")
+        state, heard = sitting.end()
+    finally:
+        sitting.process.kill()
+    assert "command" in said
+    assert state["rate"] == 5.0
+    assert "saved" not in heard
+
+
 def test_what_goes_wrong_is_told_and_the_flight_goes_on(display: str, tmp_path: Path) -> None:
     (tmp_path / "broken.toml").write_text("name = 1")
     (tmp_path / "file").touch()
