@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from simulator.targets.joined_mesh import JoinedMesh
     from simulator.world.frames.pose import Pose
 
-NEAR_M = 1e-3  # a triangle that reaches closer to the lens's plane, or behind it, has no projection
+NEAR_M = (
+    1e-3  # what of a triangle is closer to the lens's plane, or behind it, has no projection: it is cut off
+)
 # Triangles seen edge-on hide nothing: twice their area on the plane z = 1, and seen from a far light [m2].
 FLAT, FLAT_M2 = 1e-15, 1e-12
 FEW = 12  # for so few points no grid is made
@@ -141,8 +143,7 @@ def seen_from_camera(mesh: JoinedMesh, camera_from_target: Pose) -> ProjectedMes
         corners = corners[:, :, mesh.facing(np.append(-R.T @ t, 1.0))]
     x, y, z = (R @ corners.reshape(3, -1)).reshape(corners.shape) + t[:, None, None]
     if ends.min() <= NEAR_M:
-        ahead = _least(z) > NEAR_M
-        x, y, z = x[:, ahead], y[:, ahead], z[:, ahead]
+        x, y, z = _ahead_of_lens(np.stack([x, y, z]))
     near = 1 / z
     return ProjectedMesh(x * near, y * near, near, FLAT)
 
@@ -161,6 +162,22 @@ def across(direction: tuple[float, float, float]) -> FloatArray:
     e1 = np.cross(d, np.eye(3)[int(np.argmin(np.abs(d)))])
     e1 /= np.linalg.norm(e1)
     return np.stack([e1, np.cross(d, e1), d])
+
+
+def _ahead_of_lens(corners: FloatArray) -> FloatArray:
+    """(3, 3, M) axes by corners of what of the triangles lies beyond `NEAR_M`: of one that is cut, one or two."""
+    ahead = corners[2] > NEAR_M
+    count = ahead.sum(axis=0)
+    pieces = [corners[:, :, count == 3]]
+    for alone, n in ((True, 1), (False, 2)):
+        which = np.flatnonzero(count == n)
+        # the corner that lies by itself on its side comes first
+        order = (np.argmax(ahead[:, which] == alone, axis=0) + np.arange(3)[:, None]) % 3
+        a, b, c = corners[:, order, which].transpose(1, 0, 2)
+        ab, ac = (a + (NEAR_M - a[2]) / (other[2] - a[2]) * (other - a) for other in (b, c))
+        cut = [(a, ab, ac)] if alone else [(ab, b, c), (ab, c, ac)]
+        pieces += [np.stack(triangle, axis=1) for triangle in cut]
+    return np.concatenate(pieces, axis=2)
 
 
 def _least(corners: FloatArray) -> FloatArray:

@@ -36,6 +36,19 @@ def test_sun_behind_a_face_shadows_its_centre():
     assert hidden_from_direction(MESH, centres, sun).tolist() == [False, True, False]
 
 
+@pytest.mark.parametrize("end_m", [0.5, 1e-3, 0.0, -3.0, -40.0])
+def test_a_bar_that_reaches_past_the_camera_hides_what_lies_behind_its_part_before_it(end_m):
+    """Two long triangles, 0.2 m wide, from 2 m before the camera to beside or behind it, and out to its right."""
+    far, near = np.array([0.0, 0.0, 2.0]), np.array([0.4 * (2 - end_m) / 2, 0.0, end_m])
+    up = np.array([0.0, 0.1, 0.0])
+    corners = np.array([far - up, near - up, near + up, far + up])
+    bar = JoinedMesh(corners - (0, 0, 5), np.array([[0, 1, 2], [0, 2, 3]]))
+    # behind the bar at z = 1, where it is at x = 0.2, and beside it
+    points = np.array([[0.2, 0.0, 1.0], [0.2, 0.08, 1.0], [0.2, 0.12, 1.0], [-0.1, 0.0, 1.0]]) * 1.5
+    camera = Pose.of("camera", "target", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0))
+    assert occluded_from_camera(bar, points - (0, 0, 5), camera).tolist() == [True, True, False, False]
+
+
 class _Wires:
     """Edges: all that view_edges reads of a target."""
 
