@@ -147,6 +147,7 @@ def test_a_drawing_process_that_dies_is_started_again(display: str, tmp_path: Pa
         **os.environ,
         "DISPLAY": display,
         "FLYAROUND_CONSOLE_LAYOUT": str(tmp_path / "layout.json"),
+        "COLUMNS": "400",
     }
     with subprocess.Popen(
         command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
