@@ -15,7 +15,7 @@ REST_FRAMES = 3
 
 
 class KeyQueue:
-    """Key and letter events in their order, handed on before each frame.
+    """Key and letter events in their order, delivered before each frame.
 
     A window of three frames a second gets Ctrl+P and the letters of a command in one go. The line that takes them is
     there some frames later; until then they would be keys that steer.
@@ -54,7 +54,7 @@ class KeyQueue:
         """One letter was typed."""
         self._events.append((lambda: self._on_letter(window, code_point), None, False))
 
-    def hand_on(self) -> None:
+    def deliver(self) -> None:
         """Before a frame: what came since the last, as far as the first key that may begin or end a line of text.
 
         No more than Dear ImGui takes in a frame: no key twice, and no such key after a letter; the rest of it would

@@ -178,7 +178,7 @@ class Window:
     @contextmanager
     def frame(self) -> Iterator[None]:
         """Draw what the body lays out."""
-        self._typed.hand_on()
+        self._typed.deliver()
         self._backend.process_inputs()
         height = self.imgui.get_io().display_size.y
         self._growth = min(max(height / self._monitor_scale / 900.0, 1.0), 1.5)

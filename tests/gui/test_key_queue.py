@@ -20,7 +20,7 @@ def test_letters_wait_until_what_a_key_with_ctrl_opened_is_drawn():
     queue.letter(None, ord("g"))
     seen = []
     for _ in range(2 * (REST_FRAMES + 1) + 1):
-        queue.hand_on()
+        queue.deliver()
         seen.append(len(taken))
     assert taken == [ESCAPE, 80, 80, 71, "g"]
     assert seen == [1] * (REST_FRAMES + 1) + [2] * (REST_FRAMES + 1) + [5]
@@ -34,7 +34,7 @@ def test_keys_without_ctrl_come_at_once_and_in_order():
     )
     for key in (87, 65, 83, 68):
         queue.key(None, key, 0, PRESS, 1)
-    queue.hand_on()
+    queue.deliver()
     assert taken == [87, 65, 83, 68]
 
 
@@ -56,7 +56,7 @@ def test_what_would_wait_in_dear_imgui_waits_here():
     frames = []
     while queue:
         before = len(taken)
-        queue.hand_on()
+        queue.deliver()
         frames.append(taken[before:])
     assert frames == [
         [(65, PRESS), "a"],

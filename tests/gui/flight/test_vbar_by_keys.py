@@ -41,10 +41,10 @@ def beside() -> Scenario:
 
 def script() -> str:
     lines = ["0.5 steer.lvlh on"]
-    for begin_s, lasts_s, key, _, strength in PUSHES:
+    for from_s, lasts_s, key, _, strength in PUSHES:
         keys = [f"steer.{key}", *(["steer.fine"] if strength == FINE else [])]
-        lines += [f"{begin_s:.3f} hold {k}" for k in keys]
-        lines += [f"{begin_s + lasts_s:.3f} release {k}" for k in keys]
+        lines += [f"{from_s:.3f} hold {k}" for k in keys]
+        lines += [f"{from_s + lasts_s:.3f} release {k}" for k in keys]
     return "\n".join(sorted(lines, key=lambda line: float(line.split()[0]))) + "\n"
 
 
@@ -63,11 +63,11 @@ def test_five_metres_along_the_v_bar_are_the_worlds_own_propagation(tmp_path: Pa
     burns = tuple(
         Burn(
             craft="chaser",
-            start_s=begin_s,
+            start_s=from_s,
             duration_s=lasts_s,
             delta_v_lvlh_m_s=tuple(strength * ACCELERATION_M_S2 * lasts_s * d for d in direction),  # type: ignore[arg-type]
         )
-        for begin_s, lasts_s, _, direction, strength in PUSHES
+        for from_s, lasts_s, _, direction, strength in PUSHES
     )
     truth = plan_flight(
         msgspec.structs.replace(beside(), burns=burns, duration_s=END_S + 1.0), n=1
