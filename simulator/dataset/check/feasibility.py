@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 FINE_PX = 2048  # longest side of the grid that a silhouette is filled on
 LABEL_PX = 512  # and of the one that the label counts on
 SHARE = 0.002
-# How many pixels more or less a raster finds on an outline, over the root of its length: half of one at random, more
-# where straight edges run along rows: of 200 pictures of a CubeSat with antennas a pixel wide five need up to 1.24.
-OUTLINE = 1.5
+# How many pixels more or less a raster finds on an outline, over the root of its length: half of one at random, so four
+# standard deviations. Of 900 pictures of a CubeSat with antennas a pixel wide one needs 1.65.
+OUTLINE = 2.0
 # Of what reaches nearer, what lies within an image's size beside the image counts (docs/labels.md).
 NEAREST_M = 0.01
 SPACING_PX, REACH_PX = (

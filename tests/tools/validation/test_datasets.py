@@ -14,9 +14,9 @@ def _sheet(corners_px, z_m):
     return np.array([[(a, b, c, d)[i] for i in f] for f in faces]), np.array([depth[list(f)] for f in faces])
 
 
-def _shown(*sheets):
+def _shown(*sheets, lens=False):
     corners, depth = (np.concatenate(x) for x in zip(*sheets, strict=True))
-    return shown_parts(corners, depth, np.repeat(np.arange(1, len(sheets) + 1), 2), 2e-3)
+    return shown_parts(corners, depth, np.repeat(np.arange(1, len(sheets) + 1), 2), 2e-3, lens=lens)
 
 
 BOARD = _sheet([(-9, -7), (8, -9), (9, 8), (-8, 9)], 20.0)
@@ -42,6 +42,13 @@ def test_a_face_seen_edge_on_may_be_shown_where_a_ray_just_misses_it():
 @pytest.mark.parametrize("beside_px", [0.02, -0.02, 0.5])
 def test_a_face_seen_edge_on_is_not_shown_farther_from_the_centre_than_a_step(beside_px):
     assert _shown(BOARD, _wall(beside_px)) == {1}
+
+
+@pytest.mark.parametrize(("beside_px", "shown"), [(0.01, {1, 2}), (0.06, {1})])
+def test_through_a_lens_an_edge_may_lie_as_far_beside_as_the_picture_follows_it(beside_px, shown):
+    beside = _sheet([(beside_px, -5), (5, -5), (5, 5), (beside_px, 5)], 19.0)
+    assert _shown(BOARD, beside, lens=True) == shown
+    assert _shown(BOARD, beside) == {1}
 
 
 def test_a_sheet_has_no_crack_where_its_triangles_meet_at_the_centre():

@@ -93,9 +93,7 @@ class ExportedMesh:
         return set(self._parts[triangles[far <= far.min() + _COPLANAR_M]].tolist())
 
     def rounded_parts(self, truth: Truth, pixel_px: NDArray[Any]) -> set[int]:
-        """Parts that a raster may show at one pixel's centre, 0 for none; nothing through a lens, where edges bend."""
-        if truth.camera.distortion.coefficients:
-            return set()
+        """Parts that a raster may show at one pixel's centre, 0 for none; of a lens, from the place without it."""
         R, t_m, K = _rotation(truth), np.array(truth.t_camera_from_target_m), _matrix(truth)
         depth_m = self._mesh.vertices @ R[2] + t_m[2]
         ahead = np.all(depth_m[self._mesh.faces] > _NEAR_M, axis=1)
@@ -103,7 +101,9 @@ class ExportedMesh:
             -1, 2
         )
         faces = self._mesh.faces[ahead]
-        return shown_parts(at[faces] - pixel_px, depth_m[faces], self._parts[ahead], _COPLANAR_M)
+        lens = bool(truth.camera.distortion.coefficients)
+        plain_px = (_without_lens(truth, pixel_px[None]) @ K[:2, :2].T + K[:2, 2])[0] if lens else pixel_px
+        return shown_parts(at[faces] - plain_px, depth_m[faces], self._parts[ahead], _COPLANAR_M, lens=lens)
 
 
 def _check_root(scene: Any) -> None:  # noqa: ANN401 - trimesh's own
@@ -131,18 +131,21 @@ def _rotation(truth: Truth) -> NDArray[Any]:
 
 def _rays(truth: Truth, pixels_px: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Origins and directions in the model's frame."""
+    R = _rotation(truth)
+    ways = np.insert(_without_lens(truth, pixels_px), 2, 1.0, axis=1) @ R  # rows times R: by its transpose
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    return np.broadcast_to(-R.T @ np.array(truth.t_camera_from_target_m), ways.shape), ways
+
+
+def _without_lens(truth: Truth, pixels_px: NDArray[Any]) -> NDArray[Any]:
+    """Where the rays through pixels (K, 2) meet the plane at depth 1."""
     camera, K = truth.camera, _matrix(truth)
     lens = np.array(camera.distortion.coefficients or [0.0] * 5)
     at = np.ascontiguousarray(pixels_px, float).reshape(-1, 1, 2)
     if camera.distortion.model == "kannala_brandt":
-        xy = cv2.fisheye.undistortPoints(at, K, lens).reshape(-1, 2)
-    else:
-        stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
-        xy = cv2.undistortPoints(at, K, lens, R=None, P=None, criteria=stop).reshape(-1, 2)
-    R = _rotation(truth)
-    ways = np.insert(xy, 2, 1.0, axis=1) @ R  # rows times R: by its transpose
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    return np.broadcast_to(-R.T @ np.array(truth.t_camera_from_target_m), ways.shape), ways
+        return np.asarray(cv2.fisheye.undistortPoints(at, K, lens).reshape(-1, 2))
+    stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
+    return np.asarray(cv2.undistortPoints(at, K, lens, R=None, P=None, criteria=stop).reshape(-1, 2))
 
 
 def compare(

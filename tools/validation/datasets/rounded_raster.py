@@ -21,10 +21,17 @@ ROUNDING_PX = 2 / STEPS
 _TRIES = 24
 # what single precision makes of a corner that lies between two steps; the tries go either way
 _UNSURE_PX = 2e-4
+LENS_PX = 0.02
+"""How far a bent edge may lie beside the lens's own picture of it (docs/camera.md)."""
 
 
 def shown_parts(
-    corners_px: NDArray[Any], depth_m: NDArray[Any], parts: NDArray[Any], coplanar_m: float
+    corners_px: NDArray[Any],
+    depth_m: NDArray[Any],
+    parts: NDArray[Any],
+    coplanar_m: float,
+    *,
+    lens: bool = False,
 ) -> set[int]:
     """Parts that a raster may show at the origin of the image plane; 0 where it may show none.
 
@@ -32,7 +39,9 @@ def shown_parts(
     ----------
     corners_px : (K, 3, 2) of triangles, from the pixel's centre. depth_m : (K, 3) of the corners, all positive.
     parts : (K,). coplanar_m : how far behind the first another may lie and be shown.
+    lens : whether the corners are where they were without the lens, which the picture follows by straight pieces.
     """
+    unsure_px, rounding_px = (LENS_PX, ROUNDING_PX + LENS_PX) if lens else (_UNSURE_PX, ROUNDING_PX)
     near = np.all(corners_px.min(axis=1) <= 1, axis=1) & np.all(corners_px.max(axis=1) >= -1, axis=1)
     corners, depth, part = corners_px[near], depth_m[near], parts[near]
     # equal corners are one: rounded once, to one place
@@ -40,13 +49,13 @@ def shown_parts(
     rng = np.random.default_rng(0)
     shown: set[int] = set()
     for k in range(_TRIES):
-        moved = places + (rng.uniform(-_UNSURE_PX, _UNSURE_PX, places.shape) if k else 0.0)
+        moved = places + (rng.uniform(-unsure_px, unsure_px, places.shape) if k else 0.0)
         whole = np.rint(moved * STEPS).astype(np.int64)[of_corner.reshape(-1)].reshape(-1, 3, 2)
         twice = _cross(whole[:, 1] - whole[:, 0], whole[:, 2] - whole[:, 0])
         held = _holds_origin(whole, twice)
         # faces that look away, by the clock on an image whose rows go down, are not drawn where a body is closed
         for drawn in (held, held & (twice < 0)):
-            shown |= _first(corners[drawn], depth[drawn], part[drawn], coplanar_m)
+            shown |= _first(corners[drawn], depth[drawn], part[drawn], coplanar_m, rounding_px)
     return shown
 
 
@@ -64,7 +73,13 @@ def _holds_origin(corners: NDArray[np.int64], twice_area: NDArray[np.int64]) -> 
     return np.asarray((twice_area != 0) & np.all((side > 0) | ((side == 0) & mine), axis=1))
 
 
-def _first(corners: NDArray[Any], depth_m: NDArray[Any], parts: NDArray[Any], coplanar_m: float) -> set[int]:
+def _first(
+    corners: NDArray[Any],
+    depth_m: NDArray[Any],
+    parts: NDArray[Any],
+    coplanar_m: float,
+    rounding_px: float,
+) -> set[int]:
     """Parts of those triangles that are nearest at the origin."""
     if not len(parts):
         return {0}
@@ -85,8 +100,8 @@ def _first(corners: NDArray[Any], depth_m: NDArray[Any], parts: NDArray[Any], co
         )
     # a plane is known as well as its corners: the depth may be that of a place so far beside the origin, and thinner
     # than that the plane says nothing: anything between its corners
-    thin = np.abs(twice) <= ROUNDING_PX * longest
-    unsure = np.where(thin, np.inf, ROUNDING_PX * slope)
+    thin = np.abs(twice) <= rounding_px * longest
+    unsure = np.where(thin, np.inf, rounding_px * slope)
     high = np.minimum(np.where(thin, np.inf, here) + unsure, inverse.max(axis=1))
     low = np.maximum(np.where(thin, -np.inf, here) - unsure, inverse.min(axis=1))
     first = low.max()
