@@ -23,7 +23,7 @@ MOST_HELD = 64
 
 
 def _draw(renderer, count):
-    """Small pictures of a scene with everything, at a size or another: batches are short and many."""
+    """Small pictures of a scene with everything, at two sizes: batches are short and many. Each one's number."""
     plan = plan_flight(load_scenario("tango-flyaround"), n=count)
     for k in range(count):
         scene, share = plan.scene(k), 8 if k % 5 else 4
@@ -35,6 +35,7 @@ def _draw(renderer, count):
             **{name: getattr(camera, name) / share for name in ("fx_px", "fy_px", "cx_px", "cy_px")},
         )
         renderer.render(replace(scene, camera=camera, quality="draft"), plan.target)
+        yield k
 
 
 def test_a_thread_held_up_while_it_tells_that_it_is_done_corrupts_nothing(renderer, tmp_path):
@@ -47,11 +48,11 @@ def test_a_thread_held_up_while_it_tells_that_it_is_done_corrupts_nothing(render
     source = Path(__file__).with_name("slow_fences.c")
     subprocess.run([compiler, "-shared", "-fPIC", str(source), "-o", str(library), "-ldl"], check=True)
     environment = {**os.environ, "LD_PRELOAD": str(library), "LP_NUM_THREADS": "2"}
-    command = [sys.executable, "-m", "tests.simulator.render.gl.test_fences"]
+    command = [sys.executable, "-X", "faulthandler", "-m", "tests.simulator.render.gl.test_fences"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300, env=environment)
     # without `Fences`: -6 or -11, "corrupted double-linked list", within six pictures in eight runs of eight
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == "drawn"
+    assert done.returncode == 0, f"{done.returncode} after {done.stdout!r}: {done.stderr}"
+    assert done.stdout == "".join(f"{k} " for k in range(PICTURES)) + "drawn"
 
 
 def test_fences_are_held_and_freed_again(renderer):
@@ -59,7 +60,7 @@ def test_fences_are_held_and_freed_again(renderer):
         pytest.skip("of a software driver")
     context = moderngl.create_context(standalone=True, backend="egl")
     with Renderer(context=context) as own:
-        _draw(own, PICTURES)
+        assert len(list(_draw(own, PICTURES))) == PICTURES
         assert isinstance(context.extra, Fences)
         assert 0 < context.extra.held <= MOST_HELD
     context.release()
@@ -81,5 +82,7 @@ def test_another_owners_context_is_flushed_and_left_alone(renderer):
 
 if __name__ == "__main__":
     with Renderer() as one:
-        _draw(one, PICTURES)
+        for drawn in _draw(one, PICTURES):
+            sys.stdout.write(f"{drawn} ")
+            sys.stdout.flush()  # should the process die: where
     sys.stdout.write("drawn")
