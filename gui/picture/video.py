@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 WAITING = 8
 """Pictures that may wait for the encoder; others are left out, and counted."""
 CLOCK = Fraction(1, 1000)
+END_S = 30.0
+"""So long the end of a film waits for its encoder: a few pictures on a slow machine."""
 
 
 class Film:
@@ -82,8 +84,13 @@ class Film:
     def close(self) -> None:
         """End the file; the pictures that wait are still written."""
         with contextlib.suppress(queue.Full):
-            self._queue.put(None, timeout=5.0)
-        self._thread.join(timeout=10.0)
+            self._queue.put(None, timeout=END_S)
+        self._thread.join(timeout=END_S)
+        if self._thread.is_alive():
+            # it goes on by itself, and gives the file its name if it comes to an end before the console does
+            self.trouble = (
+                f"the film {self.path} is not whole yet: its encoder has not ended after {END_S:g} s"
+            )
 
     def _run(self) -> None:
         stream: Any = None

@@ -114,8 +114,10 @@ class EarthMap:
         loading = self._maps[body]
         if not loading.done():
             return
-        if loading.exception() is not None:
+        error = loading.exception()
+        if error is not None:
             # the track is worth as much without the map
+            canvas.text((box.x + 6, box.y + 6), f"no map of the {body}: {error}", style.YELLOW)
             return
         ground = loading.result()
         sun = self._subsolar(world)

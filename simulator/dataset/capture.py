@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from pathlib import Path
@@ -134,12 +134,19 @@ def _store_for(place: str | Path, *, resume: bool) -> Iterator[Store]:
                 )
             yield remote
         return
+    is_new = not Path(place).exists()
     folder = empty_folder(Path(place), resume=True)
-    with only_writer(folder, "capture"):
-        store = FolderStore(folder, frozenset({lock_name("capture")}))
-        if not resume and not store.is_empty():
-            empty_folder(folder, resume=False)
-        yield store
+    try:
+        with only_writer(folder, "capture"):
+            store = FolderStore(folder, frozenset({lock_name("capture")}))
+            if not resume and not store.is_empty():
+                empty_folder(folder, resume=False)
+            yield store
+    finally:
+        if is_new:
+            # refused before its first file: nothing of it stays
+            with suppress(OSError):
+                folder.rmdir()
 
 
 def _capture(

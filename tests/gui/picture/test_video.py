@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
+from gui.picture import video
 from gui.picture.video import Film, eight_bits
 from simulator.errors import UserError
 from tests.harness.small_disk import small_disk
@@ -108,6 +110,26 @@ def test_an_encoder_that_fails_ends_the_film(tmp_path: Path, monkeypatch: pytest
     film.close()
     assert "is not kept" in (film.trouble or "")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_encoder_that_does_not_end_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(video, "END_S", 0.1)
+    go_on = threading.Event()
+    film = Film(tmp_path / "view.mp4")
+    stream = film._stream
+
+    def waits(size: tuple[int, int]) -> object:
+        go_on.wait()
+        return stream(size)
+
+    monkeypatch.setattr(film, "_stream", waits)
+    noise(film, 1)
+    film.close()
+    assert film.trouble == f"the film {film.path} is not whole yet: its encoder has not ended after 0.1 s"
+    assert not film.path.exists()
+    go_on.set()
+    film._thread.join()
+    assert film.path.exists()
 
 
 def test_digital_numbers_become_bytes() -> None:

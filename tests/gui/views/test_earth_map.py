@@ -1,0 +1,46 @@
+"""The Earth map: a map that cannot be read is said in its place, and the track is drawn all the same."""
+
+from __future__ import annotations
+
+import pytest
+
+from gui.app import command_table, options_of
+from gui.canvas import Canvas
+from gui.console import Console
+from gui.flight.session import Session
+from gui.picture.feed import Feed
+from gui.views import earth_map
+from gui.views.earth_map import EarthMap
+from simulator.errors import UserError
+from simulator.scenario.load import load_scenario
+from tests.harness.headless_imgui import HeadlessWindow
+from tests.harness.no_renderer import NoRenderer
+
+pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
+
+
+def test_a_map_that_cannot_be_read_is_said_in_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    def damaged(_body: str) -> None:
+        raise UserError("earth/day.jpg is damaged; install flyaround again")
+
+    written: list[str] = []
+    write = Canvas.text
+
+    def noted(canvas: Canvas, at: tuple[float, float], text: str, *rest: object) -> None:
+        written.append(text)
+        write(canvas, at, text, *rest)
+
+    monkeypatch.setattr(earth_map, "load_ground_map", damaged)
+    monkeypatch.setattr(Canvas, "text", noted)
+    session = Session.of(load_scenario("tango-flyaround"))
+    console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
+    window = HeadlessWindow()
+    try:
+        view = EarthMap(window)
+        for _ in range(2):
+            with window.panel("Earth map", 800, 400):
+                view.draw(console)
+            view._maps["earth"].exception(timeout=30)  # until it was tried
+        assert "no map of the earth: earth/day.jpg is damaged; install flyaround again" in written
+    finally:
+        window.close()
