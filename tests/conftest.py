@@ -3,12 +3,18 @@
 import os
 from types import SimpleNamespace
 
+import hypothesis
 import pytest
 
 from simulator.runtime.threads import share_processors
 
 MOST_PROGRAMS = 120
 """A driver keeps three megabytes for each until its context goes: the suite's four hundred were over a gigabyte."""
+
+
+# how long an example takes is a matter of the machine and of what else it does
+hypothesis.settings.register_profile("any machine", deadline=None)
+hypothesis.settings.load_profile("any machine")
 
 
 def pytest_configure():

@@ -36,7 +36,7 @@ def test_an_address_that_does_not_answer_is_refused_in_one_sentence(tmp_path):
         port = free.getsockname()[1]
     with pytest.raises(UserError, match=f"no Ray cluster answers at 127.0.0.1:{port}: .*; start one with"):
         capture(_plan(), tmp_path / "set", cluster=RayCluster(f"127.0.0.1:{port}"))
-    assert list((tmp_path / "set").iterdir()) == []
+    assert list(tmp_path.iterdir()) == []
     for wrong in ("here", "http://there:80", "there:notaport"):
         with pytest.raises(UserError, match="is no address; give auto, HOST:PORT"):
             capture(_plan(), tmp_path / "set", cluster=RayCluster(wrong))
