@@ -20,6 +20,9 @@ Box = Tuple[int, int, int, int]
 # Drawn pixels per pixel of a patch, each way.
 FINE = 2
 
+# What is not drawn of a craft, as a share of the scale: where noise is quieter, it would speak against every pose.
+UNDRAWN = 0.02
+
 
 def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: int) -> ImagePatch:
     """A region of the picture as a pinhole camera would show it.
@@ -42,9 +45,8 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
     h, w = gray.shape
     wide, high = (min(b, n) - a for a, b, n in zip(box[:2], box[2:], whole))  # noqa: B905 - Python 3.9 has no strict=
     across = wide / w
-    return ImagePatch(
-        gray, frame.noise / factor, float(box[0]), float(box[1]), across, FINE, full, plain, high / h / across
-    )
+    sigma = max(frame.noise, UNDRAWN * full) / factor
+    return ImagePatch(gray, sigma, float(box[0]), float(box[1]), across, FINE, full, plain, high / h / across)
 
 
 # The lens bends smoothly: the place of every eighth pixel is enough, of some round the box too.
