@@ -11,11 +11,13 @@ uniform vec4 u_window; // pixels that hold the target: x0, y0, width, height
 flat out vec3 v_across, v_along, v_area;
 flat out ivec3 v_line;
 #include "target/sample_pattern.glsl"
+#include "target/lens.glsl"
 #include "target/substeps.glsl"
 
 void main() {
-    vec4 a = pattern_clip(in_start_m), b = pattern_clip(in_end_m);
-    vec2 from = in_substeps(a), to = in_substeps(b), along = to - from;
+    vec4 a = clip_of(u_pattern_clip, u_camera_from_target, in_start_m);
+    vec4 b = clip_of(u_pattern_clip, u_camera_from_target, in_end_m);
+    vec2 from = in_substeps(a, u_pattern_px.xy), to = in_substeps(b, u_pattern_px.xy), along = to - from;
     // the same in the image, from the middle of the window's first pixel [px]
     ivec2 first = pixel_index(ivec2(u_window.xy));
     vec2 middle = vec2(first) + vec2(0.5 - PATTERN_PHASE, 0.5);

@@ -1,5 +1,6 @@
 // Target vertices into the sample buffer; normals into the camera frame and their code.
 #include "target/packed_samples.glsl"
+#include "target/lens.glsl"
 #include "target/substeps.glsl"
 in vec3 in_position_m;
 in vec3 in_normal;
@@ -17,7 +18,7 @@ flat out uint v_material;
 out vec2 v_steps;
 #endif
 void main() {
-    gl_Position = at_whole_substeps(pattern_clip(in_position_m));
+    gl_Position = at_whole_substeps(clip_of(u_pattern_clip, u_camera_from_target, in_position_m), u_pattern_px.xy);
     vec3 n = mat3(u_camera_from_target) * in_normal;
     v_chart = in_chart;
     v_material_word = material_word(in_material);

@@ -1,6 +1,8 @@
 // Target vertices into an image window at one sample a pixel, with what the labels say of each: camera z [m] and,
 // with LAYERS, position and normal in the camera frame and the number of the part.
 #include "target/lens.glsl"
+#include "target/substeps.glsl"
+uniform vec2 u_label_px; // size of the window
 uniform mat4 u_label_clip;
 uniform mat4 u_label_camera_from_target;
 in vec3 in_position_m;
@@ -13,7 +15,7 @@ out vec3 v_normal;
 flat out float v_part;
 #endif
 void main() {
-    gl_Position = clip_of(u_label_clip, u_label_camera_from_target, in_position_m);
+    gl_Position = at_whole_substeps(clip_of(u_label_clip, u_label_camera_from_target, in_position_m), u_label_px);
     vec3 camera = (u_label_camera_from_target * vec4(in_position_m, 1.0)).xyz;
     v_z_m = camera.z;
 #if LAYERS

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
 
 _SILHOUETTE_SIDE_PX = 512  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved
-_ROUNDING_PX = 1 / 128  # a corner's rounding to 1/256 px, with as much again for the driver's own arithmetic
+_ROUNDING_PX = 1 / 4096  # what a driver's single precision moves a corner at a whole step by
 MAX_PARTS = 2048  # what the surface buffer's 16-bit floats count exactly
 
 
@@ -153,8 +153,9 @@ class LabelPass:
         program.set("u_label_clip", tuple(clip.T.ravel()))
         program.set("u_label_camera_from_target", tuple(camera_from_target.T.ravel()))
         eye_m = -camera_from_target[:3, :3].T @ camera_from_target[:3, 3]
-        # a face seen edge-on may be shown as far beside itself as corners are rounded, and its plane's depth there is
-        # anything: each is put back by what its depth changes over that, so that none shows through what is before it
+        program.set("u_label_px", size)
+        # Corners stand at whole steps of a raster, so that a face is shown within itself alone. One that is thinner
+        # than single precision may still have any depth: each is put back by what it changes over that.
         self._context.polygon_offset = (_ROUNDING_PX, 0.0)
         (arrays.layers if layers else arrays.depth).render(np.append(eye_m, 1.0))
         self._context.polygon_offset = (0.0, 0.0)
