@@ -23,6 +23,7 @@ SILHOUETTE_SHARE = 0.9
 STEP_SHARE = 0.4
 SAMPLE_SPACING_PX = 4.0
 STEP_REACH_PX = 2.0
+ALONG_PX = 0.5  # how far along a bent edge its direction is looked for
 TOO_FAR_PX = 40.0
 
 
@@ -31,7 +32,7 @@ def visible_samples(views: Sequence[ProjectedEdge], camera: Camera) -> tuple[Flo
 
     Returns
     -------
-    pixels (S, 2), and the edge's normal in the image at each (S, 2).
+    pixels (S, 2), and the edge's normal in the image at each (S, 2): where a lens bends the edge, at that very place.
     """
     rows = [
         (k, a, b)
@@ -43,21 +44,23 @@ def visible_samples(views: Sequence[ProjectedEdge], camera: Camera) -> tuple[Flo
         return np.empty((0, 2)), np.empty((0, 2))
     which = np.array([k for k, _, _ in rows])
     start, stop = np.array([(a, b) for _, a, b in rows]).T
-    ends = np.array([view.ends_px for view in views])[which]
-    way = ends[:, 1] - ends[:, 0]
-    length = np.hypot(*way.T)
+    length = np.array([view.length_px for view in views])[which]
     count = np.maximum(np.rint((stop - start) * length / SAMPLE_SPACING_PX), 1).astype(int)
     stretch = np.repeat(np.arange(len(rows)), count)
     place = np.arange(len(stretch)) - np.repeat(np.cumsum(count) - count, count)
     share = start[stretch] + (place + 0.5) / count[stretch] * (stop - start)[stretch]
     straight = np.array([v.ends_px if v.straight_px is None else v.straight_px for v in views])[which]
-    pixels = straight[stretch, 0] + share[:, None] * (straight[:, 1] - straight[:, 0])[stretch]
+    way = (straight[:, 1] - straight[:, 0])[stretch]
+    pixels = straight[stretch, 0] + share[:, None] * way
+    way /= np.hypot(*way.T)[:, None]
     lens = views[0].lens
     if lens is not None:
-        pixels = bent(lens, pixels)
+        # far from the image its ends tell nothing of how a bent edge runs on it
+        before, after = (bent(lens, pixels + along * way) for along in (-ALONG_PX, ALONG_PX))
+        pixels, way = bent(lens, pixels), after - before
+        way /= np.hypot(*way.T)[:, None]
     inside = camera.contains(pixels)
-    normal = np.stack([-way[:, 1], way[:, 0]], axis=1) / length[:, None]
-    return pixels[inside], normal[stretch[inside]]
+    return pixels[inside], np.stack([-way[:, 1], way[:, 0]], axis=1)[inside]
 
 
 def wireframe_step_share(

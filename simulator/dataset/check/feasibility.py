@@ -42,6 +42,7 @@ SPACING_PX, REACH_PX = (
     4.0,
     2.0,
 )  # docs/labels.md: samples along an edge, and how far to its sides a step is taken
+ALONG = 1e-4  # how far along an edge its direction is looked for, of x / z
 ON_GRID_PX = 1 / 32  # the places between pixels that OpenCV's lookup knows, in some of its versions
 ROUNDING = 1e-5
 
@@ -154,28 +155,33 @@ def check_step_share(
 
 
 def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Pixels (S, 2) on the image of each visible stretch, and its normal (2,)."""
-    q, t = truth.q_camera_from_target_wxyz, np.asarray(truth.t_camera_from_target_m)
-    pose = truth.scene.camera_from_target
+    """Pixels (S, 2) on the image of each visible stretch, and its normal (S, 2) at each."""
+    camera, pose = truth.camera, truth.scene.camera_from_target
+    still = (1.0, 0.0, 0.0, 0.0), np.zeros(3)
     # what is seen of each edge is checked by rays elsewhere
-    for view in view_edges(truth.camera, pose, target, mesh_of(target)):
-        ends_m = np.array([view.edge.a_m, view.edge.b_m])
-        ends_px = project_with_opencv(truth.camera, ends_m, q, t)
-        way = ends_px[1] - ends_px[0]
-        length = float(np.hypot(*way))
+    for view in view_edges(camera, pose, target, mesh_of(target)):
+        ends_m = pose.apply(np.array([view.edge.a_m, view.edge.b_m]))
+        # an end further out than OpenCV's series is good for is where the label's own lens goes on
+        known = in_lens(camera, ends_m).all()
+        ends_px = project_with_opencv(camera, ends_m, *still) if known else camera.project(ends_m)
+        length = float(np.hypot(*(ends_px[1] - ends_px[0])))
         if length < 1.0:
             continue
-        rays = pose.apply(ends_m)
-        rays = rays / rays[:, 2:]
+        rays = ends_m / ends_m[:, 2:]
+        step = (rays[1] - rays[0]) * ALONG / np.linalg.norm(rays[1] - rays[0])
         for a, b in view.stretches:
             n = max(round((b - a) * length / SPACING_PX), 1)
             share = a + (np.arange(n) + 0.5) * (b - a) / n
             along = rays[0] + share[:, None] * (rays[1] - rays[0])
-            along = along[in_lens(truth.camera, along)]  # the others are outside the image
+            along = along[in_lens(camera, along)]  # the others are outside the image
             if not len(along):
                 continue
-            pixels = project_with_opencv(truth.camera, along, (1.0, 0.0, 0.0, 0.0), np.zeros(3))
-            yield pixels[truth.camera.contains(pixels)], np.array([-way[1], way[0]]) / length
+            before, pixels, after = (
+                project_with_opencv(camera, along + sign * step, *still) for sign in (-1, 0, 1)
+            )
+            on = camera.contains(pixels)
+            way = (after - before)[on]
+            yield pixels[on], np.stack([-way[:, 1], way[:, 0]], axis=1) / np.hypot(*way.T)[:, None]
 
 
 def _sides(image: FloatArray, pixels: FloatArray, normal: FloatArray, grid_px: float) -> FloatArray:

@@ -33,6 +33,7 @@ POSE_TOLERANCE_RELATIVE = 1e-6
 OUTLINE_TOLERANCE_PX = 1
 FILL_SCALE = 4
 FILL_SHIFT = 4
+BESIDE = 4096  # a polygon that begins farther outside is cut: OpenCV adds up its slopes row by row, with their rounding
 ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
 BENT_PX = 0.1  # how far beside the line between its ends the middle of an edge may lie
 SURELY_COVERED, SURELY_TOUCHED = 0.9, 0.1
@@ -335,6 +336,30 @@ def fill_triangles(fine: ByteArray, corners: FloatArray) -> None:
     fine[y[on], x[on]] = 255
     large = corners[~dots]
     low, high = lowest_and_highest(large)
+    beside = fine.shape[::-1] + np.array([BESIDE, BESIDE])
     seen = np.all(high >= -1, axis=1) & np.all(low <= fine.shape[::-1], axis=1)
-    for triangle in np.rint(large[seen] * 2**FILL_SHIFT).astype(np.int32):
-        cv2.fillConvexPoly(fine, triangle, 255, cv2.LINE_8, FILL_SHIFT)
+    far = seen & (np.any(low < -BESIDE, axis=1) | np.any(high > beside, axis=1))
+    near = [*np.rint(large[seen & ~far] * 2**FILL_SHIFT).astype(np.int32)]
+    cut = [polygon_within(triangle, -BESIDE, beside) for triangle in large[far]]
+    for polygon in near + [np.rint(p * 2**FILL_SHIFT).astype(np.int32) for p in cut if len(p)]:
+        cv2.fillConvexPoly(fine, polygon, 255, cv2.LINE_8, FILL_SHIFT)
+
+
+def polygon_within(polygon: FloatArray, low: float, high: FloatArray) -> FloatArray:
+    """What of a convex polygon (K, 2) lies within ``low`` to ``high`` (2,), as corners (L, 2); none where nothing does.
+
+    Source: Sutherland and Hodgman (1974), Reentrant polygon clipping.
+    """
+    for axis, sign, bound in ((0, 1, low), (1, 1, low), (0, -1, -high[0]), (1, -1, -high[1])):
+        if not len(polygon):
+            break
+        inside = sign * polygon[:, axis] - bound
+        corners = []
+        for k, here in enumerate(inside):
+            before = inside[k - 1]
+            if (here >= 0) != (before >= 0):
+                corners.append(polygon[k - 1] + before / (before - here) * (polygon[k] - polygon[k - 1]))
+            if here >= 0:
+                corners.append(polygon[k])
+        polygon = np.array(corners).reshape(-1, 2)
+    return polygon

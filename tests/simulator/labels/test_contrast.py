@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
+from simulator.camera.lens.camera_model import Camera, Distortion
 from simulator.imaging.image_formation import noise_sigma
 from simulator.labels.feasible import wireframe_step_share
 from simulator.labels.keypoints import _radiometric_state
@@ -112,6 +112,37 @@ def test_a_step_is_taken_from_two_pixels_before_the_edge_to_two_behind_it(scene,
     # a ramp twice as long shows half its height within reach
     long = (LEVEL + sign * 1.8 * sigma * np.clip(across(way) / 8, -0.5, 0.5)).astype(np.float32)
     assert wireframe_step_share(scene, [seen(*way)], long, LEVEL) == 0.0
+
+
+@pytest.mark.parametrize("way", [((-0.5, 0.3), (20, 0.3)), ((-0.3, 0.3), (8, 0.3)), ((-0.7, 0.1), (0.3, 20))])
+def test_a_step_is_taken_across_a_bent_edge_where_it_is_not_where_its_ends_are(scene, sigma, way):
+    """An edge whose one end lies far outside the image, where the lens goes on in proportion to the radius."""
+    width_px, height_px = 8 * WIDTH, 8 * HEIGHT
+    lens = Camera(
+        width_px=width_px,
+        height_px=height_px,
+        fx_px=320.0,
+        fy_px=320.0,
+        cx_px=239.5,
+        cy_px=159.5,
+        distortion=Distortion("brown_conrady", (-0.28, 0.04, 0.0, 0.0)),
+    )
+    scene = replace(scene, camera=lens)
+    (ax, ay), (bx, by) = way
+    ends = np.array([[ax, ay, 1.0], [bx, by, 1.0]])
+    edge = Edge(name="edge", a_m=(0.0, 0.0, 0.0), b_m=(1.0, 0.0, 0.0))
+    straight_px = ends[:, :2] * lens.fx_px + (lens.cx_px, lens.cy_px)
+    view = ProjectedEdge(edge, lens.project(ends), np.ones(2), ((0.0, 1.0),), straight_px, lens)
+    # how far from the edge a pixel is: that without the lens over how fast it grows on the image
+    pixels = np.stack(np.mgrid[:height_px, :width_px][::-1], axis=-1).astype(float)
+    aside = (lens.unproject(pixels) - (ax, ay)) @ np.array([ay - by, bx - ax])
+    ramp = np.clip(aside / np.hypot(*np.gradient(aside)), -4, 4) / 4
+    shares = [
+        wireframe_step_share(scene, [view], (LEVEL + sigmas * sigma * ramp).astype(np.float32), LEVEL)
+        for sigmas in (1.02, 0.98)
+    ]
+    # but where the edge leaves the image: a side is beyond its border there
+    assert shares == [pytest.approx(1.0, abs=0.05), 0.0]
 
 
 @pytest.mark.parametrize("way", WAYS)

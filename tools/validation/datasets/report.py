@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
 
 # what stands for several crafts' poses, each tried under its own name
-_LABELS = ("parts", "amodal")
+_LABELS = ("parts", "amodal", "clean")
 
 
 def recipes() -> list[str]:
@@ -37,15 +37,17 @@ def recipes() -> list[str]:
     return [name for name in list_recipes() if not load_recipe(name).members]
 
 
-def small_plan(name: str, n: int, seed: int, width_px: int) -> RecipePlan:
-    """The recipe's plan with its field of view on fewer pixels."""
-    plan = plan_recipe(name, n, seed=seed)
+def small_plan(name: str, n: int, seed: int, width_px: int, camera: str | None = None) -> RecipePlan:
+    """The recipe's plan, or by another camera, with its field of view on fewer pixels."""
+    plan = plan_recipe(name, n, seed=seed, camera=camera)
     return replace(plan, camera=smaller(plan.camera, min(width_px, plan.camera.width_px)))
 
 
-def prove(name: str, n: int, seed: int, width_px: int, first: int = 0) -> Iterator[dict[str, Any]]:
-    """What is found of each image of a recipe, from number ``first`` on."""
-    plan = small_plan(name, n, seed, width_px)
+def prove(
+    name: str, n: int, seed: int, width_px: int, first: int = 0, camera: str | None = None
+) -> Iterator[dict[str, Any]]:
+    """What is found of each image of a recipe, from number ``first`` on; by its own camera or another."""
+    plan = small_plan(name, n, seed, width_px, camera)
     card = capture_card(plan, ("native",), _LABELS, None, ())
     with open_frames(whole_frame, first=plan.scene(first), target=plan.target) as producer:
         for k in range(first, n):
@@ -57,7 +59,14 @@ def prove(name: str, n: int, seed: int, width_px: int, first: int = 0) -> Iterat
             mask = np.asarray(frame.mask, np.uint8)
             faults = check_frame(k, frame.truth, frame.image, mask, card, target, frame.layers)
             rays = compare(frame.truth, mask, frame.layers["parts"], _exported(target))
-            yield {"recipe": name, "k": k, "seed": seed, "faults": faults, **asdict(rays)}
+            yield {
+                "recipe": name,
+                "k": k,
+                "seed": seed,
+                "camera": camera,
+                "faults": faults,
+                **asdict(rays),
+            }
 
 
 @lru_cache(maxsize=2)
@@ -71,6 +80,7 @@ def main() -> int:
     parser.add_argument("-n", type=int, default=400, help="images of each recipe")
     parser.add_argument("--recipe", action="append", help="this one alone; may be given again")
     parser.add_argument("--seed", type=int, default=2026)
+    parser.add_argument("--camera", help="name or file of a camera to use instead of each recipe's own")
     parser.add_argument("--width", type=int, default=384, help="columns of the images")
     parser.add_argument(
         "--at-once", type=int, default=25, help="images of a recipe before the next one's turn"
@@ -79,7 +89,7 @@ def main() -> int:
     options = parser.parse_args()
     options.output.parent.mkdir(parents=True, exist_ok=True)
     names = options.recipe or recipes()
-    done = _done(options.output, options.seed)
+    done = _done(options.output, options.seed, options.camera)
     for end in range(options.at_once, options.n + options.at_once, options.at_once):
         for name in names:
             last = min(end, options.n)
@@ -87,7 +97,7 @@ def main() -> int:
                 continue
             start_s = time.process_time()
             with options.output.open("a") as file:
-                for found in prove(name, last, options.seed, options.width, done[name]):
+                for found in prove(name, last, options.seed, options.width, done[name], options.camera):
                     file.write(json.dumps(found) + "\n")
                     file.flush()
             each_s = (time.process_time() - start_s) / (last - done[name])
@@ -96,11 +106,11 @@ def main() -> int:
     return tell(options.output)
 
 
-def _done(path: Path, seed: int) -> dict[str, int]:
+def _done(path: Path, seed: int, camera: str | None) -> dict[str, int]:
     """Images of each recipe that were proven before."""
     done: dict[str, int] = defaultdict(int)
     for row in _rows(path):
-        if row["seed"] == seed:
+        if (row["seed"], row.get("camera")) == (seed, camera):
             done[row["recipe"]] = max(done[row["recipe"]], row["k"] + 1)
     return done
 

@@ -26,12 +26,14 @@ from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.errors import UserError
 from simulator.frame import take_frame
 from simulator.imaging.image_formation import digitise_scene, expose_scene
+from simulator.labels.feasible import mono_signal
 from simulator.labels.layers import pixel_hash
 from simulator.labels.truth import read_truth
 from simulator.recipes.plan import plan_recipe
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
+from simulator.targets.joined_mesh import mesh_of
 
 pytestmark = pytest.mark.gl
 
@@ -199,6 +201,25 @@ def test_no_share_is_refused_of_a_craft_that_reaches_to_the_lens_or_is_cut_throu
             truth = take_frame(renderer, scene, scene.target.drawn(plan.target)).truth
             assert 0 < truth.silhouette_inside < 1
             assert check_silhouette_inside(truth, scene.target.drawn(plan.target)) == []
+
+
+@pytest.mark.parametrize("camera", ["speedplus", "fisheye-140"])
+def test_no_step_share_is_refused_of_a_craft_whose_edges_end_beyond_the_lens(camera):
+    """A CubeSat a decimetre before the camera: beyond its image the lens's series folds, and edges' ends lie there."""
+    plan = plan_recipe("swisscube", 5, seed=91, camera=camera)
+    plan = dataclasses.replace(plan, camera=smaller(plan.camera, 384))
+    beyond = 0
+    with Renderer() as renderer:
+        for k in (3, 4):
+            scene = plan.scene(k)
+            target = scene.target.drawn(plan.target)
+            frame = take_frame(renderer, scene, target)
+            beyond += not in_lens(
+                plan.camera, scene.camera_from_target.apply(mesh_of(target).positions_m)
+            ).all()
+            mono = np.asarray(mono_signal(expose_scene(scene, frame.radiance)), float)
+            assert check_step_share(frame.truth, target, mono, EXACT) == []
+    assert beyond
 
 
 def test_states_and_boxes_by_rays(dataset, plan):
