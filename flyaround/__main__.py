@@ -21,7 +21,7 @@ INTERRUPTED, TERMINATED = 130, 143  # 128 and the signal's number, as shells hav
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM, which ends a command as Ctrl-C does: files closed, children ended, shared memory freed."""
+    """SIGTERM, which ends a command as Ctrl-C does: files closed, children ended."""
 
 
 def _terminate(number: int, _frame: object) -> None:

@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import time
 from collections import deque
 from dataclasses import dataclass, field
-from multiprocessing import shared_memory
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
@@ -24,6 +22,8 @@ from simulator.runtime.worker import ProcessDiedError, WorkerProcess
 if TYPE_CHECKING:
     from collections.abc import Callable
     from contextlib import AbstractContextManager
+
+    from numpy.typing import NDArray
 
     from gui.picture.feed import Picture
     from simulator.camera.lens.camera_model import Camera
@@ -45,22 +45,19 @@ NICENESS = 5
 """Window and pictures go first where there are few processors."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class EstimateRequest:
-    """One picture to be estimated; its pixels lie in shared memory.
+    """One picture to be estimated.
 
     Parameters
     ----------
-    block, shape, dtype : where the pixels are, and what they are.
     t_s : mid-exposure, for a method that follows the target. stages : whether pictures of the stages are wanted.
     """
 
     method: str
     camera: Camera
     target: TargetRef
-    block: str
-    shape: tuple[int, ...]
-    dtype: str
+    image: NDArray[np.unsignedinteger]
     t_s: float
     stages: bool
 
@@ -162,13 +159,7 @@ def estimate_picture(held: EstimatesByProcess, request: EstimateRequest) -> Answ
     start = time.perf_counter()
     estimator = held.estimator(request)
     making_ms = 1e3 * (time.perf_counter() - start)
-    block = shared_memory.SharedMemory(name=request.block)
-    try:
-        shared: Any = np.ndarray(request.shape, request.dtype, buffer=block.buf)
-        image = checked_picture(shared.copy(), request.camera, "the picture")
-        del shared
-    finally:
-        block.close()
+    image = checked_picture(request.image, request.camera, "the picture")
     trace: dict[str, Any] | None = {"every_stage": True} if request.stages else None
     result = estimator.estimate(image, trace, request.t_s)
     stages = {}
@@ -233,7 +224,6 @@ class Estimates:
         self.restarts = 0
         self._troubles: list[str] = []
         self._worker: WorkerProcess[Answer] | None = None
-        self._block: shared_memory.SharedMemory | None = None
         self._under_way: tuple[Picture, str] | None = None
         self._last: object = None
         self._answered: set[tuple[str, Camera]] = set()
@@ -345,19 +335,13 @@ class Estimates:
         return self._clock() - self._since_s > (self._limit_s if known else self._first_limit_s)
 
     def _submit(self, worker: WorkerProcess[Answer], picture: Picture) -> None:
-        image, scene = picture.frame.image, picture.frame.scene
-        block = self._room(image.nbytes)
-        shared: Any = np.ndarray(image.shape, image.dtype, buffer=block.buf)
-        shared[...] = image
-        del shared
+        scene = picture.frame.scene
         worker.submit(
             EstimateRequest(
                 method=self.method,
                 camera=scene.camera,
                 target=scene.target,
-                block=block.name,
-                shape=image.shape,
-                dtype=image.dtype.str,
+                image=picture.frame.image,
                 t_s=scene.t_s,
                 stages=self.stages_wanted,
             )
@@ -376,13 +360,6 @@ class Estimates:
             self.history.clear()
         self.history.append(estimate)
         self.newest = estimate
-
-    def _room(self, size: int) -> shared_memory.SharedMemory:
-        """Memory for a picture: what travels through the pipe is small, so that nobody waits for a reader."""
-        if self._block is None or self._block.size < size:
-            self._free()
-            self._block = shared_memory.SharedMemory(create=True, size=max(size, 1))
-        return self._block
 
     # --- the process
 
@@ -405,24 +382,13 @@ class Estimates:
         # what was under way is asked for again, should it run on
         self._under_way = self._last = None
         self._answered.clear()
-        if worker is None:
-            return
-        if worker.pid is not None:
-            with contextlib.suppress(OSError):
-                os.kill(worker.pid, signal.SIGKILL)
-        worker.close()
-
-    def _free(self) -> None:
-        if self._block is not None:
-            self._block.close()
-            with contextlib.suppress(FileNotFoundError):
-                self._block.unlink()
-            self._block = None
+        if worker is not None:
+            worker.kill()
+            worker.close()
 
     def close(self) -> None:
-        """End the process and free its memory."""
+        """End the process."""
         self.stop()
-        self._free()
 
 
 def compared(picture: Picture, method: str, answer: Answer, done_s: float) -> ComparedEstimate:

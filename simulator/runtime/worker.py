@@ -1,4 +1,4 @@
-"""A worker process that holds one resource and does jobs with it, in order; arrays come back through shared memory.
+"""A worker process that holds one resource and does jobs with it, in order; arrays travel in memory that both have.
 
 Not a thread: a renderer holds Python's lock while a software driver draws, so others could not run.
 """
@@ -6,6 +6,7 @@ Not a thread: a renderer holds Python's lock while a software driver draws, so o
 from __future__ import annotations
 
 import contextlib
+import itertools
 import multiprocessing
 import os
 import pickle
@@ -13,11 +14,11 @@ import signal
 import threading
 import time
 import traceback
-from collections import deque
-from multiprocessing import connection, shared_memory
+from multiprocessing import connection
 from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar
 
 from simulator.errors import UserError
+from simulator.runtime.carrier import Carrier
 from simulator.runtime.memory import keep_freed_memory
 
 if TYPE_CHECKING:
@@ -27,11 +28,10 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-_SHARE_FROM_BYTES = 1 << 16  # smaller results go through the pipe
 # Where many share a processor, one that works may take minutes to start; one that does nothing for long never will.
 _START_TIMEOUT_S = 60.0
 _LOOK_S = 0.5
-_END_TIMEOUT_S = 1.0  # for a process that is told to drop its work; then it is killed
+_END_TIMEOUT_S = 1.0  # for a process that is told to end; then it is killed
 
 
 class WorkerResource(Protocol):
@@ -59,7 +59,7 @@ class ProcessDiedError(RuntimeError):
 class WorkerProcess(Generic[T]):
     """Runs ``work(resource, *arguments, **options)`` elsewhere, in order, a few jobs ahead of the caller.
 
-    Arrays in the results travel through shared memory and are copied once on each side. Use as a context manager.
+    Arrays of jobs and results travel in shared memory and are copied once on each side. Use as a context manager.
 
     Parameters
     ----------
@@ -89,13 +89,15 @@ class WorkerProcess(Generic[T]):
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._capacity = capacity
-        self._in_flight = 0
+        self._submitted = self._in_flight = 0
         self._info: Any = None
         self._name = name
-        self._blocks: dict[str, shared_memory.SharedMemory] = {}
+        # a job and then its result travel in one, for both ends take what they are sent before they send;
+        # the last one is that of the resource's info
+        self._carriers = [Carrier() for _ in range(capacity + 1)]
         self._process = context.Process(
             target=_serve,
-            args=(theirs, work, open_resource),
+            args=(theirs, self._carriers, work, open_resource),
             daemon=True,
             name=f"flyaround {name}",
         )
@@ -107,7 +109,7 @@ class WorkerProcess(Generic[T]):
         """What the resource says of itself; waits until it is there."""
         if self._info is None:
             self._wait_for_start()
-            self._info = self._receive()
+            self._info = self._receive(self._carriers[-1])
         return self._info
 
     def _wait_for_start(self) -> None:
@@ -162,7 +164,12 @@ class WorkerProcess(Generic[T]):
             raise RuntimeError(
                 f"{self._capacity} jobs are in flight; collect a result before submitting more"
             )
-        self._send((arguments, options))
+        message = self._carrier(self._submitted).put((arguments, options))
+        try:
+            self._pipe.send_bytes(pickle.dumps(message, protocol=5))
+        except (BrokenPipeError, ConnectionError) as error:
+            raise self._death() from error
+        self._submitted += 1
         self._in_flight += 1
 
     def ready(self, timeout_s: float = 0.0) -> bool:
@@ -170,7 +177,7 @@ class WorkerProcess(Generic[T]):
         if self._info is None:
             if not self._pipe.poll(timeout_s):
                 return False
-            self._info = self._receive()
+            self._info = self._receive(self._carriers[-1])
             timeout_s = 0.0
         return self._in_flight > 0 and self._pipe.poll(timeout_s)
 
@@ -185,8 +192,9 @@ class WorkerProcess(Generic[T]):
         if not self._in_flight:
             raise RuntimeError("no job is in flight")
         _ = self.info  # the first message, if it has not been read yet
+        carrier = self._carrier(self._submitted - self._in_flight)
         self._in_flight -= 1
-        return self._receive()
+        return self._receive(carrier)
 
     def results(self) -> Iterator[T]:
         """Everything in flight, oldest first."""
@@ -201,21 +209,18 @@ class WorkerProcess(Generic[T]):
     def close(self) -> None:
         """End the process; a job that it is at is given up, for nobody will collect it."""
         if self._process.is_alive():
-            with contextlib.suppress(OSError):  # it may have died in the meantime
-                self._pipe.send_bytes(pickle.dumps(None))
             if self._in_flight or self._info is None:
                 self._process.terminate()
-            self._drain(_END_TIMEOUT_S)
+            else:
+                with contextlib.suppress(OSError):  # it may have died in the meantime
+                    self._pipe.send_bytes(pickle.dumps(None))
+            self._process.join(_END_TIMEOUT_S)
             if self._process.is_alive():
                 self._process.kill()
         self._process.join()
-        self._attach_uncollected()
         self._pipe.close()
-        for block in self._blocks.values():
-            block.close()
-            with contextlib.suppress(FileNotFoundError):  # the process freed it itself
-                block.unlink()
-        self._blocks.clear()
+        for carrier in self._carriers:
+            carrier.close()
         self._in_flight = 0
 
     def __enter__(self) -> Self:
@@ -224,25 +229,13 @@ class WorkerProcess(Generic[T]):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _drain(self, timeout_s: float) -> None:
-        """Wait for the process to end; results that nobody collects must not block its last send."""
-        deadline = time.monotonic() + timeout_s
-        while self._process.is_alive() and time.monotonic() < deadline:
-            try:
-                if self._pipe.poll(0.02):
-                    self._pipe.recv_bytes()
-            except (EOFError, OSError):
-                self._process.join(max(0.0, deadline - time.monotonic()))
+    def _carrier(self, job: int) -> Carrier:
+        """What carries a job, counted from the first, and its result."""
+        return self._carriers[job % self._capacity]
 
-    def _send(self, message: object) -> None:
+    def _receive(self, carrier: Carrier) -> Any:  # noqa: ANN401 - whatever `work` returns
         try:
-            self._pipe.send_bytes(pickle.dumps(message, protocol=5))
-        except (BrokenPipeError, ConnectionError) as error:
-            raise self._death() from error
-
-    def _receive(self) -> Any:  # noqa: ANN401 - whatever `work` returns
-        try:
-            kind, payload, block_name, sizes = pickle.loads(self._pipe.recv_bytes())  # noqa: S301 - our own child
+            kind, payload, sizes = pickle.loads(self._pipe.recv_bytes())  # noqa: S301 - our own child
         except (EOFError, OSError) as error:  # OSError: it died in the middle of a message
             self._in_flight = 0
             raise self._death() from error
@@ -250,30 +243,11 @@ class WorkerProcess(Generic[T]):
             raise UserError(payload)
         if kind == "error":
             raise RuntimeError(f"the {self._name} failed: {payload}")
-        if block_name is None:
-            return pickle.loads(payload)  # noqa: S301 - our own child
-        if block_name not in self._blocks:
-            self._blocks[block_name] = shared_memory.SharedMemory(name=block_name)
-        view, buffers, start = _memory(self._blocks[block_name]), [], 0
-        for size in sizes:
-            buffers.append(bytearray(view[start : start + size]))
-            start += size
-        self._send(block_name)  # the block may be used again
-        return pickle.loads(payload, buffers=buffers)  # noqa: S301 - our own child
+        return carrier.take(payload, sizes)
 
     def _death(self) -> ProcessDiedError:
         self._process.join(timeout=5)
         return ProcessDiedError(self._name, self._process.exitcode)
-
-    def _attach_uncollected(self) -> None:
-        """Take the blocks of results that a process which died has sent and nobody has read, to free them."""
-        with contextlib.suppress(OSError, EOFError):
-            while self._pipe.poll():
-                name = pickle.loads(self._pipe.recv_bytes())[2]  # noqa: S301 - our own child
-                if name is None or name in self._blocks:
-                    continue
-                with contextlib.suppress(FileNotFoundError):  # the process freed this one itself
-                    self._blocks[name] = shared_memory.SharedMemory(name=name)
 
 
 def _processor_time_s(pid: int | None) -> float:
@@ -286,105 +260,38 @@ def _processor_time_s(pid: int | None) -> float:
         return 0.0
 
 
-def _memory(block: shared_memory.SharedMemory) -> memoryview:
-    """The bytes of a block that has not been closed."""
-    if block.buf is None:
-        raise RuntimeError("a closed block of shared memory was used")
-    return block.buf
-
-
-class _Results:
-    """The child's side of the results: a few blocks of shared memory, used in turn."""
-
-    def __init__(self, pipe: Connection) -> None:
-        self._pipe = pipe
-        self._free: deque[shared_memory.SharedMemory] = deque()
-        self._busy: dict[str, shared_memory.SharedMemory] = {}
-
-    def release(self, name: str) -> None:
-        """Take a block back."""
-        block = self._busy.pop(name, None)
-        if block is not None:
-            self._free.append(block)
-
-    def send(self, value: object) -> None:
-        """Pickle a result, large buffers aside."""
-        buffers: list[pickle.PickleBuffer] = []
-        payload = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
-        views = [buffer.raw() for buffer in buffers]
-        total = sum(view.nbytes for view in views)
-        if total < _SHARE_FROM_BYTES:
-            payload = pickle.dumps(value, protocol=5)
-            self._pipe.send_bytes(pickle.dumps(("value", payload, None, ())))
-            return
-        block = self._take(total)
-        self._busy[block.name] = block
-        start, memory = 0, _memory(block)
-        for view in views:
-            memory[start : start + view.nbytes] = view
-            start += view.nbytes
-        sizes = tuple(view.nbytes for view in views)
-        self._pipe.send_bytes(pickle.dumps(("value", payload, block.name, sizes)))
-
-    def _take(self, size: int) -> shared_memory.SharedMemory:
-        for _ in range(len(self._free)):
-            block = self._free.popleft()
-            if block.size >= size:
-                return block
-            block.close()
-            block.unlink()
-        return shared_memory.SharedMemory(create=True, size=size)
-
-    def close(self) -> None:
-        """Free every block."""
-        for block in (*self._free, *self._busy.values()):
-            with contextlib.suppress(BufferError):  # it is being written to
-                block.close()
-            with contextlib.suppress(FileNotFoundError):  # the parent was faster
-                block.unlink()
-
-
 def _serve(
     pipe: Connection,
+    carriers: list[Carrier],
     work: Callable[..., object],
     open_resource: Callable[[], AbstractContextManager[WorkerResource]],
 ) -> None:
     """Run in the child: do what arrives until told to stop or left alone."""
     # Ctrl-C is the parent's to handle; it then closes us
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    results = _Results(pipe)
-    signal.signal(signal.SIGTERM, lambda *_: _leave(results))
+    # whatever it is at, it ends at once: what it holds is the system's to take back
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_leave_with_parent, name="watch parent", daemon=True).start()
     keep_freed_memory()
+    *of_jobs, of_info = carriers
     try:
         with open_resource() as resource:
-            results.send(resource.info)
-            while True:
+            _answer(pipe, of_info, resource.info)
+            for carrier in itertools.cycle(of_jobs):
                 message = pickle.loads(pipe.recv_bytes())  # noqa: S301 - our own parent
                 if message is None:
                     return
-                if isinstance(message, str):
-                    results.release(message)
-                    continue
-                arguments, options = message
+                arguments, options = carrier.take(*message)
                 try:
                     value = work(resource, *arguments, **options)
                 except Exception as error:  # noqa: BLE001 - every failure is the caller's to see
                     _report(pipe, error)
                 else:
-                    results.send(value)
+                    _answer(pipe, carrier, value)
     except (EOFError, ConnectionError):
         return  # the parent is gone
     except Exception as error:  # noqa: BLE001 - the resource could not be had
         _report(pipe, error)
-    finally:
-        results.close()
-
-
-def _leave(results: _Results) -> None:
-    """Drop the job in work and end at once: shared memory is freed, the rest is the system's to take back."""
-    results.close()
-    os._exit(1)
 
 
 def _leave_with_parent() -> None:
@@ -393,14 +300,16 @@ def _leave_with_parent() -> None:
     if parent is None:
         return
     connection.wait([parent.sentinel])
-    os.kill(os.getpid(), signal.SIGTERM)
-    time.sleep(_END_TIMEOUT_S)
     os._exit(1)
+
+
+def _answer(pipe: Connection, carrier: Carrier, value: object) -> None:
+    pipe.send_bytes(pickle.dumps(("value", *carrier.put(value))))
 
 
 def _report(pipe: Connection, error: Exception) -> None:
     if isinstance(error, UserError):
-        message = ("user_error", str(error), None, ())
+        message = ("user_error", str(error), ())
     else:
-        message = ("error", "".join(traceback.format_exception(error)), None, ())
+        message = ("error", "".join(traceback.format_exception(error)), ())
     pipe.send_bytes(pickle.dumps(message))

@@ -36,6 +36,7 @@ from hil.host.link_process.ipc import (
 )
 from hil.link.packets.images import formats_of
 from simulator.errors import UserError
+from simulator.runtime.carrier import open_anonymous_file
 
 if TYPE_CHECKING:
     from typing import Any
@@ -94,7 +95,7 @@ class HostLink:
 
     def __init__(self, config: LinkConfig) -> None:
         ours, theirs = socket.socketpair()
-        self._fd = FrameSlots.open_file()
+        self._fd = open_anonymous_file()
         # -P: no folder named hil in the working directory is taken for ours
         command = [
             sys.executable,

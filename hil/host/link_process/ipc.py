@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import mmap
-import os
-import tempfile
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -246,20 +244,12 @@ class Closed:
 class FrameSlots:
     """Pixels in memory that two processes share, in ``n_slots`` slots: the bound of the queue.
 
-    An anonymous file carries it; nothing is left behind when a process dies.
+    An anonymous file carries it (`simulator.runtime.carrier`); nothing is left behind when a process dies.
     """
 
     def __init__(self, fd: int, n_slots: int, slot_bytes: int) -> None:
         self._slot_bytes = slot_bytes
         self._map = mmap.mmap(fd, n_slots * slot_bytes)
-
-    @staticmethod
-    def open_file() -> int:
-        """A descriptor of an empty anonymous file, to be passed on and then sized."""
-        if hasattr(os, "memfd_create"):
-            return os.memfd_create("flyaround-frames")
-        with tempfile.TemporaryFile() as file:  # macOS
-            return os.dup(file.fileno())
 
     def view(self, slot: int, shape: tuple[int, ...], dtype: str) -> NDArray[np.generic]:
         """The slot as an image that shares its memory."""

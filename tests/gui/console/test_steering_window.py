@@ -35,7 +35,10 @@ def display() -> Iterator[str]:
 def operated(
     display: str, folder: Path, operate: Callable[[], None], *more: str
 ) -> tuple[dict[str, Any], list[str]]:
-    """Last state and names of the commands done, of a console that is operated and then closed by its key."""
+    """Last state and commands done, of a console that is operated and then closed by its key.
+
+    Keys that are held are left out: Ctrl is one by itself where a picture is drawn between Ctrl and Q.
+    """
     log = folder / "log.script"
     command = [sys.executable, "-m", "flyaround", "-v", "sim", str(EXAMPLES / "docking.toml"), "--json"]
     command += ["--log", str(log), "--screenshot", str(folder / "console.png"), *more]
@@ -57,7 +60,7 @@ def operated(
         out, err = console.communicate(timeout=TIMEOUT_S)
     assert console.returncode == 0, err
     done = Script.read(log, command_table()).lines
-    return json.loads(out), [str(line).partition(" ")[2] for line in done]
+    return json.loads(out), [str(line).partition(" ")[2] for line in done if line.verb == "do"]
 
 
 def at(display: str, x: int, y: int) -> None:

@@ -147,9 +147,7 @@ def test_errors_are_against_the_truth_of_the_picture(session: Session) -> None:
         method="x",
         camera=scene.camera,
         target=scene.target,
-        block="",
-        shape=(),
-        dtype="",
+        image=picture.frame.image,
         t_s=0,
         stages=False,
     )

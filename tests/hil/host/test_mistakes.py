@@ -16,10 +16,11 @@ from hil_loop import Loop, board, frames, refused
 from hil.host.ledger.frames_csv import read_ledger
 from hil.host.ledger.summary import LedgerSummary
 from hil.host.link_process.host_link import HostLink
-from hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, FrameSlots, LinkConfig
+from hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, LinkConfig
 from hil.host.link_process.process import LinkServer
 from hil.link.packets.messages import ErrorCode, ErrorMessage, HelloAck
 from simulator.errors import UserError
+from simulator.runtime.carrier import open_anonymous_file
 
 
 @contextmanager
@@ -127,7 +128,7 @@ def test_a_dead_link_process_is_the_same_sentence_to_whoever_speaks_to_it():
 @pytest.mark.parametrize("code", ErrorCode)
 def test_only_word_of_damage_is_a_damaged_frame(code):
     ours, theirs = Pipe()
-    server = LinkServer(theirs, FrameSlots.open_file(), LINK)
+    server = LinkServer(theirs, open_anonymous_file(), LINK)
     try:
         server._in_flight.start(FrameJob(0, 5, (48, 64), "|u1", 8, "", 0.0, 0.01, None, None), 0)
         server._board._take_error(ErrorMessage(code, "the board says so", 5))
@@ -142,7 +143,7 @@ def test_only_word_of_damage_is_a_damaged_frame(code):
 
 def test_a_link_process_whose_run_was_killed_ends_in_order():
     ours, theirs = Pipe()
-    server = LinkServer(theirs, FrameSlots.open_file(), LINK)
+    server = LinkServer(theirs, open_anonymous_file(), LINK)
     port = int(server._listener.url.rsplit(":", 1)[1])
     ours.close()
     server.run()  # what it has to say first finds nobody
