@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
 
 FINE_PX = 2048  # longest side of the grid that a silhouette is filled on
-LABEL_PX = 512  # and of the one that the label counts on
+LABEL_PX = 512  # and of one half as fine as the label counts on: antennas along its rows err together
 SHARE = 0.002
 # How many pixels more or less a raster finds on an outline, over the root of its length: half of one at random, so four
 # standard deviations. Of 900 pictures of a CubeSat with antennas a pixel wide one needs 1.65.

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
     from simulator.targets.model import Target
 
-_SILHOUETTE_SIDE_PX = 512  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved
+_SILHOUETTE_SIDE_PX = 1024  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved
 _ROUNDING_PX = 1 / 4096  # what a driver's single precision moves a corner at a whole step by
 MAX_PARTS = 2048  # what the surface buffer's 16-bit floats count exactly
 
