@@ -46,9 +46,9 @@ def test_a_board_that_leaves_for_good_is_no_success(capsys, tmp_path):
     board = threading.Thread(target=leaves_in_the_first_frame, args=(url,), daemon=True)
     board.start()
     command = ["hil", "host", "tango-space-10m", "-n", "3", "--truth", "off"]
-    command += ["--timeout", "0.5", "--wait", "60", "--json"]
+    command += ["--timeout", "2.5", "--wait", "60", "--json"]
     code = run([*command, "--listen", url, "--log", str(tmp_path / "log")])
-    board.join(10.0)
+    board.join(60.0)
     said = capsys.readouterr()
     assert code == 1
     assert "the board left after 1 of 3 frames" in " ".join(said.err.split())
@@ -105,7 +105,7 @@ def test_a_terminated_host_closes_its_books_and_leaves_nothing_behind(tmp_path):
     url, log = free_url(), tmp_path / "log"
     command = [sys.executable, "-m", "flyaround", "hil", "host", "tango-space-10m", "-n", "500"]
     host = subprocess.Popen(
-        [*command, "--listen", url, "--truth", "off", "--log", str(log)],
+        [*command, "--listen", url, "--truth", "off", "--silence", "60", "--log", str(log)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -115,7 +115,7 @@ def test_a_terminated_host_closes_its_books_and_leaves_nothing_behind(tmp_path):
         assert host.stderr.readline() == f"listening on {url}; on the board type\n"
         ended = []
         board = threading.Thread(
-            target=lambda: ended.append(run_board(url, make_estimator=Instant)), daemon=True
+            target=lambda: ended.append(run_board(url, make_estimator=Instant, silence_s=60.0)), daemon=True
         )
         board.start()
         deadline = time.monotonic() + 120.0
@@ -139,7 +139,7 @@ def test_a_terminated_host_closes_its_books_and_leaves_nothing_behind(tmp_path):
     finally:
         host.kill()
         host.communicate()
-    board.join(10.0)
+    board.join(60.0)
     assert host.returncode == 143
     assert err.splitlines()[-1] == "flyaround: terminated; what was written so far is whole"
     assert "leaked" not in err

@@ -64,11 +64,13 @@ def test_pictures_go_on_when_the_process_hangs(monkeypatch: pytest.MonkeyPatch) 
         (dead,) = source.pids
         assert dead is not None
         os.kill(dead, signal.SIGSTOP)
+        # one of its threads takes the signal, when it gets a processor
+        os.waitid(os.P_PID, dead, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
         assert source.submit(request)
         began = time.monotonic()
         with pytest.raises(FramesLostError, match="has not answered for 1 s and is started again"):
             next_picture(source)
-        assert time.monotonic() - began < 10.0
+        assert time.monotonic() - began < 30.0
         assert source.pids != (dead,)
         assert source.submit(request)
         assert (next_picture(source).image == first.image).all()

@@ -19,6 +19,9 @@ from gi.repository import Aravis  # noqa: E402 - the version is asked for first
 PLAIN_BYTES = 100_000
 """Pictures that the system's usual receive buffer holds; larger ones ask for a packet socket."""
 
+PATIENCE_US, RETENTION_US = 10_000_000, 2_500_000
+"""For the next picture, and for packets that were lost and are sent again: a busy machine may take seconds."""
+
 
 def say(what):
     """One line of JSON."""
@@ -79,6 +82,7 @@ def main():
         # before its filter is set, a packet socket hears what other programs say on this interface
         camera.gv_set_stream_options(Aravis.GvStreamOption.PACKET_SOCKET_DISABLED)
     stream = camera.create_stream(None, None)
+    stream.set_property("frame-retention", RETENTION_US)
     size = camera.get_payload()
     for _ in range(20):
         stream.push_buffer(Aravis.Buffer.new_allocate(size))
@@ -93,7 +97,7 @@ def main():
         if command == "trigger":
             time.sleep(0.02)
             camera.software_trigger()
-        buffer = stream.timeout_pop_buffer(3_000_000)
+        buffer = stream.timeout_pop_buffer(PATIENCE_US)
         if buffer is None or buffer.get_status() != Aravis.BufferStatus.SUCCESS:
             failed += 1
         else:

@@ -85,11 +85,11 @@ def camera(pictures, settings, *, ledger=None, scenes=()):
     )
     thread.start()
     try:
-        assert opened.wait(30)
+        assert opened.wait(60)
         yield notes
     finally:
         stop.set()
-        thread.join(10)
+        thread.join(60)
 
 
 def need_aravis():

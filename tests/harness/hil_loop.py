@@ -11,7 +11,7 @@ from functools import cache
 import msgspec
 import numpy as np
 import pytest
-from estimators import Instant
+from estimators import PATIENCE_S, Instant
 
 from hil.board.agent import run_board
 from hil.host.ledger.summary import LedgerSummary
@@ -43,7 +43,7 @@ class Oracle:
     def estimate(self, image):
         if image[0, 0] == 7: raise RuntimeError("seven")
         return Result(image)
-summary = run_board(sys.argv[1], make_estimator=Oracle, method="oracle", model_name="tango")
+summary = run_board(sys.argv[1], make_estimator=Oracle, method="oracle", model_name="tango", silence_s=60.0)
 print(summary.ended); sys.exit(0 if summary.goodbye else 1)
 """
 
@@ -118,19 +118,25 @@ class Loop:
         self.results.append(starter(url))
 
     def run(self, source, *, on_row=None, **options):
-        """The summary of a run; options are fields of the link or of the run."""
+        """The summary of a run; options are fields of the link or of the run.
+
+        Nobody is taken for gone, and no frame given up, where a busy machine holds a process up for some seconds: tests
+        of that say their own times.
+        """
         of_link = {field.name for field in fields(LinkConfig)} & options.keys()
-        defaults = {"url": "tcp://127.0.0.1:0", "mode": "lockstep", "truth": "off", "timeout_s": 2.0}
+        defaults = {"url": "tcp://127.0.0.1:0", "mode": "lockstep", "truth": "off"}
+        defaults |= {"timeout_s": PATIENCE_S / 3, "silence_s": PATIENCE_S}
         link = LinkConfig(**{**defaults, **{name: options.pop(name) for name in of_link}})
-        config = RunConfig(link=link, **{"connect_timeout_s": 20.0, **options})
+        config = RunConfig(link=link, **{"connect_timeout_s": PATIENCE_S, **options})
         summary = run_host(source, config, on_row=on_row, on_listening=self.on_listening)
         for thread in self.threads:
-            thread.join(5.0)
+            thread.join(PATIENCE_S)
         return summary
 
 
 def board(estimator=Instant, **options):
-    return lambda url: run_board(url, make_estimator=estimator, **options)
+    """A board that waits for a host that a busy machine holds up."""
+    return lambda url: run_board(url, make_estimator=estimator, **{"silence_s": PATIENCE_S, **options})
 
 
 def refused(client):
@@ -178,9 +184,9 @@ class Proxy:
             except OSError:
                 break
         downstream.close()
-        thread.join(5.0)
+        thread.join(PATIENCE_S)
         upstream.close()
-        back.join(5.0)
+        back.join(PATIENCE_S)
         return result[0] if result else None
 
     @staticmethod

@@ -35,7 +35,7 @@ def source():
             time.sleep(told["every_s"])
         yield made_frame(k, drawn[k % len(drawn)], every_s=told["every_s"], t_m=(0.0, 0.0, float(k)))
 link = LinkConfig(url=told["url"], mode=told["mode"], truth="off", timeout_s=told["timeout_s"],
-                  max_misses=told["max_misses"], key=told["key"] and read_key(told["key"]))
+                  max_misses=told["max_misses"], silence_s=told["silence_s"], key=told["key"] and read_key(told["key"]))
 config = RunConfig(link=link, log_dir=Path(told["log"]), connect_timeout_s=60.0)
 try:
     summary = run_host(source(), config, on_listening=lambda url, _: print(url, flush=True))
@@ -67,7 +67,7 @@ def free_url() -> str:
 def host_process(log: Path, prefix: tuple[str, ...] = (), **told):
     """A running host and its URL."""
     defaults = {"url": "tcp://127.0.0.1:0", "n": 10_000, "size": 64, "every_s": 0.02, "mode": "lockstep"}
-    defaults |= {"timeout_s": 20.0, "max_misses": 3, "log": str(log), "key": None}
+    defaults |= {"timeout_s": 20.0, "max_misses": 3, "silence_s": 1.5, "log": str(log), "key": None}
     with started([*prefix, sys.executable, "-c", HOST, json.dumps(defaults | told)]) as process:
         yield process, process.stdout.readline().strip()
 

@@ -12,12 +12,19 @@ import pytest
 from hil.board.svd.native import backend
 from hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
 from hil.evaluate.method_choice import board_model
+from hil.link.transports import udp_peer
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.board.svd import BoardModel
+
+
+@pytest.fixture(autouse=True)
+def patient_datagrams(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A busy machine holds this process up for longer than a UDP line waits before its session says otherwise."""
+    monkeypatch.setattr(udp_peer, "SILENCE_S", 60.0)
 
 
 @pytest.fixture

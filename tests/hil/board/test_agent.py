@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from estimators import Instant, Stuck
 from hand_made_host import HandMadeHost, hand_made_host, in_thread, leave_with_a_goodbye
-from hil_loop import Loop, adds_up, frames
+from hil_loop import Loop, adds_up, board, frames
 
 from hil.board import agent as agent_module
 from hil.board.__main__ import main
@@ -39,7 +39,7 @@ def _release():
 
 def test_the_watchdog_declines_the_frame_and_clocks_are_answered_meanwhile():
     with hand_made_host() as host:
-        thread, ended = in_thread(lambda: run_board(host.url, make_estimator=Stuck, watchdog_s=0.4))
+        thread, ended = in_thread(lambda: run_board(host.url, make_estimator=Stuck, watchdog_s=2.5))
         host.meet()
         host.send_frame(1, level=3)
         assert host.pose().t_camera_from_target_m == (0.0, 0.0, 3.0)
@@ -51,8 +51,8 @@ def test_the_watchdog_declines_the_frame_and_clocks_are_answered_meanwhile():
         assert all(isinstance(reply, TimeSyncReply) for reply in heard)
         pose = host.pose()
         assert (pose.frame_id, pose.accepted) == (2, False)
-        assert pose.reason == "the watchdog stopped the estimator, which took longer than 0.4 s"
-        assert pose.end_ns - pose.start_ns >= 400_000_000
+        assert pose.reason == "the watchdog stopped the estimator, which took longer than 2.5 s"
+        assert pose.end_ns - pose.start_ns >= 2_500_000_000
         assert "watchdog" in host.hear(Bye).reason
         thread.join(PATIENCE_S)
     (summary,) = ended
@@ -74,13 +74,13 @@ def test_an_estimator_that_comes_back_late_is_not_heard_any_more():
 
 def test_a_hung_estimator_costs_its_frame_alone_where_the_board_starts_again():
     def starts_again(url):
-        summary = run_board(url, make_estimator=Stuck, watchdog_s=0.5)
+        summary = board(Stuck, watchdog_s=1.0)(url)
         Stuck.released.set()
-        return summary.hung and run_board(url, make_estimator=Instant)
+        return summary.hung and board()(url)
 
     rows = []
     loop = Loop(starts_again)
-    summary = loop.run(frames(12), on_row=rows.append, timeout_s=20.0)
+    summary = loop.run(frames(12), on_row=rows.append)
     assert summary.ended == "completed"
     assert adds_up(summary)
     assert rows[7].outcome == "declined"
@@ -99,7 +99,7 @@ class StopAgent(Exception):  # noqa: N818 - no error
 
 
 def test_a_board_that_lost_its_host_meets_the_next_and_brings_nothing_along():
-    pauses, sentences = [], []
+    pauses, sentences, agents = [], [], []
 
     def pause(seconds):
         pauses.append(seconds)
@@ -108,7 +108,8 @@ def test_a_board_that_lost_its_host_meets_the_next_and_brings_nothing_along():
         time.sleep(0.2 * seconds)
 
     def until_stopped(url):
-        agent = BoardAgent(url, make_estimator=Slow, connect_timeout_s=0.1)
+        agent = BoardAgent(url, make_estimator=Slow, connect_timeout_s=PATIENCE_S)
+        agents.append(agent)
         try:
             agent.serve_until_stopped(sentences.append, pause)
         except StopAgent:
@@ -129,11 +130,14 @@ def test_a_board_that_lost_its_host_meets_the_next_and_brings_nothing_along():
     pose = first.pose()
     # the answer to its own frame, not to the one of that number before
     assert pose.t_camera_from_target_m == (0.0, 0.0, 2.0)
+    # where somebody is there, he may be slow to answer
+    agents[0]._timeout_s = 0.1
     first.close()
     # nobody there for a while: tried again with pauses that grow, and are bounded
     deadline = time.monotonic() + PATIENCE_S
     while len(pauses) < 6 and time.monotonic() < deadline:
         time.sleep(0.02)
+    agents[0]._timeout_s = PATIENCE_S
     with hand_made_host(first.url) as second:
         second.meet()
         second.send_frame(9, level=4)
@@ -178,7 +182,7 @@ def test_a_host_that_says_nothing_any_more_is_gone():
 def stub(monkeypatch):
     """The program with an estimator that does nothing, and its arguments."""
     monkeypatch.setattr(agent_module, "svd_factory", lambda _model, _method: (Stuck, "tango", ""))
-    return lambda url, *more: main([url, "--model", "any", "--timeout", "5", *more])
+    return lambda url, *more: main([url, "--model", "any", "--timeout", "30", *more])
 
 
 def a_host_that(*, level=3, goodbye=True):
@@ -249,7 +253,7 @@ def program(url, *more, **options):
 
 def test_a_hung_board_starts_anew_in_its_own_process_and_is_stopped_by_a_signal():
     with hand_made_host() as host:
-        agent = program(host.url, "--reconnect", "--watchdog", "0.5")
+        agent = program(host.url, "--reconnect", "--watchdog", "2.5")
         try:
             host.meet(PATIENCE_S)
             host.send_frame(1, level=7)
@@ -275,7 +279,7 @@ def test_a_hung_board_starts_anew_in_its_own_process_and_is_stopped_by_a_signal(
     # two seconds at most where the machine is idle
     assert took < 20.0
     assert (
-        "the watchdog stopped the estimator, which took longer than 0.5 s after 1 frames; the agent starts"
+        "the watchdog stopped the estimator, which took longer than 2.5 s after 1 frames; the agent starts"
         in said
     )
     assert said.splitlines()[-1] == "terminated"
@@ -327,7 +331,7 @@ def comes(what, heard):
 
 def test_the_service_manager_hears_that_the_agent_is_ready_and_alive(stub, notified):
     url, thread = a_host_that(level=7)
-    assert stub(url, "--watchdog", "0.5") == ExitCode.WATCHDOG
+    assert stub(url, "--watchdog", "2.5") == ExitCode.WATCHDOG
     thread.join(PATIENCE_S)
     assert comes("STOPPING=1", notified)
     assert "READY=1" in notified

@@ -67,7 +67,7 @@ def spots(n, *, every_s=0.02):
 def test_an_example_board_serves_a_run(command, mode):
     rows, processes = [], []
     loop = Loop(lambda url: processes.append(started(command, url)))
-    summary = loop.run(spots(12), on_row=rows.append, mode=mode, timeout_s=20.0)
+    summary = loop.run(spots(12), on_row=rows.append, mode=mode)
     code, said, wrong = ended(processes[0])
     assert (code, wrong) == (0, "")
     assert "the host ended the session: the run is over" in said
@@ -77,7 +77,8 @@ def test_an_example_board_serves_a_run(command, mode):
     if mode == "lockstep":
         assert (summary.sent, summary.accepted, summary.declined) == (12, 11, 1)
     answered = [row for row in rows if row.outcome in {"accepted", "declined"}]
-    assert len(answered) >= 3
+    # a newer frame takes the place of one that a busy machine holds up
+    assert len(answered) >= (12 if mode == "lockstep" else 1)
     for row in answered:
         assert row.outcome == ("declined" if row.frame_id == 2 else "accepted")
         if row.frame_id == 2:
@@ -116,7 +117,7 @@ def test_the_example_in_c_on_a_serial_line(c_board, damage_every):
     with null_modem(damage_every) as (left, right):
         loop = Loop(lambda _: processes.append(started(c_board, f"serial://{right}?baud=921600")))
         url = f"serial://{left}?baud=921600"
-        summary = loop.run(spots(12), on_row=rows.append, url=url, timeout_s=1.0)
+        summary = loop.run(spots(12), on_row=rows.append, url=url, timeout_s=3.0)
         code, said, wrong = ended(processes[0])
     assert (code, wrong) == (0, "")
     assert "the host ended the session: the run is over" in said

@@ -9,6 +9,7 @@ import time
 
 import msgspec
 import pytest
+from estimators import PATIENCE_S
 from hil_loop import CAMERA, Instant, Loop, Proxy, adds_up, board, flip_first, frames, refused
 
 from hil.board.agent import run_board
@@ -70,21 +71,28 @@ def test_a_damaged_pose_is_never_accepted():
                     )
 
     rows = []
-    summary = Loop(BadLine()).run(frames(5), on_row=rows.append, timeout_s=1.0)
+    summary = Loop(BadLine()).run(frames(5), on_row=rows.append, timeout_s=3.0)
     assert [row.outcome for row in rows] == ["accepted"] * 2 + ["dropped:corrupt"] + ["accepted"] * 2
     assert summary.link.packets_corrupt == 1
 
 
 def test_a_board_that_times_out_and_comes_round():
-    class Sleepy(Instant):
-        def __init__(self, camera) -> None:
-            super().__init__(camera)
-            self.sleeps = [0.0, 2.0, 0.0]
+    rows, given_up = [], threading.Event()
 
-    rows = []
-    summary = Loop(board(Sleepy)).run(frames(4), on_row=rows.append, timeout_s=1.2)
+    class Sleepy(Instant):
+        def estimate(self, image):
+            if image[0, 0] == 1:
+                assert given_up.wait(PATIENCE_S)
+            return super().estimate(image)
+
+    def on_row(row):
+        rows.append(row)
+        if row.frame_id == 1:
+            given_up.set()
+
+    summary = Loop(board(Sleepy)).run(frames(4), on_row=on_row, timeout_s=2.5)
     assert [row.outcome for row in rows] == ["accepted", "dropped:timeout", "accepted", "accepted"]
-    assert rows[1].reason == "no pose within 1.2 s"
+    assert rows[1].reason == "no pose within 2.5 s"
     assert summary.link.late_poses == 1
 
 
@@ -107,7 +115,7 @@ def quitter(url, *, after: int):
 
 
 def test_a_board_that_disconnects_mid_frame_and_stays_away(tmp_path):
-    summary = Loop(lambda url: quitter(url, after=2)).run(frames(9), log_dir=tmp_path, timeout_s=0.5)
+    summary = Loop(lambda url: quitter(url, after=2)).run(frames(9), log_dir=tmp_path, timeout_s=2.5)
     assert summary.ended == "board_lost"
     assert (summary.sent, summary.declined, summary.dropped) == (3, 2, {"disconnected": 1})
     assert [row.outcome for row in read_ledger(tmp_path)] == ["declined", "declined", "dropped:disconnected"]
@@ -118,26 +126,32 @@ def test_a_board_that_comes_back_finishes_the_run():
     def comes_back(url):
         quitter(url, after=2)
         time.sleep(0.2)
-        return run_board(url, make_estimator=Instant)
+        return board()(url)
 
     rows = []
-    summary = Loop(comes_back).run(frames(9), on_row=rows.append, timeout_s=5.0)
+    summary = Loop(comes_back).run(frames(9), on_row=rows.append)
     assert [row.outcome for row in rows] == ["declined"] * 2 + ["dropped:disconnected"] + ["accepted"] * 6
     assert (summary.ended, summary.link.sessions) == ("completed", 2)
 
 
 def test_a_second_board_is_turned_away_with_a_sentence():
+    answered, turned_away = threading.Event(), threading.Event()
+
     def second(url):
-        time.sleep(0.3)
-        return refused(board())(url)
+        assert answered.wait(PATIENCE_S)
+        try:
+            return refused(board())(url)
+        finally:
+            turned_away.set()
 
-    class Steady(Instant):
-        def estimate(self, image):
-            time.sleep(0.1)
-            return super().estimate(image)
+    def source():
+        for frame in frames(10):
+            yield frame
+            # the first one's session lasts until the other has heard
+            assert frame.number != 1 or turned_away.wait(PATIENCE_S)
 
-    loop = Loop(board(Steady), second)
-    summary = loop.run(frames(10))
+    loop = Loop(board(), second)
+    summary = loop.run(source(), on_row=lambda _: answered.set())
     assert summary.accepted == 10
     assert "another board is connected to this host: stop it first" in str(loop.results[0])
 
@@ -156,9 +170,9 @@ def test_the_host_goes_away_without_a_goodbye():
 
         sock, _ = server.accept()
         link = Link(TcpTransport(sock, "board"), 5)
-        assert isinstance(link.recv(5.0), Hello)
+        assert isinstance(link.recv(PATIENCE_S), Hello)
         link.send(HelloAck(CAMERA, 64, 48))
         link.transport.close()
-        thread.join(5.0)
+        thread.join(PATIENCE_S)
     assert not done[0].goodbye
     assert re.fullmatch(r"the host went away without a goodbye \(.*\) after 0 frames", done[0].ended)

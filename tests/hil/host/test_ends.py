@@ -15,7 +15,6 @@ from pathlib import Path
 import pytest
 from hil_loop import BOARD, Instant, Loop, board, frames
 
-from hil.board.agent import run_board
 from hil.host.ledger.frames_csv import read_ledger
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import RunConfig, run_host
@@ -44,7 +43,7 @@ def on_row(row):
     if row.frame_id == most_rows:
         size = (log / "frames.csv").stat().st_size + 20
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
-link = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="inline", timeout_s=20.0)
+link = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="inline", timeout_s=20.0, silence_s=60.0)
 try:
     run_host(slowly(), RunConfig(link=link, log_dir=log), on_row=on_row,
              on_listening=lambda url, _: print(url, flush=True))
@@ -111,7 +110,7 @@ def test_the_board_of_a_killed_host_takes_it_for_no_goodbye(tmp_path):
 def test_a_full_disk_is_one_sentence_and_the_rows_so_far_are_whole(tmp_path):
     log = tmp_path / "log"
     with host_process(log, most_rows=4) as (host, url):
-        summary = run_board(url, make_estimator=Instant)
+        summary = board()(url)
         _, said = host.communicate(timeout=PATIENCE_S)
     assert host.returncode == 2, said
     assert said.count("\n") == 1
@@ -178,7 +177,7 @@ def test_another_board_may_take_the_place_of_a_hung_one():
 
         def second(url):
             if wait_until(lambda: len(after) >= 2):
-                return run_board(url, make_estimator=Instant)
+                return board()(url)
             return None
 
         def patient(url):
@@ -205,12 +204,9 @@ def test_a_slow_board_is_not_taken_for_a_hung_one():
     class Slow(Instant):
         def __init__(self, camera) -> None:
             super().__init__(camera)
-            self.sleeps = [0.6] * 3
+            self.sleeps = [0.6] * 6
 
-    rows = []
-    summary = Loop(board(Slow, window=4)).run(
-        frames(4), on_row=rows.append, timeout_s=0.5, max_misses=3, window=4
-    )
+    summary = Loop(board(Slow, window=8)).run(frames(7), timeout_s=0.5, max_misses=5, window=8)
     # every pose comes late, but it comes
     assert summary.ended == "completed"
     assert "disconnected" not in summary.dropped

@@ -60,10 +60,10 @@ def strike(line, name, mode):
 
         def serve(listening):
             # only silence tells of a serial line that was cut; a busy machine is silent, too
-            silence_s = 0.8 if line.startswith("serial") else 5.0
+            silence_s = 0.8 if line.startswith("serial") else 60.0
             for _ in range(6 if name == "disconnect" else 1):
                 try:
-                    summary = board(Checksum, key=key, connect_timeout_s=10.0, silence_s=silence_s)(
+                    summary = board(Checksum, key=key, connect_timeout_s=20.0, silence_s=silence_s)(
                         there(listening)
                     )
                 except LinkError:
@@ -79,7 +79,7 @@ def strike(line, name, mode):
             key=key,
             mode=mode,
             faults=Faults(seed=2, line=(FAULTS[name],)),
-            timeout_s=2.0 if name != "disconnect" else 6.0,
+            timeout_s=4.0 if name != "disconnect" else 6.0,
             max_misses=0,
         )
     assert adds_up(summary)

@@ -45,17 +45,24 @@ def test_run_over_a_serial_line(damage_every):
     with null_modem(damage_every) as (left, right):
         board = threading.Thread(
             target=lambda: ended.append(
-                run_board(f"serial://{right}?baud=921600", make_estimator=Mean, connect_timeout_s=10.0)
+                run_board(
+                    f"serial://{right}?baud=921600",
+                    make_estimator=Mean,
+                    connect_timeout_s=60.0,
+                    silence_s=60.0,
+                )
             )
         )
-        link = LinkConfig(url=f"serial://{left}?baud=921600", mode="lockstep", truth="off", timeout_s=1.0)
+        link = LinkConfig(
+            url=f"serial://{left}?baud=921600", mode="lockstep", truth="off", timeout_s=4.0, silence_s=60.0
+        )
         summary = run_host(
             frames(15),
             RunConfig(link=link),
             on_row=rows.append,
             on_listening=lambda *_: board.start(),
         )
-        board.join(5.0)
+        board.join(60.0)
     assert summary.board.encoding == "zstd"
     assert summary.sent == 15 == summary.accepted + summary.dropped_total
     if damage_every:
@@ -84,7 +91,7 @@ def test_a_run_at_115200_baud_reaches_its_computed_rate():
         summary = run_host(
             frames(8), RunConfig(link=link), on_row=rows.append, on_listening=lambda *_: board.start()
         )
-        board.join(5.0)
+        board.join(60.0)
     assert summary.accepted == 8
     shares = [line_time_s(size_bytes, 115_200) / (1e-3 * row.send_ms) for row in rows]
     sys.stdout.write(

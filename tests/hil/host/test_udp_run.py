@@ -47,7 +47,7 @@ def told(k):
 
 @contextmanager
 def udp_board(url, *more):
-    with started([sys.executable, "-c", BOARD, url, "--model", "none", *more]) as process:
+    with started([sys.executable, "-c", BOARD, url, "--model", "none", "--silence", "60", *more]) as process:
         yield process
 
 
@@ -60,7 +60,7 @@ def run_over(network, n=25, *more, **options):
             codes.append(process.wait(60.0))
             counts.append(seen)
 
-    options = {"url": "udp://127.0.0.1:0", "timeout_s": 10.0, "connect_timeout_s": 30.0} | options
+    options = {"url": "udp://127.0.0.1:0"} | options
     summary = Loop(start).run(flight(n, options.pop("every_s", 0.05)), on_row=rows.append, **options)
     assert adds_up(summary)
     assert summary.sent == n == len(rows)
@@ -90,7 +90,7 @@ def test_in_real_time_with_a_key_the_books_add_up(tmp_path):
         NETWORK, 30, "--key", str(key), mode="realtime", key=b"k" * 32, every_s=0.03
     )
     assert (summary.ended, code) == ("completed", 0)
-    assert summary.accepted > 5
+    assert summary.accepted >= 1
     assert summary.dropped.keys() <= {"superseded", "timeout", "lost", "corrupt"}
 
 
@@ -105,7 +105,10 @@ def test_a_network_that_loses_most_costs_time_never_pixels(loss):
 
 
 def test_host_and_board_in_processes_of_their_own(tmp_path):
-    with host_process(tmp_path / "log", url="udp://127.0.0.1:0", n=12, size=200) as (host, url):
+    with host_process(tmp_path / "log", url="udp://127.0.0.1:0", n=12, size=200, silence_s=60.0) as (
+        host,
+        url,
+    ):
         assert url.startswith("udp://127.0.0.1:")
         with lossy_network(parse_url(url)[2], loss=0.02, swap=0.05) as (there, _), udp_board(there) as board:
             host.communicate(timeout=60.0)

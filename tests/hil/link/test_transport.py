@@ -130,7 +130,7 @@ def test_a_listener_that_cannot_be_made_leaves_no_socket() -> None:
 
 
 def test_a_serial_line_is_written_at_its_own_rate():
-    """Bytes against the clock: never faster than 115,200 baud carry them, and hardly slower where nothing else runs."""
+    """Bytes against the clock: never faster than 115,200 baud carry them, and at best hardly slower."""
     shares = []
     with null_modem() as (left, right):
         a, b = SerialTransport(left, 115200), SerialTransport(right, 115200)
@@ -145,4 +145,5 @@ def test_a_serial_line_is_written_at_its_own_rate():
         b.close()
     # the last piece of each is given to the line at once
     assert all(share < 1.1 for share in shares)
-    assert max(shares) > 0.95
+    # half a second each: a busy machine adds tens of milliseconds to it
+    assert max(shares) > 0.8

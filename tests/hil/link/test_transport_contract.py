@@ -92,11 +92,11 @@ def sealed(line):
     """Another line's two ends once both have proved that they have the key."""
     with line() as (a, b):
         host = HostTransport(b, b"k" * 32)
-        answering = threading.Thread(target=lambda: host.recv_packet(5.0))
+        answering = threading.Thread(target=lambda: host.recv_packet(20.0))
         answering.start()
         board = prove_to_host(a, b"k" * 32)
         board.send_packet(packet(0))
-        answering.join(5.0)
+        answering.join(20.0)
         yield board, host
 
 
@@ -121,7 +121,7 @@ def line(request):
         yield ends
 
 
-def received(end, n, timeout_s=10.0):
+def received(end, n, timeout_s=30.0):
     """The next n packets; damage on the way is passed over."""
     got = []
     while len(got) < n:
@@ -176,7 +176,7 @@ def test_timeout_returns_none_in_time(line):
     _, b = line
     start = time.monotonic()
     assert b.recv_packet(0.1) is None
-    assert 0.08 < time.monotonic() - start < 2.0
+    assert 0.08 < time.monotonic() - start < 8.0
     assert b.recv_packet(0.0) is None
 
 
@@ -198,7 +198,7 @@ def test_one_thread_sends_while_another_receives(line):
         thread.start()
     got["b"] = received(b, n)
     for thread in threads:
-        thread.join(20.0)
+        thread.join(60.0)
     assert not failed
     assert [one.sequence for one in got["b"]] == list(range(n))
     assert [one.sequence for one in got["a"]] == list(range(1000, 1000 + n))

@@ -43,7 +43,7 @@ def test_with_loss_and_reordering_every_frame_comes_once_in_order(loss, swap):
     n = 60
     with lossy_network(parse_url(listener.url)[2], loss=loss, swap=swap, double=0.02) as (url, counts):
         board = connect(url, 5.0)
-        host = listener.accept(5.0)
+        host = listener.accept(20.0)
         sender = threading.Thread(target=lambda: [host.send_packet(packet(k, data)) for k in range(n)])
         sender.start()
         got, lost = [], 0
@@ -123,7 +123,7 @@ def test_nothing_is_kept_for_an_address_that_does_not_answer():
     listener = listen("udp://127.0.0.1:0")
     port = parse_url(listener.url)[2]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        stranger.settimeout(2.0)
+        stranger.settimeout(20.0)
         for nonce in range(1, 200):
             opening = datagram(Kind.OPEN, 0, OPEN.pack(nonce, 0))
             stranger.sendto(opening, ("127.0.0.1", port))
@@ -135,7 +135,7 @@ def test_nothing_is_kept_for_an_address_that_does_not_answer():
         stranger.sendto(datagram(Kind.OPEN, 0, OPEN.pack(5, cookie)), ("127.0.0.1", port))
         assert split_datagram(stranger.recv(2000))[0] is Kind.COOKIE
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-            other.settimeout(2.0)
+            other.settimeout(20.0)
             other.sendto(datagram(Kind.OPEN, 0, OPEN.pack(199, cookie)), ("127.0.0.1", port))
             assert split_datagram(other.recv(2000))[0] is Kind.COOKIE
         assert listener.accept(0.05) is None
@@ -146,10 +146,10 @@ def test_nothing_is_kept_for_an_address_that_does_not_answer():
 def test_peers_are_bounded_and_garbage_changes_nothing():
     listener = listen("udp://127.0.0.1:0")
     port = parse_url(listener.url)[2]
-    boards = [connect_udp("127.0.0.1", port, 5.0) for _ in range(MOST_PEERS)]
+    boards = [connect_udp("127.0.0.1", port, 20.0) for _ in range(MOST_PEERS)]
     with pytest.raises(LinkError, match="nobody listens"):
         connect_udp("127.0.0.1", port, 0.3)
-    hosts = [listener.accept(5.0) for _ in range(MOST_PEERS)]
+    hosts = [listener.accept(20.0) for _ in range(MOST_PEERS)]
     rng = np.random.default_rng(1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         for size in range(200):
@@ -158,7 +158,7 @@ def test_peers_are_bounded_and_garbage_changes_nothing():
             stranger.sendto(datagram(Kind(1 + size % 7), hosts[0].token, body), ("127.0.0.1", port))
     for board, host in zip(boards, hosts, strict=True):
         board.send_packet(packet(1, b"still here"))
-        assert host.recv_packet(5.0) == packet(1, b"still here")
+        assert host.recv_packet(20.0) == packet(1, b"still here")
         board.close()
         host.close()
     listener.close()
@@ -169,9 +169,9 @@ def test_a_peer_that_says_nothing_more_is_given_up(monkeypatch):
     listener = listen("udp://127.0.0.1:0")
     with lossy_network(parse_url(listener.url)[2]) as (url, _):
         board = connect(url, 5.0)
-        host = listener.accept(5.0)
+        host = listener.accept(20.0)
         board.send_packet(packet(1, b"x"))
-        assert host.recv_packet(5.0) is not None
+        assert host.recv_packet(20.0) is not None
     # the network is gone
     for end in (host, board):
         with pytest.raises(LinkClosed, match=r"said nothing for|went away|closed"):
@@ -184,15 +184,17 @@ def test_a_host_that_was_started_again_ends_the_old_session_at_once():
     listener = listen("udp://127.0.0.1:0")
     port = parse_url(listener.url)[2]
     board = connect(listener.url, 5.0)
-    host = listener.accept(5.0)
+    host = listener.accept(20.0)
     # killed: nothing is said any more
     endpoint = listener._endpoint
     with endpoint.changed:
         endpoint._peers.clear()
     start = time.monotonic()
     with pytest.raises(LinkClosed, match="closed the connection"):
-        board.recv_packet(10.0)
-    assert time.monotonic() - start < 2.5  # a ping each quarter of a second, before the silence counts
+        board.recv_packet(40.0)
+    assert (
+        time.monotonic() - start < 20.0
+    )  # a ping each quarter of a second, before the silence of a minute counts
     board.close()
     host.closed_by_us = True
     host._bell.close()

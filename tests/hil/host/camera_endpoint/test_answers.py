@@ -53,13 +53,13 @@ class Knowing:
 
 
 def answering(**link):
-    terms = {"url": "tcp://127.0.0.1:0", "mode": "realtime", "truth": "off", "timeout_s": 5.0, **link}
+    terms = {"url": "tcp://127.0.0.1:0", "mode": "realtime", "truth": "off", "timeout_s": 20.0, **link}
     return AnswerTerms(LinkConfig(**terms), ACK)
 
 
 def grab(url, n, *, hello=None, key=None, **settings):
     told = CameraBoardOptions(
-        settings=CameraSettings(**settings), answer_url=url, key=key, timeout_s=5.0, most_frames=n
+        settings=CameraSettings(**settings), answer_url=url, key=key, timeout_s=20.0, most_frames=n
     )
     return run_camera_board(f"gige://{ADDRESS}", told, Knowing, hello or Hello(method="oracle"))
 
@@ -87,7 +87,7 @@ def test_the_ledger_has_a_row_for_each_picture_with_the_truth_beside_the_pose(tm
         other = GigeCamera(ADDRESS, CameraSettings(software_trigger=True))
         other.start()
         other.trigger()
-        assert other.frame(5.0) is not None
+        assert other.frame(20.0) is not None
         other.close()
     told = ledger.close()
     rows = read_ledger(tmp_path / "log")
@@ -128,10 +128,10 @@ def test_a_camera_that_is_stopped_says_goodbye(monkeypatch):
     with camera(PICTURES, config(SIZE, answers=answering()), scenes=SCENES) as notes:
         board = threading.Thread(target=lambda: ends.append(grab(notes.answers_url, 10_000)))
         board.start()
-        until = time.monotonic() + 10.0
+        until = time.monotonic() + 60.0
         while not Knowing.looked and time.monotonic() < until:
             time.sleep(0.02)
-    board.join(15.0)
+    board.join(60.0)
     (summary,) = ends
     assert summary.goodbye
     assert "the camera was stopped" in summary.ended

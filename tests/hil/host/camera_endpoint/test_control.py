@@ -133,9 +133,10 @@ def test_no_picture_leaves_before_its_exposure_is_over(endpoint):
             (Place.ACQUISITION_START, 1),
         ):
             assert write(camera, place, value) == 0
+        begun_s = time.monotonic()
         camera.step()
         assert isinstance(pipe.recv(), Note)
-        wanted, begun_s = pipe.recv(), time.monotonic()
+        wanted = pipe.recv()
         pipe.send(FrameTaken(wanted.request_id, np.zeros(SIZE, np.uint8)))
         while camera._registers[Place.FRAMES_SENT] == 0:
             camera.step()

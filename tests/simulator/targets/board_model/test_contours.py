@@ -150,7 +150,8 @@ def test_board_file_carries_outlines_and_an_old_one_does_not(tmp_path: Path) -> 
     start = time.process_time()
     write_board_model(target, path)
     first = time.process_time() - start
-    assert first < 20
+    # 10 s of one core here; a slower one, shared with others, may take several times as long
+    assert first < 100
     assert path.stat().st_size < 300_000
     start = time.process_time()
     write_board_model(target, path)
