@@ -185,7 +185,7 @@ def test_no_egl_says_how_to_get_it(tmp_path):
     environment = os.environ | {"__EGL_VENDOR_LIBRARY_FILENAMES": str(tmp_path / "none.json")}
     done = subprocess.run(
         [sys.executable, "-m", "flyaround", "render", "tango-flyaround", "-o", str(tmp_path / "a.png")],
-        env=environment, capture_output=True, text=True, check=False, timeout=60,
+        env=environment, capture_output=True, text=True, check=False, timeout=200,
     )  # fmt: skip
     assert done.returncode == 2
     assert "Traceback" not in done.stderr

@@ -101,7 +101,7 @@ def need_aravis():
 def aravis(*arguments, address=ADDRESS, prefix=()):
     """What the client says, as JSON; a second process that has the control is waited for once."""
     line = [*prefix, SYSTEM_PYTHON, str(CLIENT), address, *arguments]
-    done = subprocess.run(line, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
     assert done.stdout, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 

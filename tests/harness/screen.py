@@ -43,7 +43,7 @@ def virtual_screen(size: tuple[int, int] = SCREEN) -> Iterator[str]:
         yield f":{number}"
     finally:
         server.terminate()
-        server.wait(timeout=10)
+        server.wait(timeout=60)
 
 
 def xdotool(display: str, *arguments: str) -> str:

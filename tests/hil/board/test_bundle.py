@@ -143,7 +143,7 @@ def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Pa
         port = free.getsockname()[1]
     url = f"tcp://127.0.0.1:{port}"
     board = subprocess.Popen(
-        [DEBIAN, "-I", str(bundle), url, "--model", "tango", "--method", "svd-track"],
+        [DEBIAN, "-I", str(bundle), url, "--model", "tango", "--method", "svd-track", "--silence", "60"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -152,14 +152,14 @@ def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Pa
     log = tmp_path / "log"
     host = [sys.executable, "-m", "flyaround", "hil", "host", "tango-flyaround", "--listen", url, "-n", "4"]
     told = subprocess.run(
-        [*host, "--log", str(log), "--timeout", "60"],
+        [*host, "--log", str(log), "--timeout", "60", "--silence", "60"],
         capture_output=True,
         text=True,
         check=False,
         cwd=ROOT.parent,
     )
     assert told.returncode == 0, told.stderr
-    out, err = board.communicate(timeout=60)
+    out, err = board.communicate(timeout=200)
     assert board.returncode == 0, err
     assert "of 4 poses accepted" in out
     assert len((log / "frames.csv").read_text().splitlines()) == 5

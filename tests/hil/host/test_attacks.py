@@ -165,7 +165,7 @@ def test_strangers_keep_no_logger_out(tmp_path):
     loggers = []
     loop = Loop(start)
     assert loop.run(frames(5), key=KEY, truth="separate").accepted == 5
-    assert loggers[0].stop() == 5
+    assert loggers[0].stop(60.0) == 5
 
 
 def test_a_second_controller_is_refused_key_or_not_and_the_first_goes_on():

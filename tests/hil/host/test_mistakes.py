@@ -167,7 +167,7 @@ def test_the_agent_as_a_program_says_one_sentence(tmp_path):
         [sys.executable, "-m", "hil.board", "tcp://127.0.0.1:1", "--model", str(tmp_path / "none.json")],
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=120,
         check=False,
         cwd=Path(__file__).parents[3],
     )

@@ -62,7 +62,7 @@ def test_lockstep_with_the_board_in_another_process(tmp_path):
     jsonschema.validate(document, summary_schema())
     assert msgspec.convert(document, LedgerSummary) == summary
 
-    assert loggers[0].stop() == 12
+    assert loggers[0].stop(60.0) == 12
     lines = [json.loads(line) for line in (tmp_path / "truth.jsonl").read_text().splitlines()]
     assert [line["frame_id"] for line in lines] == list(range(12))
     assert lines[4]["truth"]["t_camera_from_target_m"] == [0.0, 0.123456789, 4.0]

@@ -57,7 +57,7 @@ def run_over(network, n=25, *more, **options):
 
     def start(url):
         with lossy_network(parse_url(url)[2], **network) as (there, seen), udp_board(there, *more) as process:
-            codes.append(process.wait(60.0))
+            codes.append(process.wait(120.0))
             counts.append(seen)
 
     options = {"url": "udp://127.0.0.1:0"} | options
@@ -111,8 +111,8 @@ def test_host_and_board_in_processes_of_their_own(tmp_path):
     ):
         assert url.startswith("udp://127.0.0.1:")
         with lossy_network(parse_url(url)[2], loss=0.02, swap=0.05) as (there, _), udp_board(there) as board:
-            host.communicate(timeout=60.0)
-            said, wrong = board.communicate(timeout=60.0)
+            host.communicate(timeout=120.0)
+            said, wrong = board.communicate(timeout=120.0)
     assert (host.returncode, board.returncode, wrong) == (0, 0, "")
     assert "12 of 12 poses accepted" in said
     assert json.loads((tmp_path / "log" / "summary.json").read_text())["accepted"] == 12
@@ -132,7 +132,7 @@ def test_the_commands_hil_host_and_hil_board_over_udp(tmp_path):
         url = next(line.split()[2].rstrip(";") for line in host.stderr if line.startswith("listening on"))
         with started([*flyaround, "board", url]) as board:
             host.communicate(timeout=120.0)
-            board.communicate(timeout=60.0)
+            board.communicate(timeout=120.0)
     assert (host.returncode, board.returncode) == (0, 0)
     summary = json.loads((tmp_path / "log" / "summary.json").read_text())
     assert summary["sent"] == 6 == summary["accepted"] + summary["declined"]

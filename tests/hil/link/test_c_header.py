@@ -26,7 +26,7 @@ def decode(tmp_path_factory):
             capture_output=True,
             text=True,
             check=True,
-            timeout=20,
+            timeout=120,
         )
         assert done.stderr == ""
         return [

@@ -148,7 +148,7 @@ def test_runs_with_a_key(tmp_path):
     summary = loop.run(frames(10), key=KEY, truth="separate", on_row=rows.append)
     assert adds_up(summary)
     assert summary.accepted == 10
-    assert loggers[0].stop() == 10
+    assert loggers[0].stop(60.0) == 10
     assert loggers[1].stop(0.1) == 0
     assert (tmp_path / "stranger.jsonl").read_text() == ""
 

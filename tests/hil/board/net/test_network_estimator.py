@@ -148,7 +148,7 @@ def test_a_board_answers_with_a_network(tmp_path):
     path = write_network(tmp_path / "net.onnx", ("tango", ""), sure=3)
     write_board_model(load_target("tango"), tmp_path / "tango.board.json")
     rows = []
-    run_it = Loop(lambda url: run_board(url, tmp_path / "tango.board.json", f"net:{path}"))
+    run_it = Loop(lambda url: run_board(url, tmp_path / "tango.board.json", f"net:{path}", silence_s=60.0))
 
     def pictures():
         for frame in frames(3):
