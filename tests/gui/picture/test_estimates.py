@@ -33,7 +33,7 @@ from simulator.frame import NO_RADIANCE, Frame
 from simulator.scenario.load import load_scenario
 
 WAIT_S = 120.0
-NO_WAIT_S = 2.0
+NO_WAIT_S = 4.5
 """A turn that starts a process on a busy machine takes less."""
 
 

@@ -300,7 +300,8 @@ def test_file_round_trip_and_speed(name: str, tmp_path: Path) -> None:
         start = time.process_time()
         again = load_glb(path)
         spent.append(time.process_time() - start)
-    assert min(spent) < 0.3
+    # 0.1 s on an idle core; a slower one that is shared may take several times as long
+    assert min(spent) < 1.0
     for field in (
         "name",
         "title",
