@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 import pytest
 
+from simulator.errors import UserError
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
 from simulator.world.flight.recording import Recording
@@ -24,7 +25,7 @@ from tests.harness.screen import SCREEN, virtual_screen, xdotool
 
 pytestmark = pytest.mark.gui
 
-START_TIMEOUT_S = 60.0
+START_TIMEOUT_S = 120.0
 
 
 @pytest.fixture(scope="module")
@@ -33,13 +34,23 @@ def display() -> Iterator[str]:
         yield name
 
 
-def fly(
-    display: str, folder: Path, operate: Callable[[], None], *, seconds: float
-) -> tuple[dict[str, Any], np.ndarray]:
-    """Run the console, operate it once its first picture is up, and return its last state and last look."""
+def wait_until(done: Callable[[], bool]) -> None:
+    until = time.monotonic() + START_TIMEOUT_S
+    while not done():
+        assert time.monotonic() < until, "it did not come"
+        time.sleep(0.1)
+
+
+def is_saved(folder: Path) -> bool:
+    """Whether the key P was heard, and what was pressed before it: a picture with its record is there."""
+    return {path.suffix for path in (folder / "out" / "console").glob("*")} == {".json", ".png"}
+
+
+def fly(display: str, folder: Path, operate: Callable[[], None]) -> tuple[dict[str, Any], np.ndarray]:
+    """Run the console, operate it once its first picture is up, quit, and return its last state and last look."""
     screenshot = folder / "console.png"
     command = [sys.executable, "-m", "flyaround", "-v", "sim", "tango-flyaround", "--json"]
-    command += ["--seconds", str(seconds), "--screenshot", str(screenshot)]
+    command += ["--seconds", str(START_TIMEOUT_S), "--screenshot", str(screenshot)]
     environment = {**os.environ, "DISPLAY": display, "FLYAROUND_CONSOLE_LAYOUT": str(folder / "layout.json")}
     with subprocess.Popen(
         command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -54,7 +65,8 @@ def fly(
         else:
             pytest.fail(f"no picture came: {''.join(lines)}")
         operate()
-        out, err = console.communicate(timeout=START_TIMEOUT_S)
+        xdotool(display, "key", "ctrl+q")
+        out, err = console.communicate(timeout=2 * START_TIMEOUT_S)
     assert console.returncode == 0, err
     return json.loads(out), cv2.cvtColor(cv2.imread(str(screenshot)), cv2.COLOR_BGR2RGB)
 
@@ -62,33 +74,34 @@ def fly(
 def test_keys_fly_the_chaser_and_the_view_is_drawn(display: str, tmp_path: Path) -> None:
     def forward() -> None:
         xdotool(display, "keydown", "w")
-        time.sleep(3.0)
+        time.sleep(4.0)
         xdotool(display, "keyup", "w", "key", "p")
+        wait_until(lambda: is_saved(tmp_path))
 
-    state, image = fly(display, tmp_path, forward, seconds=8.0)
+    state, image = fly(display, tmp_path, forward)
     assert state["mode"] == "steer"
-    # guidance alone would recede at this time; three seconds of thrust close in
+    # guidance alone would recede at this time; seconds of thrust close in
     assert state["closing_m_s"] > 0.05
-    assert 0 < state["t_s"] < 12.0
+    assert 0 < state["t_s"] < START_TIMEOUT_S
     assert state["pictures"] >= 3
     assert image.shape == (SCREEN[1], SCREEN[0], 3)
     view, panel = image[200:600, 100:850], image[:, 960:]
     assert view.std() > 8.0, "the view shows nothing"
     assert 10.0 < panel.mean() < 100.0, "the panel is missing"
-    saved = sorted((tmp_path / "out" / "console").iterdir())
-    assert [p.suffix for p in saved] == [".json", ".png"]
-    truth = json.loads(saved[0].read_text())
-    picture = cv2.imread(str(saved[1]), cv2.IMREAD_UNCHANGED)
+    record, png = sorted((tmp_path / "out" / "console").iterdir())
+    truth = json.loads(record.read_text())
+    picture = cv2.imread(str(png), cv2.IMREAD_UNCHANGED)
     assert picture.shape[:2] == (truth["camera"]["height_px"], truth["camera"]["width_px"])
 
 
 def test_turning_right_moves_the_target_left_and_pause_freezes(display: str, tmp_path: Path) -> None:
     def turn_and_pause() -> None:
         xdotool(display, "keydown", "l")
-        time.sleep(2.0)
-        xdotool(display, "keyup", "l", "key", "space", "key", "F1")
+        time.sleep(2.5)
+        xdotool(display, "keyup", "l", "key", "space", "key", "F1", "key", "p")
+        wait_until(lambda: is_saved(tmp_path))
 
-    state, image = fly(display, tmp_path, turn_and_pause, seconds=5.0)
+    state, image = fly(display, tmp_path, turn_and_pause)
     assert state["paused"]
     assert state["tracking"]
     assert state["t_camera_from_target_m"][0] < -0.1
@@ -107,6 +120,13 @@ def drawing_process(console: int) -> int:
     pytest.fail("the console has no drawing process")
 
 
+def flown_s(table: Path) -> float:
+    """How long a recording that is being written is by now."""
+    with contextlib.suppress(OSError, UserError):
+        return Recording.read(table).duration_s
+    return 0.0
+
+
 def test_a_killed_console_leaves_its_flight(display: str, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "flyaround", "-v", "sim", "tango-flyaround", "--record", "flown"]
     environment = {
@@ -121,6 +141,7 @@ def test_a_killed_console_leaves_its_flight(display: str, tmp_path: Path) -> Non
         assert any("first picture" in line for line in console.stderr), "no picture came"
         xdotool(display, "keydown", "w")
         time.sleep(2.0)
+        wait_until(lambda: flown_s(tmp_path / "flown" / "flight.csv") > 1.0)
         drawing = drawing_process(console.pid)
         console.kill()
         xdotool(display, "keyup", "w")
@@ -177,7 +198,7 @@ def test_without_a_display_one_sentence_says_what_to_do(tmp_path: Path) -> None:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
         check=False,
     )
     assert done.returncode == 2
