@@ -37,14 +37,8 @@ def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> 
             continue
         u, v = (int(x) for x in np.rint(k.pixel_px))
         r = CONTRAST_RADIUS_PX
-        patch, wider = (
-            (clean[max(v - d, 0) : v + d + 1, max(u - d, 0) : u + d + 1].astype(float) - black) / full
-            for d in (r, r + 1)
-        )
-        if (wider >= 1 - 0.51 / full).all():
-            possible: tuple[str, ...] = ("saturated",)
-        else:
-            possible = _possible_states(truth, patch, 1.0 / full)
+        patch = clean[max(v - r, 0) : v + r + 1, max(u - r, 0) : u + r + 1]
+        possible = _possible_states(truth, (patch.astype(float) - black) / full, 1.0 / full)
         if k.state not in possible:
             wrong.append(
                 f"keypoint {k.name} is labelled {k.state}, the clean twin says {' or '.join(possible)}"
