@@ -1,0 +1,98 @@
+"""The contract with scripts: commands, options, exit codes and machine-read fields of `contract.json` still exist.
+
+Additions are free. An entry of the file may only be taken away together with a line in docs/migration.md.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+import cv2
+import numpy as np
+import pytest
+import typer
+
+from flyaround.__main__ import run
+from flyaround.cli import app
+from flyaround.schemas import all_schemas
+from hil.host.ledger.frames_csv import LedgerWriter
+from simulator.bench.scenes import BenchMachine, SceneCost
+
+CONTRACT: dict[str, Any] = json.loads(Path(__file__).with_name("contract.json").read_text())
+
+
+def _find_command(path: str) -> click.Command:
+    command: Any = typer.main.get_command(app)
+    for name in path.split():
+        command = command.get_command(click.Context(command), name)
+        assert command is not None, f"there is no command 'flyaround {path}'"
+    return command
+
+
+@pytest.mark.parametrize("path", CONTRACT["commands"])
+def test_command_and_its_options_exist(path: str) -> None:
+    options = {o for p in _find_command(path).params for o in [*p.opts, *p.secondary_opts]}
+    assert set(CONTRACT["commands"][path]) <= options
+
+
+@pytest.mark.parametrize("path", CONTRACT["fields"])
+def test_documents_have_their_fields(path: str) -> None:
+    document, _, definition = path.partition("/")
+    schema = all_schemas()[document]
+    name = definition or schema["$ref"].rpartition("/")[2]
+    assert set(CONTRACT["fields"][path]) <= set(schema["$defs"][name]["properties"])
+
+
+def test_enumerations_keep_their_values() -> None:
+    definitions = {name: schema.get("$defs", {}) for name, schema in all_schemas().items()}
+    for values, (document, definition, field) in {
+        "keypoint_states": ("truth", "KeypointLabel", "state"),
+        "distortion_models": ("truth", "Distortion", "model"),
+        "closed_loop_outcomes": ("ledger_summary", "ClosedLoopFigures", "outcome"),
+    }.items():
+        schema = definitions[document][definition]["properties"][field]
+        assert set(CONTRACT[values]) <= set(schema["enum"])
+
+
+def test_the_ledger_has_its_columns(tmp_path: Path) -> None:
+    LedgerWriter(tmp_path).close()
+    with (tmp_path / "frames.csv").open(newline="") as file:
+        assert set(CONTRACT["frames_csv"]) <= set(next(csv.reader(file)))
+
+
+def test_bench_reports_its_fields() -> None:
+    for part, of in {"machine": BenchMachine, "scenes": SceneCost}.items():
+        assert set(CONTRACT["bench"][part]) <= {f.name for f in dataclasses.fields(of)}
+
+
+def test_estimate_reports_its_fields(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    camera = {"width_px": 96, "height_px": 64, "fx_px": 90.0, "fy_px": 90.0, "cx_px": 47.5, "cy_px": 31.5}
+    (tmp_path / "camera.json").write_text(json.dumps(camera))
+    cv2.imwrite(str(tmp_path / "black.png"), np.zeros((64, 96), np.uint8))
+    arguments = ["estimate", str(tmp_path / "black.png"), "--camera", str(tmp_path / "camera.json"), "--json"]
+    assert run(arguments) == CONTRACT["exit_codes"]["success"]
+    answer = json.loads(capsys.readouterr().out)
+    assert set(CONTRACT["estimate"]) <= set(answer)
+    assert answer["accepted"] is False
+
+
+def test_exit_codes(tmp_path: Path) -> None:
+    codes = CONTRACT["exit_codes"]
+    assert run(["scenarios", "--json"]) == codes["success"]
+    assert run(["check", str(tmp_path)]) == codes["user_mistake"]
+    assert run(["render", "no-such-scenario", "-o", str(tmp_path / "x.png")]) == codes["user_mistake"]
+    assert run(["fly", "--no-such-option"]) == codes["user_mistake"]
+    for sent, code in (("SIGINT", codes["interrupted"]), ("SIGTERM", codes["terminated"])):
+        stop = (
+            "import os, signal, sys, flyaround.cli, flyaround.__main__ as m; m.app = lambda **_: "
+            f"(os.kill(os.getpid(), signal.{sent}), signal.pause()); m.main()"
+        )
+        done = subprocess.run([sys.executable, "-c", stop], capture_output=True, check=False)
+        assert done.returncode == code
