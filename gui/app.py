@@ -15,7 +15,7 @@ from gui.commands.all import COMMANDS
 from gui.commands.capture import keep_capture
 from gui.commands.estimator import keep_estimates
 from gui.commands.hil import keep_hil
-from gui.commands.log import save_script
+from gui.commands.log import script_header
 from gui.commands.people import keep_film, keep_mesh
 from gui.console import Console
 from gui.flight.cautions import CautionWatch
@@ -51,13 +51,16 @@ STILL_HZ = 10.0
 SHARE = 0.9
 """Of the time that the window may take where drawing it is slow."""
 SLICE_S = 1 / 60
+URGENT, URGENT_ARMED = ("delete",), ("delete", "x")
+"""Keys of abort and stop: they overtake what a slow window has not yet taken."""
+FLIGHT_GROUPS = frozenset({"steer", "guidance", "burn", "docking", "time", "timeline"})
 MOST_TOLD = 20
 """Of the faults that a check of the texts finds."""
 """Input, time and pictures are looked after at least so often."""
 GIVES_WAY = 5
 """Niceness of the render process: keys and the window go before pictures."""
 ANSWER_WITHIN_S = 20.0
-"""A render process that takes longer hangs, unless its pictures are slow; a busy machine may take seconds."""
+"""A render process that has done nothing for so long while a picture is due hangs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,15 +154,13 @@ def run(request: Request) -> dict[str, Any]:
         if script is not None:
             console.play(script)
         try:
+            if request.log is not None:
+                console.log.write_to(request.log, script_header(console))
             state = ConsoleLoop(window, console, request).run()
         finally:
             # also when the flight ends otherwise than it should
             console.close()
-            try:
-                replay = recorder.close()
-            finally:
-                if request.log is not None:
-                    save_script(console, request.log)
+            replay = recorder.close()
     if replay is not None:
         state["replay"] = str(replay)
     return state
@@ -204,6 +205,9 @@ class ConsoleLoop:
         if not (self._layout.tour_seen or request.by_itself):
             console.open_panel("tour", shown=True)
         self._keys = sorted(console.table.keys())
+        self._held: list[str] = []
+        self._pressed: list[str] = []
+        """Keys that went down in this frame: each lasts until the next look at the clock, however short it was held."""
         self._gamepad = Gamepad()
         self._window_ms = 0.0
         self._drawn_s: list[float] = []
@@ -215,7 +219,6 @@ class ConsoleLoop:
         drawn = window.seconds
         first_picture: float | None = None
         changed = True
-        keys: frozenset[str] = frozenset()
         hz = SOFTWARE_HZ if window.software else WINDOW_HZ
         while window.open and not console.wants_close:
             least_s = max(1 / hz, min(1e-3 * self._window_ms / SHARE, 1 / STILL_HZ))
@@ -225,20 +228,18 @@ class ConsoleLoop:
             changed |= window.wait(min(max(due - window.seconds, 0.0), SLICE_S))
             now = window.seconds
             now_ms = round(now * 1000)
-            if first_picture is not None:
-                console.pass_time(now_ms - last_ms, keys)
+            self._pass_time(now_ms - last_ms)
             last_ms = now_ms
             for name, *arguments in self._gamepad.commands(window.gamepad()):
                 console.do(name, *arguments)
             changed |= self._update_feeds()
             self._tell_troubles()
             if now - drawn >= (least_s if changed else 1 / STILL_HZ):
-                keys = self._draw(first_picture is not None)
+                self._draw()
                 self._account(now)
                 drawn, changed = now, False
             if first_picture is None and console.feed.newest is not None:
                 first_picture = now
-                last_ms = round(window.seconds * 1000)
                 log.info("first picture after %.1f s", now)
             limit = self._request.seconds
             if limit is not None and first_picture is not None and now - first_picture > limit:
@@ -247,6 +248,15 @@ class ConsoleLoop:
             write_atomic(self._request.screenshot, _png(self._look_of_window()))
         self._layout.keep(console, self._layout_file)
         return self._last_state()
+
+    def _pass_time(self, wall_ms: int) -> None:
+        """Let operator's time pass while there is a picture of the flight; keys that were released end at once."""
+        console, down = self._console, self._window.keys.still_held(self._held)
+        pressed, self._held, self._pressed = self._pressed, down, []
+        if console.feed.newest is None:
+            console.stand()
+        else:
+            console.pass_time(wall_ms, console.table.held([*down, *pressed]))
 
     def _update_feeds(self) -> bool:
         """Take what is drawn, ask for what is to be drawn; whether a picture came."""
@@ -259,21 +269,24 @@ class ConsoleLoop:
                 changed |= feed.update(session, settings)
         return changed
 
-    def _draw(self, flying: bool) -> frozenset[str]:  # noqa: FBT001 - whether the first picture is up
-        """One look of the window, and what its keys do; the held ones are returned."""
+    def _draw(self) -> None:
+        """Draw the window once, and do what its keys ask for."""
         window, console = self._window, self._console
         for path in window.take_dropped():
             console.do("file.open", path)
         window.font_scale = console.font_scale
         self._layout.before_frame(console, window.size)
-        keys: frozenset[str] = frozenset()
         # the look that is asked for is this one
         screenshot, console.wants_screenshot = console.wants_screenshot, None
         window.capture = screenshot is not None
         with window.frame():
-            if flying:
-                console.press(console.table.pressed(window.keys_hit(self._keys), ctrl=window.ctrl))
-                keys = console.table.held(window.keys_down(self._keys))
+            if window.keys.typing and console.hand_control:
+                console.do("steer.arm", False)
+            hit = console.table.pressed(window.keys.hit(self._keys), ctrl=window.keys.ctrl)
+            # before its first picture nothing flies
+            console.press([c for c in hit if console.feed.newest is not None or c.group not in FLIGHT_GROUPS])
+            self._held, self._pressed = window.keys.held(self._keys), window.keys.hit(self._keys)
+            window.keys.set_urgent(URGENT_ARMED if console.hand_control else URGENT)
             self._save_finished()
             self._layout.draw(console)
         window.capture = False
@@ -293,7 +306,6 @@ class ConsoleLoop:
         if console.clipboard:
             window.copy(console.clipboard)
             console.clipboard = ""
-        return keys
 
     def _keep_look(self, path: Path) -> None:
         """The look of the window as a file; what is wrong with it is told, and the flight goes on."""

@@ -94,6 +94,7 @@ class Command:
     keys : as Dear ImGui names them, ``ctrl+`` before a key for both. shown : the keys for people.
     held : whether it lasts as long as its key is held.
     state : of what is switched: whether it is on, for the menu's tick.
+    flies : whether its key acts only while hand control is armed.
     cli : the command line that does the same, if there is one.
     """
 
@@ -106,6 +107,7 @@ class Command:
     held: bool = False
     arguments: tuple[Argument, ...] = ()
     state: Callable[[Any], bool] | None = None
+    flies: bool = False
     cli: str = ""
 
     @property

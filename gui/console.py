@@ -8,6 +8,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from gui.flight.manual_control import STEERING
 from gui.flight.opening import ScenarioOpener
 from gui.flight.scenario_draft import ScenarioDraft
 from gui.jobs.capture_job import CaptureJob
@@ -32,6 +33,7 @@ log = logging.getLogger(__name__)
 
 Level = Literal["note", "caution", "warning"]
 KEPT_MESSAGES = 500
+UNARMED = "keys do not fly: arm hand control first (Ctrl+H or Insert)"
 LONGEST_TICK_MS = 250
 """Operator's time beyond this (a stalled window) is not made up for."""
 
@@ -111,12 +113,15 @@ class Console:
     filmed: Picture | None = None
     mesh: MeshImport | None = None
     held: frozenset[str] = frozenset()
+    hand_control: bool = False
+    """Whether keys fly the chaser. Commands, buttons, scripts, sticks and the key of abort always do."""
     on_pass_time: list[Callable[[Console], None]] = field(default_factory=list)
     """What else is to be kept up to date, once a turn of the loop."""
     _player: Player | None = None
 
     def close(self) -> None:
         """End what runs beside the window."""
+        self.log.close()
         self.estimates.close()
         self.hil.close()
         self.capture.close()
@@ -137,7 +142,7 @@ class Console:
         try:
             command = self.table[name]
             values = command.checked(arguments)
-            self.log.add(Line(self.clock_ms, "do", name, values))
+            self._note(Line(self.clock_ms, "do", name, values))
             before = deepcopy(self.options)
             command.run(self, *values)
             if command.group != "settings":
@@ -145,6 +150,13 @@ class Console:
         except (UserError, OSError) as error:
             # the flight goes on, whatever a command meets
             self.say(str(error), "caution")
+
+    def _note(self, line: Line) -> None:
+        """Add a line to the log; a full disk must not keep an abort from being done."""
+        try:
+            self.log.add(line)
+        except OSError as error:
+            self.say(f"the log's file takes no more lines: {error.strerror}", "warning")
 
     def do_line(self, line: str) -> None:
         """Do a command as one writes it: its name, and its arguments after it."""
@@ -156,19 +168,21 @@ class Console:
         self.do(name, *words)
 
     def press(self, commands: Sequence[Command]) -> None:
-        """Do the commands of the keys that went down."""
+        """Do the commands of the keys that went down; those that fly only while hand control is armed."""
         for command in commands:
-            if command.at_once:
+            if command.flies and not self.hand_control:
+                self.say(UNARMED)
+            elif command.at_once:
                 self.do(command.name)
 
     def hold(self, names: frozenset[str]) -> None:
         """Which held commands last from now on, by the window's keys and the script."""
         names |= frozenset(self._player.held if self._player else ())
         for name in sorted(names - self.held):
-            self.log.add(Line(self.clock_ms, "hold", name))
+            self._note(Line(self.clock_ms, "hold", name))
             self.table[name].run(self, True)
         for name in sorted(self.held - names):
-            self.log.add(Line(self.clock_ms, "release", name))
+            self._note(Line(self.clock_ms, "release", name))
             self.table[name].run(self, False)
         self.held = names
 
@@ -192,6 +206,10 @@ class Console:
         ----------
         keys : held commands by the window's keys.
         """
+        if not self.hand_control:
+            if keys & STEERING:
+                self.say(UNARMED)
+            keys = frozenset()
         self._take_opened()
         if self.opener.is_busy():
             return
@@ -208,6 +226,14 @@ class Console:
         self.hold(keys)
         for level, text in self.session.steering.take_news():
             self.say(text, level)
+        self._keep_up()
+
+    def stand(self) -> None:
+        """Keep what runs beside the flight up to date while the flight waits for its first picture."""
+        self._take_opened()
+        self._keep_up()
+
+    def _keep_up(self) -> None:
         for keep in tuple(self.on_pass_time):
             keep(self)
 
@@ -234,6 +260,10 @@ class Console:
             self.session.recorder = None
             self.say("the recording ends with the scenario that was flown", "caution")
         self.session, self.source = session, self.opener.source
+        self.hand_control = False
+        # nothing of the flight before may look as if it were of this one
+        self.estimates.forget()
+        self.acknowledge()
         settings = self.options.settings
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
         # numbers of another sensor, and other lights

@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    Event = tuple[Callable[[], None], int | None, bool]
-
 REST_FRAMES = 3
 """After a key with Ctrl, Escape or Enter: the window draws what it opens or closes before more is taken."""
+
+
+class Event(NamedTuple):
+    """A key or letter event that waits for a frame.
+
+    Parameters
+    ----------
+    take : hands the event over. key : None for a letter. turns : whether it may begin or end a line of text.
+    pressed : False when a key went up.
+    """
+
+    take: Callable[[], None]
+    key: int | None
+    turns: bool
+    pressed: bool
 
 
 class KeyQueue:
@@ -23,8 +36,10 @@ class KeyQueue:
     Parameters
     ----------
     on_key : takes window, key, scancode, action and modifiers, as glfw gives them. on_letter : window and code point.
-    pressed, ctrl : glfw's action of a key that goes down, and its bit of the Ctrl key.
+    pressed, released, ctrl : glfw's actions of a key that goes down and up, and its bit of the Ctrl key.
     turns : keys that begin or end a line of text by themselves.
+    urgent : predicate of a key, whether its press overtakes what waits. It discards the presses before it, and never
+        overtakes a key that may begin or end a line of text.
     """
 
     def __init__(
@@ -33,11 +48,14 @@ class KeyQueue:
         on_letter: Callable[..., None],
         *,
         pressed: int,
+        released: int,
         ctrl: int,
         turns: Iterable[int],
+        urgent: Callable[[int], bool] = lambda _key: False,
     ) -> None:
         self._on_key, self._on_letter = on_key, on_letter
-        self._pressed, self._ctrl, self._turns = pressed, ctrl, frozenset(turns)
+        self._pressed, self._released, self._ctrl = pressed, released, ctrl
+        self._turns, self._urgent = frozenset(turns), urgent
         self._events: deque[Event] = deque()
         self._rest = 0
 
@@ -46,13 +64,27 @@ class KeyQueue:
         return len(self._events)
 
     def key(self, window: object, key: int, scancode: int, action: int, modifiers: int) -> None:
-        """One key went down, up, or repeats."""
-        turns = action == self._pressed and (key in self._turns or bool(modifiers & self._ctrl))
-        self._events.append((lambda: self._on_key(window, key, scancode, action, modifiers), key, turns))
+        """Take a key that went down or up. Its repeats are dropped: holding is a state, not a queue."""
+        if action not in (self._pressed, self._released):
+            return
+        pressed = action == self._pressed
+        turns = pressed and (key in self._turns or bool(modifiers & self._ctrl))
+        event = Event(lambda: self._on_key(window, key, scancode, action, modifiers), key, turns, pressed)
+        if (
+            pressed
+            and not turns
+            and self._urgent(key)
+            and not (self._rest or any(e.turns for e in self._events))
+        ):
+            self._events = deque((event, *(e for e in self._events if e.key != key and not e.pressed)))
+        else:
+            self._events.append(event)
 
     def letter(self, window: object, code_point: int) -> None:
         """One letter was typed."""
-        self._events.append((lambda: self._on_letter(window, code_point), None, False))
+        self._events.append(
+            Event(lambda: self._on_letter(window, code_point), None, turns=False, pressed=True)
+        )
 
     def deliver(self) -> None:
         """Before a frame: what came since the last, as far as the first key that may begin or end a line of text.
@@ -66,15 +98,15 @@ class KeyQueue:
         changed: set[int] = set()
         typed = False
         while self._events:
-            take, key, turns = self._events[0]
-            if key in changed or (typed and turns):
+            event = self._events[0]
+            if event.key in changed or (typed and event.turns):
                 return
             self._events.popleft()
-            take()
-            if key is None:
+            event.take()
+            if event.key is None:
                 typed = True
             else:
-                changed.add(key)
-            if turns:
+                changed.add(event.key)
+            if event.turns:
                 self._rest = REST_FRAMES
                 return

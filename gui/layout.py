@@ -172,6 +172,7 @@ class Layout:
     def draw(self, console: Console) -> None:
         """Everything, into the current frame."""
         imgui = self._window.imgui
+        self._close_menus()
         self._menu(console)
         self._status(console)
         self._dockspace = imgui.get_id("panels of the console")
@@ -194,6 +195,14 @@ class Layout:
         console.hovered = self._hovered
         self._saved.tour_seen |= bool(self._was_shown.get("tour")) and not console.shown.get("tour")
         self._was_shown = dict(console.shown)
+
+    def _close_menus(self) -> None:
+        """Close an open menu or list on Escape, which Dear ImGui does by itself only with keyboard navigation."""
+        imgui = self._window.imgui
+        if imgui.is_key_pressed(imgui.Key.escape, False) and imgui.is_popup_open(
+            "", imgui.PopupFlags_.any_popup
+        ):
+            imgui.internal.close_popup_to_level(0, True)
 
     @property
     def tour_seen(self) -> bool:
@@ -349,6 +358,7 @@ class Layout:
             place, size = imgui.get_window_pos(), imgui.get_window_size()
             console.rects["status"] = (place.x, place.y, size.x, size.y)
             self._master_caution(console)
+            self._hand_control(console)
             rates = rates_text(console)
             free = w.width - imgui.calc_text_size(rates).x - 32 * self._window.scale
             text, colour = self._message(console)
@@ -366,6 +376,17 @@ class Layout:
             w.tip(f"how often the window and the pictures are drawn a second; window by {console.window_gl}")
             imgui.end_menu_bar()
         imgui.end()
+
+    def _hand_control(self, console: Console) -> None:
+        """Show whether keys fly the chaser; a click arms or disarms them."""
+        imgui, w = self._window.imgui, self._w
+        on = console.hand_control
+        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(style.WARN if on else style.EDGE)))
+        w.coloured(style.GROUND if on else style.QUIET)
+        if imgui.small_button("HAND ON##hand" if on else "HAND OFF##hand"):
+            console.do("steer.arm")
+        imgui.pop_style_color(2)
+        w.about(console, "steer.arm")
 
     def _master_caution(self, console: Console) -> None:
         """The light of what nobody has acknowledged yet; a click, or F9, does so. It blinks until then."""
@@ -387,12 +408,14 @@ class Layout:
 
     @staticmethod
     def _message(console: Console) -> tuple[str, style.Rgba]:
-        waiting = console.waiting
-        if waiting:
-            worst = next((m for m in reversed(waiting) if m.level == "warning"), waiting[-1])
-            more = f" ({len(waiting) - 1} more; F9: seen)" if len(waiting) > 1 else " (F9: seen)"
-            return worst.text + more, style.BAD if worst.level == "warning" else style.WARN
-        return (console.messages[-1].text if console.messages else "F1: commands and keys"), style.QUIET
+        """Return the newest message and its colour; how many others wait to be acknowledged stands behind it."""
+        if not console.messages:
+            return "F1: commands and keys", style.QUIET
+        newest = console.messages[-1]
+        others = len(console.waiting) - (newest in console.waiting)
+        more = f" ({others} more; F9: seen)" if others else " (F9: seen)" if newest in console.waiting else ""
+        colours = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}
+        return newest.text + more, style.QUIET if newest.acknowledged else colours[newest.level]
 
 
 def rates_text(console: Console) -> str:

@@ -6,7 +6,9 @@ goes down and up. Time is counted in whole milliseconds, so that a log that is p
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 import shlex
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -16,6 +18,7 @@ from simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from io import FileIO
     from pathlib import Path
 
     from gui.command_table import CommandTable, Value
@@ -110,16 +113,57 @@ def _line(raw: str, table: CommandTable) -> Line:
 
 
 class CommandLog:
-    """What was done, line by line."""
+    """What was done, line by line; also in a file, where one is given, as soon as it is done."""
 
     def __init__(self) -> None:
         self.lines: list[Line] = []
+        self._file: FileIO | None = None
+
+    def write_to(self, path: Path, header: Sequence[str] = ()) -> None:
+        """Write each line to a file from now on, flushed, so that a crash loses none.
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            # unbuffered: a line is in the file when it is written, and nothing is left to be lost
+            self._file = path.open("wb", buffering=0)
+            self._put(self.text(header))
+        except OSError as error:
+            raise UserError(
+                f"cannot write the log {path}: {error.strerror}; name another file with --log"
+            ) from error
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
 
     def add(self, line: Line) -> None:
-        """Keep a line; of very many the first are forgotten."""
+        """Keep a line; of very many the first are forgotten.
+
+        Raises
+        ------
+        OSError
+            If the file takes no more; the log goes on without it.
+        """
         self.lines.append(line)
+        self._put(f"{line}\n")
         if len(self.lines) > KEPT_LINES:
             del self.lines[: KEPT_LINES // 10]
+
+    def _put(self, text: str) -> None:
+        data = text.encode()
+        try:
+            if data and self._file is not None and self._file.write(data) != len(data):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        except OSError:
+            self.close()
+            raise
 
     def text(self, header: Sequence[str] = ()) -> str:
         """The log as a script."""

@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 
 from gui import style
-from gui.key_queue import KeyQueue
+from gui.keyboard import Keyboard
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Iterator
 
     import moderngl
 
@@ -85,15 +85,15 @@ class Window:
         # panels are moved by their titles, so that a drag in a picture or a map is the picture's
         io.config_windows_move_from_title_bar_only = True
         self._backend = GlfwRenderer(self._native)
-        self._typed = KeyQueue(
-            self._backend.keyboard_callback,
-            self._backend.char_callback,
-            pressed=self._glfw.PRESS,
-            ctrl=self._glfw.MOD_CONTROL,
-            turns=(self._glfw.KEY_ESCAPE, self._glfw.KEY_ENTER, self._glfw.KEY_KP_ENTER),
+        self.keys = Keyboard(
+            self.imgui,
+            self._glfw,
+            self._native,
+            on_key=self._backend.keyboard_callback,
+            on_letter=self._backend.char_callback,
         )
-        self._glfw.set_key_callback(self._native, self._typed.key)
-        self._glfw.set_char_callback(self._native, self._typed.letter)
+        self._glfw.set_key_callback(self._native, self.keys.queue.key)
+        self._glfw.set_char_callback(self._native, self.keys.queue.letter)
         # a key that is down when the window loses the focus must not stay down
         self._glfw.set_window_focus_callback(
             self._native, lambda _, focused: io.add_focus_event(bool(focused))
@@ -173,12 +173,12 @@ class Window:
         """Take what input there is, waiting for it at most so long; whether some came."""
         start = self.seconds
         self._glfw.wait_events_timeout(longest_s)
-        return bool(self._typed) or self.seconds - start < 0.9 * longest_s
+        return bool(self.keys.queue) or self.seconds - start < 0.9 * longest_s
 
     @contextmanager
     def frame(self) -> Iterator[None]:
         """Draw what the body lays out."""
-        self._typed.deliver()
+        self.keys.queue.deliver()
         self._backend.process_inputs()
         height = self.imgui.get_io().display_size.y
         self._growth = min(max(height / self._monitor_scale / 900.0, 1.0), 1.5)
@@ -206,26 +206,6 @@ class Window:
         """Width and height in screen units."""
         width, height = self._glfw.get_window_size(self._native)
         return float(width), float(height)
-
-    def keys_down(self, names: Iterable[str]) -> list[str]:
-        """Which of these keys are down; none while text is typed."""
-        return self._keys_that(names, self.imgui.is_key_down)
-
-    def keys_hit(self, names: Iterable[str]) -> list[str]:
-        """Which of these keys went down since the last frame; while text is typed F1 to F12 alone."""
-        return self._keys_that(names, lambda key: self.imgui.is_key_pressed(key, False), typed=True)
-
-    def _keys_that(
-        self, names: Iterable[str], asked: Callable[[Any], bool], *, typed: bool = False
-    ) -> list[str]:
-        if self.imgui.get_io().want_text_input:
-            names = [n for n in names if typed and n[:1] == "f" and n[1:].isdigit()]
-        return [n for n in names if asked(getattr(self.imgui.Key, f"_{n}" if n.isdigit() else n))]
-
-    @property
-    def ctrl(self) -> bool:
-        """Whether a Ctrl key is down."""
-        return bool(self.imgui.get_io().key_ctrl)
 
     def gamepad(self) -> tuple[str, tuple[float, ...], tuple[bool, ...]] | None:
         """Name, axes and buttons of the first gamepad that has a standard mapping; None where none is plugged in."""

@@ -7,7 +7,6 @@ and the console decide by what they have seen what is drawn next: nothing is dra
 from __future__ import annotations
 
 import os
-import time
 from abc import ABC, abstractmethod
 from collections import deque
 from contextlib import contextmanager
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, Self, TypeVa
 from simulator.frame import Frame, take_frame
 from simulator.labels.request import LabelRequest
 from simulator.runtime.threads import share_processors
-from simulator.runtime.worker import ProcessDiedError
+from simulator.runtime.worker import ProcessDiedError, ProgressWatch
 from simulator.runtime.worker_pool import WorkerPool
 
 if TYPE_CHECKING:
@@ -36,10 +35,8 @@ if TYPE_CHECKING:
 MOST_DEATHS = 3
 """Times that drawing processes may die one after the other without a frame between, where they are started again."""
 
-FIRST_ANSWER = 6.0
-"""A drawing process may take so many times longer for its first frame: it starts, reads maps and compiles."""
-SLOW_ANSWER = 8.0
-"""And so many times longer than its slowest frame of late, where frames are slow."""
+UNMEASURED = 15.0
+"""Factor on the time-out where the system does not tell the processor time of another process."""
 
 Taken = TypeVar("Taken")
 Taken_contra = TypeVar("Taken_contra", contravariant=True)
@@ -251,9 +248,7 @@ class _FramesElsewhere(FrameProducer[Taken]):
         self._pool = self._start()
 
     def _start(self) -> WorkerPool[Taken]:
-        # since when the oldest frame under way is waited for, and how long the slowest of late took
-        self._waits_since_s = time.monotonic()
-        self._slowest_s: float | None = None
+        self._progress = ProgressWatch()
         return WorkerPool(
             draw_request,
             self._opener.processes,
@@ -282,7 +277,7 @@ class _FramesElsewhere(FrameProducer[Taken]):
         if not self._pool.has_room:
             return False
         if not self._pool.in_flight:
-            self._waits_since_s = time.monotonic()
+            self._progress.restart()
         try:
             self._pool.submit(request, self._stage)
         except ProcessDiedError as error:
@@ -299,17 +294,14 @@ class _FramesElsewhere(FrameProducer[Taken]):
         return False
 
     def _end_hanging(self) -> None:
-        """Give up processes that do not answer, where that is asked for."""
+        """Restart processes that neither answer nor work, where that is asked for."""
         if self._answer_within_s is None or not self._pool.in_flight:
             return
-        waited_s = time.monotonic() - self._waits_since_s
-        if self._slowest_s is None:
-            allowed_s = FIRST_ANSWER * self._answer_within_s
-        else:
-            allowed_s = max(self._answer_within_s, SLOW_ANSWER * self._slowest_s)
-        if waited_s > allowed_s:
+        worked_s = self._pool.processor_time_s()
+        idle_s = self._progress.idle_s(worked_s)
+        if idle_s > self._answer_within_s * (1.0 if worked_s else UNMEASURED):
             self._pool.kill()
-            self._restart(None, f"has not answered for {waited_s:.0f} s")
+            self._restart(None, f"has done nothing for {idle_s:.0f} s")
 
     def result(self) -> Taken:
         try:
@@ -317,11 +309,7 @@ class _FramesElsewhere(FrameProducer[Taken]):
         except ProcessDiedError as error:
             self._restart(error)
         self._deaths = 0
-        now_s = time.monotonic()
-        # the first is no measure; a slow one is forgotten after a dozen that are quicker
-        took_s = now_s - self._waits_since_s
-        self._slowest_s = 0.0 if self._slowest_s is None else max(took_s, 0.9 * self._slowest_s)
-        self._waits_since_s = now_s
+        self._progress.restart()
         return taken
 
     def _restart(self, error: ProcessDiedError | None, what: str = "") -> NoReturn:
@@ -377,8 +365,8 @@ def open_frames(
     prefetched : its maps, where they are being read already.
     ahead : frames of each other process that may be under way or waiting to be collected.
     restarts : whether other processes that die are followed by others.
-    answer_within_s : other processes that take longer for a frame are taken for dead; much longer is allowed for the
-        first frame, and where frames are slow. None waits for ever.
+    answer_within_s : other processes that use no processor time for so long while a frame is due are restarted; one
+        that prepares something for the first time may take as long as it works. None waits for ever.
     gives_way : how much less urgent other processes are than this one, as of `os.nice`: a window goes before pictures.
     target : what scenes drawn in this process show, instead of what they name.
     """

@@ -19,9 +19,12 @@ def _approach(console: Console, state: bool | None = None) -> None:  # noqa: FBT
         console.say("the autopilot is off: the chaser drifts")
         return
     session.take_over()
+    docking = session.docking
+    figures = docking.figures(session.moment.chaser, session.flight)
+    docking.hold_points.rearm(figures, docking.corridor_deg)
     session.steering.engage_autopilot()
     console.options.overlays.docking = True
-    point = session.docking.hold_points.next
+    point = docking.hold_points.next
     where = "the port" if point is None else f"{point.name}, {point.axial_m:g} m before the port"
     console.say(f"the autopilot flies to {where}")
 
@@ -70,6 +73,7 @@ COMMANDS = (
         _approach,
         ("b",),
         "B",
+        flies=True,
         arguments=(STATE,),
         state=lambda console: console.session.steering.autopilot,
     ),
@@ -80,6 +84,7 @@ COMMANDS = (
         _go,
         ("enter",),
         "Enter",
+        flies=True,
     ),
     Command("docking.no-go", "No-go", "keep the chaser at the next hold point", _no_go),
     Command(

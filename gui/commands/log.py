@@ -14,10 +14,14 @@ if TYPE_CHECKING:
 FOLDER = Path("out") / "console"
 
 
+def script_header(console: Console) -> tuple[str]:
+    """Return the comment that opens a log: the command that plays it."""
+    return (f"flyaround sim {console.session.plan.scenario.name} --script FILE",)
+
+
 def script_of(console: Console) -> str:
     """The log as a script, with what it was made of."""
-    name = console.session.plan.scenario.name
-    return console.log.text((f"flyaround sim {name} --script FILE",))
+    return console.log.text(script_header(console))
 
 
 def save_script(console: Console, path: Path) -> None:

@@ -36,6 +36,11 @@ def _centre(console: Console) -> None:
     console.session.centre()
 
 
+def _arm(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+    console.hand_control = not console.hand_control if state is None else state
+    console.say("keys fly the chaser" if console.hand_control else "keys do not fly the chaser")
+
+
 def _toggle(console: Console) -> None:
     console.session.toggle_steering()
 
@@ -103,6 +108,16 @@ _HELD = (
 )
 
 COMMANDS = (
+    Command(
+        "steer.arm",
+        "Hand control",
+        "let keys fly the chaser; typing in a field and opening a scenario end it, abort (Del) needs none",
+        _arm,
+        ("ctrl+h", "insert"),
+        "Ctrl+H / Insert",
+        arguments=(STATE,),
+        state=lambda console: console.hand_control,
+    ),
     *(
         Command(
             f"steer.{name}",
@@ -112,10 +127,11 @@ COMMANDS = (
             tuple(keys.split()),
             shown,
             held=True,
+            flies=True,
         )
         for name, keys, shown, text in _HELD
     ),
-    Command("steer.stop", "Stop", "brake to rest beside the target (LVLH)", _stop, ("x",), "X"),
+    Command("steer.stop", "Stop", "brake to rest beside the target (LVLH)", _stop, ("x",), "X", flies=True),
     Command(
         "steer.track",
         "Track",
@@ -123,9 +139,18 @@ COMMANDS = (
         _track,
         ("t",),
         "T",
+        flies=True,
         state=lambda console: console.session.tracking,
     ),
-    Command("steer.centre", "Centre", "bring the target to the middle and track it", _centre, ("c",), "C"),
+    Command(
+        "steer.centre",
+        "Centre",
+        "bring the target to the middle and track it",
+        _centre,
+        ("c",),
+        "C",
+        flies=True,
+    ),
     Command(
         "steer.toggle",
         "Steer by hand",
@@ -133,9 +158,12 @@ COMMANDS = (
         _toggle,
         ("g",),
         "G",
+        flies=True,
         state=lambda console: console.session.mode == "steer",
     ),
-    Command("steer.reset", "Reset", "back onto the scenario's trajectory", _reset, ("home",), "Home"),
+    Command(
+        "steer.reset", "Reset", "back onto the scenario's trajectory", _reset, ("home",), "Home", flies=True
+    ),
     Command(
         "steer.lvlh",
         "LVLH axes",
@@ -143,6 +171,7 @@ COMMANDS = (
         _lvlh,
         ("n",),
         "N",
+        flies=True,
         arguments=(STATE,),
         state=lambda console: console.session.steering.axes == "lvlh",
     ),
@@ -153,6 +182,7 @@ COMMANDS = (
         _pulses,
         ("m",),
         "M",
+        flies=True,
         arguments=(STATE,),
         state=lambda console: console.session.steering.thrust == "pulse",
     ),
@@ -164,6 +194,7 @@ COMMANDS = (
         _attitude,
         ("y",),
         "Y",
+        flies=True,
         arguments=(Argument("mode", "word", "what is kept", ATTITUDE_MODES, optional=True),),
     ),
     Command(

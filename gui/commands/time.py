@@ -90,6 +90,7 @@ COMMANDS = (
         _restart,
         ("backspace",),
         "Backspace",
+        flies=True,
         cli="flyaround sim SCENARIO",
     ),
     *(

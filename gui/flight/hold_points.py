@@ -61,13 +61,20 @@ class HoldPoints:
         """The first that the operator has not let the chaser pass; None when contact is next."""
         return next((p for p in self.points if p.decision in ("open", "no-go")), None)
 
-    def watch(self, figures: DockingFigures) -> HoldPoint | None:
-        """Note a point that the chaser went past without a go; which, if one."""
+    def watch(self, figures: DockingFigures, corridor_deg: float = CORRIDOR_DEG) -> HoldPoint | None:
+        """Note the next point as passed if the chaser is in the corridor beyond it without a go; return it then."""
         point = self.next
-        if point is None or figures.axial_m > point.axial_m - 2 * point.within_m or figures.off_axis_deg > 90:
+        beyond = point is not None and figures.axial_m < point.axial_m - 2 * point.within_m
+        if point is None or not beyond or figures.off_axis_deg > corridor_deg:
             return None
         self._decide(point, "passed")
         return point
+
+    def rearm(self, figures: DockingFigures, corridor_deg: float = CORRIDOR_DEG) -> None:
+        """Open the points ahead of an approach that begins outside the corridor; at least the nearest one."""
+        if figures.off_axis_deg > corridor_deg:
+            nearest_m = min(self._distances_m)
+            self.begin(max(figures.range_m, nearest_m * (1 + AT_SHARE)))
 
     def go(
         self, figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG

@@ -239,7 +239,8 @@ class Session:
             self.steering.let_go()
         elif after.t_s >= self._hold_points_at_s:
             self._hold_points_at_s = after.t_s + HOLD_POINTS_EVERY_S
-            self.docking.hold_points.watch(self.docking.figures(after, self.flight))
+            figures = self.docking.figures(after, self.flight)
+            self.docking.hold_points.watch(figures, self.docking.corridor_deg)
         return after
 
     def _play(self, dt_s: float) -> None:

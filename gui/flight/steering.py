@@ -50,7 +50,7 @@ PLUME_AGAIN_S = 300.0
 # radial, along-track, cross-track of the keys right, down, forward: R is up, W along the flight, D to its right
 LVLH_OF_KEYS = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 
-NOT_KEPT = frozenset({"docking", "keep_out", "news", "_held", "stick_thrust", "stick_turn"})
+NOT_KEPT = frozenset({"docking", "keep_out", "news", "_held", "_spent", "stick_thrust", "stick_turn"})
 """Of a place of the flight: the rest of the world, what was told, and what hands hold now."""
 
 
@@ -72,6 +72,7 @@ class Steering:
         self.propellant = Propellant(thrusters)
         self.news: list[News] = []
         self._held: frozenset[str] = frozenset()
+        self._spent: frozenset[str] = frozenset()
         self.let_go()
 
     def let_go(self) -> None:
@@ -106,8 +107,10 @@ class Steering:
 
     def hold(self, held: AbstractSet[str]) -> None:
         """Commands that are held from now on; in pulses each gives a fixed push when it begins."""
-        begun = frozenset(held) - self._held
-        self._held = frozenset(held)
+        self._spent &= frozenset(held)
+        held = frozenset(held) - self._spent
+        begun = held - self._held
+        self._held = held
         if self.thrust == "pulse":
             gain = manual_control.gain(held)
             self._pulse_m_s = self._pulse_m_s + manual_control.PULSE_M_S * gain * manual_control.direction(
@@ -118,6 +121,14 @@ class Steering:
             )
         if self.pushed_by_hand:
             self._by_hand_from_now()
+
+    def _let_hands_go(self) -> None:
+        """Let keys and sticks push no more until they are released and used again."""
+        # also those that were pressed since the last step
+        self._spent = STEERING
+        self._held -= STEERING
+        self.stick_thrust = self.stick_turn = (0.0, 0.0, 0.0)
+        self._pulse_m_s = np.zeros(3)
 
     def _by_hand_from_now(self) -> None:
         if self.doing:
@@ -147,6 +158,7 @@ class Steering:
     def brake(self) -> None:
         """To rest beside the target."""
         self._end_modes()
+        self._let_hands_go()
         self.braking = True
 
     def guide(self, guided: Guided | None) -> None:
@@ -167,8 +179,7 @@ class Steering:
         self._end_modes()
         self.braking = False
         self.burns = BurnPlan()
-        self.stick_thrust = (0.0, 0.0, 0.0)
-        self._pulse_m_s = np.zeros(3)
+        self._let_hands_go()
         self.docking.docked = False
         self.aborting = True
 

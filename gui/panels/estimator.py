@@ -21,6 +21,8 @@ PLOT_HEIGHT = 92.0
 LEAST_DEG, LEAST_M = 1e-3, 1e-4
 """Errors are drawn on a log scale; smaller ones lie on its edge."""
 THUMB = 150.0
+SLOW_S = 3.0
+"""Beyond this the panel says for how long it has been at work."""
 STATES = {
     "off": "off",
     "starting": "starting its process ...",
@@ -48,7 +50,9 @@ class EstimatorPanel:
         w.switch(console, "estimator.run")
         w.flow(12 * w.imgui.get_font_size(), first=False)
         state = STATES[estimates.state]
-        if estimates.per_s:
+        if estimates.state in ("starting", "estimating") and estimates.busy_s > SLOW_S:
+            state = f"{state} for {estimates.busy_s:.0f} s; the first time prepares the target's tables"
+        elif estimates.per_s:
             state = f"{state}, {estimates.per_s:.1f}/s"
         w.text(state, style.GOOD if estimates.on else style.QUIET, "what it is at, and estimates a second")
         self._choose(console)

@@ -17,7 +17,7 @@ import numpy as np
 from hil.evaluate.pose_errors import frame_errors
 from simulator.errors import UserError
 from simulator.runtime.plugins import plugins
-from simulator.runtime.worker import ProcessDiedError, WorkerProcess
+from simulator.runtime.worker import ProcessDiedError, ProgressWatch, WorkerProcess
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 State = Literal["off", "starting", "waiting", "estimating"]
 
-FIRST_LIMIT_S, LIMIT_S = 90.0, 20.0
-"""A picture takes no longer; the first of a size also makes the estimator."""
+LIMIT_S = 20.0
+"""A process that has done nothing for so long while an answer is due hangs. Making an estimator may take minutes."""
 MOST_DEATHS = 3
 """Processes that end one after the other without an answer before it is left off."""
 KEPT = 2000
@@ -202,7 +202,7 @@ class Estimates:
     Parameters
     ----------
     open_resource, work : of the process; tests give their own.
-    limit_s, first_limit_s : a picture that takes longer has its process ended. clock : seconds, monotonic.
+    limit_s : a process that uses no processor time for so long is restarted. clock : seconds, monotonic.
     """
 
     def __init__(
@@ -211,11 +211,10 @@ class Estimates:
         open_resource: Callable[[], AbstractContextManager[Any]] = EstimatesByProcess,
         work: Callable[..., Answer] = estimate_picture,
         limit_s: float = LIMIT_S,
-        first_limit_s: float = FIRST_LIMIT_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._open_resource, self._work, self._clock = open_resource, work, clock
-        self._limit_s, self._first_limit_s = limit_s, first_limit_s
+        self._limit_s, self._progress = limit_s, ProgressWatch(clock)
         self.on = False
         self.method = "svd"
         self.stages_wanted = False
@@ -225,8 +224,9 @@ class Estimates:
         self._troubles: list[str] = []
         self._worker: WorkerProcess[Answer] | None = None
         self._under_way: tuple[Picture, str] | None = None
+        self._discarded: tuple[Picture, str] | None = None
         self._last: object = None
-        self._answered: set[tuple[str, Camera]] = set()
+        self._answered = False
         self._deaths = 0
         self._since_s = 0.0
 
@@ -255,8 +255,8 @@ class Estimates:
         self.stages_wanted, self._last = wanted, None
 
     def forget(self) -> None:
-        """Forget all answers."""
-        self.newest, self._last = None, None
+        """Forget all answers; the one under way is discarded when it comes."""
+        self.newest, self._last, self._discarded = None, None, self._under_way
         self.history.clear()
 
     @property
@@ -314,25 +314,28 @@ class Estimates:
                 self._work, open_resource=self._open_resource, capacity=1, name="estimator's process"
             )
             self._since_s = self._clock()
+            self._progress.restart()
         if self._under_way is not None:
             if self._worker.ready():
                 self._take(self._worker.result())
-            elif self._late():
-                self._restart(f"it gave no answer within {self._clock() - self._since_s:.0f} s")
+            else:
+                self._end_hanging(self._worker)
             return
         if not self._worker.started:
-            if self._late():
-                self._restart(f"it was not up within {self._clock() - self._since_s:.0f} s")
+            self._end_hanging(self._worker)
             return
         if picture is not None and picture.frame is not self._last:
             self._submit(self._worker, picture)
 
-    def _late(self) -> bool:
-        known = (
-            self._under_way is not None
-            and (self.method, self._under_way[0].frame.scene.camera) in self._answered
-        )
-        return self._clock() - self._since_s > (self._limit_s if known else self._first_limit_s)
+    def _end_hanging(self, worker: WorkerProcess[Answer]) -> None:
+        idle_s = self._progress.idle_s(worker.processor_time_s())
+        if idle_s > self._limit_s:
+            self._restart(f"it has done nothing for {idle_s:.0f} s")
+
+    @property
+    def busy_s(self) -> float:
+        """Time that the answer under way, or the start of the process, has taken so far [s]."""
+        return 0.0 if self._worker is None else self._clock() - self._since_s
 
     def _submit(self, worker: WorkerProcess[Answer], picture: Picture) -> None:
         scene = picture.frame.scene
@@ -347,13 +350,17 @@ class Estimates:
             )
         )
         self._under_way, self._last, self._since_s = (picture, self.method), picture.frame, self._clock()
+        self._progress.restart()
 
     def _take(self, answer: Answer) -> None:
         if self._under_way is None:
             raise RuntimeError("an answer came that nobody asked for")
-        (picture, method), self._under_way = self._under_way, None
+        under_way, self._under_way = self._under_way, None
+        picture, method = under_way
         self._deaths = 0
-        self._answered.add((method, picture.frame.scene.camera))
+        self._answered = True
+        if under_way is self._discarded:
+            return
         estimate = compared(picture, method, answer, self._clock())
         if self.history and estimate.t_s < self.history[-1].t_s:
             # the flight was begun again
@@ -381,7 +388,7 @@ class Estimates:
         worker, self._worker = self._worker, None
         # what was under way is asked for again, should it run on
         self._under_way = self._last = None
-        self._answered.clear()
+        self._answered = False
         if worker is not None:
             worker.kill()
             worker.close()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING, Protocol
 
@@ -36,6 +36,8 @@ MEMORY_S = 15.0
 FAILED = "the console's render process failed ({}); run flyaround -vv sim for more, or flyaround doctor"
 REST_S = 2.0
 """Before a picture that failed is asked for again."""
+STALE_S = 2.0
+"""A picture that is replaced no sooner is shown as an old one."""
 SEEN_S = 0.5
 """A view that has not been drawn for so long is not looked at, and gets no pictures."""
 
@@ -99,6 +101,7 @@ class _Request:
     divisor: int
     saved: bool
     timed: bool
+    discarded: bool = False
 
 
 class Feed:
@@ -123,13 +126,13 @@ class Feed:
         self._waiting: list[_Request] = []
         self._detail = AdaptiveResolution()
         self._last: SceneState | None = None
+        self._session: Session | None = None
         self._save_wanted = False
-        self._due_s = 0.0
+        self._due_s = self._waits_since_s = 0.0
         self.newest: Picture | None = None
         self.saved: list[Picture] = []
         self.finished = 0
         self.frame_ms = 0.0
-        self.frames_s = 0.0
         self.restarts = 0
         self._trouble: str | None = None
         self._told_failure = ""
@@ -181,6 +184,8 @@ class Feed:
             If what draws failed and cannot be started again, or the first picture of a view that is needed failed.
         """
         before = self.finished
+        if session is not self._session:
+            self._begin(session)
         try:
             self._collect()
             self._ask(session, settings, timed=timed)
@@ -193,6 +198,25 @@ class Feed:
         except RuntimeError as error:
             raise UserError(FAILED.format(last_line(error))) from error
         return self.finished > before
+
+    def _begin(self, session: Session) -> None:
+        """Show nothing of the flight before: what is under way for it is discarded when it comes."""
+        self._save_wanted &= self._session is None
+        self._session, self.newest, self._last = session, None, None
+        self._waiting = [replace(r, discarded=True) for r in self._waiting]
+        self._asked_s, self._ends_s = -1e9, []
+
+    @property
+    def late_s(self) -> float:
+        """Time since the last picture came [s], while the next is under way for too long; else 0."""
+        late_s = self._clock() - self._waits_since_s if self._waiting else 0.0
+        return late_s if late_s > STALE_S else 0.0
+
+    @property
+    def frames_s(self) -> float:
+        """Pictures a second."""
+        span_s = self._ends_s[-1] - self._ends_s[0] if len(self._ends_s) > 1 and not self.late_s else 0.0
+        return (len(self._ends_s) - 1) / span_s if span_s > 0 else 0.0
 
     def take_trouble(self) -> str | None:
         """Why pictures were lost or failed since the last call, if some were."""
@@ -250,6 +274,8 @@ class Feed:
             return False
         self._asked_s = self._clock()
         self._last = request.scene
+        if not self._waiting:
+            self._waits_since_s = self._asked_s
         self._waiting.append(request)
         self._due_s = self._clock() + 0.7e-3 * self.frame_ms
         return True
@@ -259,8 +285,11 @@ class Feed:
             for frame in self._producer.finished():
                 self.write(frame)
         except PictureFailedError as error:
-            saved = self._waiting.pop(0).saved
-            if not (saved and self.finished):
+            request = self._waiting.pop(0)
+            self._waits_since_s = self._clock()
+            if request.discarded:
+                return
+            if not (request.saved and self.finished):
                 raise
             # told each time, for each was asked for by itself
             self._told_failure = ""
@@ -269,6 +298,9 @@ class Feed:
     def write(self, frame: Frame) -> None:
         """Take the frame that was asked for the longest ago."""
         request = self._waiting.pop(0)
+        self._waits_since_s = self._clock()
+        if request.discarded:
+            return
         self._account(frame, request)
         telemetry = telemetry_of(request.moment.world, request.scene)
         self.newest = Picture(frame, request.moment, telemetry, request.divisor)
@@ -280,8 +312,6 @@ class Feed:
         self.finished += 1
         self._told_failure = ""
         self._ends_s = [t for t in self._ends_s if now - t < 2.0] + [now]
-        if len(self._ends_s) > 1:
-            self.frames_s = (len(self._ends_s) - 1) / max(self._ends_s[-1] - self._ends_s[0], 1e-6)
         ms = sum(v for k, v in frame.stage_ms.items() if "." not in k and k != "labels")
         if request.saved or ms <= 0:
             return

@@ -62,7 +62,12 @@ class CameraView:
         draw = imgui.get_window_draw_list()
         picture = feed.newest
         if picture is None:
-            self._centred(draw, place, "starting the renderer ...")
+            name = session.plan.scenario.title or session.plan.scenario.name
+            self._centred(
+                draw,
+                place,
+                f"preparing {name}: {feed.late_s:.0f} s; the flight starts with its first picture",
+            )
             return
         image = picture.frame.image
         box = Letterbox.fit((image.shape[1], image.shape[0]), place)
@@ -90,6 +95,14 @@ class CameraView:
             self._hud(draw, place, session, feed, picture)
         if options.overlays.times:
             self._times(draw, place, feed)
+        if feed.late_s:
+            self._veil(draw, place, f"picture of {feed.late_s:.0f} s ago; the next is being prepared")
+
+    def _veil(self, draw: Any, place: tuple[float, float, float, float], text: str) -> None:  # noqa: ANN401
+        """Darken what is not the present, and say so."""
+        corner = self._vec((place[0] + place[2], place[1] + place[3]))
+        draw.add_rect_filled(self._vec((place[0], place[1])), corner, self._color(style.PLATE))
+        self._centred(draw, place, text)
 
     def _hud(
         self,
@@ -207,7 +220,7 @@ class CameraView:
     def _centred(self, draw: Any, place: tuple[float, float, float, float], text: str) -> None:  # noqa: ANN401
         size = self._imgui.calc_text_size(text)
         at = (place[0] + (place[2] - size.x) / 2, place[1] + (place[3] - size.y) / 2)
-        self._text(draw, at, text, style.QUIET)
+        self._text(draw, at, text, style.INK)
 
     def _vec(self, p: Pixel) -> Any:  # noqa: ANN401
         return self._imgui.ImVec2(p[0], p[1])

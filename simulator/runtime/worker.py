@@ -120,15 +120,16 @@ class WorkerProcess(Generic[T]):
         RuntimeError
             If the process has done nothing for a minute.
         """
-        worked_s, since_s = 0.0, time.monotonic()
+        watch = ProgressWatch()
         while not self._pipe.poll(min(_LOOK_S, _START_TIMEOUT_S)):
-            now_s = _processor_time_s(self.pid)
-            if now_s > worked_s:
-                worked_s, since_s = now_s, time.monotonic()
-            elif time.monotonic() - since_s >= _START_TIMEOUT_S:
+            if watch.idle_s(self.processor_time_s()) >= _START_TIMEOUT_S:
                 raise RuntimeError(
                     f"the {self._name} did not start: it has done nothing for {_START_TIMEOUT_S:.0f} s"
                 )
+
+    def processor_time_s(self) -> float:
+        """Return the processor time that the process has used [s]; 0 where the system does not say."""
+        return _processor_time_s(self.pid)
 
     @property
     def pid(self) -> int | None:
@@ -248,6 +249,41 @@ class WorkerProcess(Generic[T]):
     def _death(self) -> ProcessDiedError:
         self._process.join(timeout=5)
         return ProcessDiedError(self._name, self._process.exitcode)
+
+
+class ProgressWatch:
+    """Idle time of a process, by the processor time that it uses.
+
+    A process that prepares something for the first time may work for minutes before it answers; one that hangs
+    uses no processor time.
+
+    Parameters
+    ----------
+    clock : callable
+        Monotonic time [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._worked_s = 0.0
+        self.restart()
+
+    def restart(self) -> None:
+        """Count idle time from now on."""
+        self._since_s = self._clock()
+
+    def idle_s(self, worked_s: float) -> float:
+        """Return the time since the process last made progress [s].
+
+        Parameters
+        ----------
+        worked_s : float
+            Processor time that it has used so far [s].
+        """
+        now_s = self._clock()
+        if worked_s != self._worked_s:
+            self._worked_s, self._since_s = worked_s, now_s
+        return now_s - self._since_s
 
 
 def _processor_time_s(pid: int | None) -> float:

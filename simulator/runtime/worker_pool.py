@@ -57,6 +57,10 @@ class WorkerPool(Generic[T]):
         """The processes' numbers."""
         return tuple(process.pid for process in self._processes)
 
+    def processor_time_s(self) -> float:
+        """Return the processor time that all processes have used [s]; 0 where the system does not say."""
+        return sum(process.processor_time_s() for process in self._processes)
+
     @property
     def in_flight(self) -> int:
         """Jobs submitted and not collected yet."""

@@ -161,3 +161,50 @@ def test_numbers_are_written_so_that_they_are_read_again() -> None:
 def test_commands_are_found_by_words_of_their_help(table: CommandTable) -> None:
     found = [c.name for c in table if matches(c, "brake LVLH")]
     assert found == ["steer.stop"]
+
+
+def test_a_log_is_in_its_file_as_soon_as_a_command_is_done(table: CommandTable, tmp_path: Path) -> None:
+    console = console_of(table)
+    path = tmp_path / "logs" / "flown.script"
+    console.log.write_to(path, ("played by a test",))
+    console.pass_time(100)
+    console.do("time.rate", "2")
+    assert path.read_text() == "# played by a test\n0.100 time.rate 2\n"
+    console.do("steer.arm", True)
+    console.pass_time(100, frozenset({"steer.up"}))
+    console.pass_time(100)
+    assert [str(line) for line in Script.read(path, table).lines] == [str(line) for line in console.log.lines]
+    console.close()
+
+
+def test_a_log_that_cannot_be_written_is_refused_in_one_sentence(table: CommandTable, tmp_path: Path) -> None:
+    (tmp_path / "taken").touch()
+    with pytest.raises(UserError, match="cannot write the log"):
+        console_of(table).log.write_to(tmp_path / "taken" / "x.script")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
+def test_a_full_disk_ends_the_logs_file_and_not_the_abort(table: CommandTable) -> None:
+    console = console_of(table)
+    with pytest.raises(UserError, match="cannot write the log"):
+        console.log.write_to(Path("/dev/full"), ("header",))
+    console.log.write_to(Path("/dev/full"))
+    console.do("docking.abort")
+    assert console.session.steering.doing == "abort"
+    assert any("takes no more lines" in m.text for m in console.messages)
+    console.do("time.rate", "1")
+
+
+def test_keys_fly_only_while_hand_control_is_armed(table: CommandTable) -> None:
+    console = console_of(table)
+    stop = table["steer.stop"]
+    for held in (frozenset({"steer.up"}), frozenset({"steer.coarse"})):
+        console.pass_time(100, held)
+    console.press([stop])
+    assert console.session.mode == "guidance"
+    assert [m.text for m in console.messages] == [
+        "keys do not fly: arm hand control first (Ctrl+H or Insert)"
+    ]
+    console.do("steer.arm", True)
+    console.press([stop])
+    assert console.session.mode == "steer"

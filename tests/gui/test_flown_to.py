@@ -34,6 +34,7 @@ def console(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Console
     session = Session.of(load_scenario("tango-vbar-closed-loop"))
     console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
     console.on_pass_time.append(keep_capture)
+    console.hand_control = True
     for k in range(40):
         console.pass_time(50, frozenset({"steer.left"} if k < 20 else ()))
     console.do("time.pause")

@@ -2,7 +2,7 @@
 
 from gui.key_queue import REST_FRAMES, KeyQueue
 
-CTRL, PRESS, RELEASE, ESCAPE, ENTER = 2, 1, 0, 256, 257
+CTRL, PRESS, RELEASE, REPEAT, ESCAPE, ENTER, DELETE = 2, 1, 0, 2, 256, 257, 261
 
 
 def test_letters_wait_until_what_a_key_with_ctrl_opened_is_drawn():
@@ -11,6 +11,7 @@ def test_letters_wait_until_what_a_key_with_ctrl_opened_is_drawn():
         lambda _, key, *__: taken.append(key),
         lambda _, c: taken.append(chr(c)),
         pressed=PRESS,
+        released=RELEASE,
         ctrl=CTRL,
         turns=(ESCAPE,),
     )
@@ -30,7 +31,12 @@ def test_letters_wait_until_what_a_key_with_ctrl_opened_is_drawn():
 def test_keys_without_ctrl_come_at_once_and_in_order():
     taken = []
     queue = KeyQueue(
-        lambda _, key, *__: taken.append(key), lambda *_: None, pressed=PRESS, ctrl=CTRL, turns=(ESCAPE,)
+        lambda _, key, *__: taken.append(key),
+        lambda *_: None,
+        pressed=PRESS,
+        released=RELEASE,
+        ctrl=CTRL,
+        turns=(ESCAPE,),
     )
     for key in (87, 65, 83, 68):
         queue.key(None, key, 0, PRESS, 1)
@@ -45,6 +51,7 @@ def test_what_would_wait_in_dear_imgui_waits_here():
         lambda _, key, __, action, ___: taken.append((key, action)),
         lambda _, c: taken.append(chr(c)),
         pressed=PRESS,
+        released=RELEASE,
         ctrl=CTRL,
         turns=(ENTER,),
     )
@@ -64,3 +71,55 @@ def test_what_would_wait_in_dear_imgui_waits_here():
         [(65, PRESS), "a"],
         [(65, RELEASE), (ENTER, PRESS)],
     ]
+
+
+def queue_of(taken):
+    return KeyQueue(
+        lambda _, key, __, action, ___: taken.append((key, action)),
+        lambda _, c: taken.append(chr(c)),
+        pressed=PRESS,
+        released=RELEASE,
+        ctrl=CTRL,
+        turns=(ESCAPE, ENTER),
+        urgent=lambda key: key == DELETE,
+    )
+
+
+def test_repeats_of_a_held_key_do_not_wait():
+    taken = []
+    queue = queue_of(taken)
+    queue.key(None, 87, 0, PRESS, 0)
+    for _ in range(100):
+        queue.key(None, 87, 0, REPEAT, 0)
+    queue.key(None, 87, 0, RELEASE, 0)
+    assert len(queue) == 2
+
+
+def test_an_urgent_key_overtakes_and_discards_the_presses_before_it():
+    taken = []
+    queue = queue_of(taken)
+    queue.key(None, 65, 0, PRESS, 0)
+    queue.deliver()
+    queue.key(None, 65, 0, RELEASE, 0)
+    for _ in range(5):
+        queue.key(None, 87, 0, PRESS, 0)
+        queue.key(None, 87, 0, RELEASE, 0)
+    queue.key(None, DELETE, 0, PRESS, 0)
+    queue.deliver()
+    assert taken[1] == (DELETE, PRESS)
+    assert (65, RELEASE) in taken
+    while queue:
+        queue.deliver()
+    assert (87, PRESS) not in taken
+
+
+def test_an_urgent_key_waits_for_what_ends_a_line_of_text():
+    taken = []
+    queue = queue_of(taken)
+    queue.key(None, ESCAPE, 0, PRESS, 0)
+    queue.key(None, DELETE, 0, PRESS, 0)
+    queue.deliver()
+    assert taken == [(ESCAPE, PRESS)]
+    while queue:
+        queue.deliver()
+    assert taken[-1] == (DELETE, PRESS)

@@ -55,10 +55,9 @@ def test_pictures_go_on_when_the_process_is_killed() -> None:
         assert (next_picture(source).image == first.image).all()
 
 
-def test_pictures_go_on_when_the_process_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("simulator.loop.FIRST_ANSWER", TIMEOUT_S)
+def test_pictures_go_on_when_the_process_hangs() -> None:
     request = small_request()
-    with open_frames(Frame.without_radiance, processes=1, restarts=True, answer_within_s=1.0) as source:
+    with open_frames(Frame.without_radiance, processes=1, restarts=True, answer_within_s=5.0) as source:
         assert source.submit(request)
         first = next_picture(source)
         (dead,) = source.pids
@@ -68,9 +67,9 @@ def test_pictures_go_on_when_the_process_hangs(monkeypatch: pytest.MonkeyPatch) 
         os.waitid(os.P_PID, dead, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
         assert source.submit(request)
         began = time.monotonic()
-        with pytest.raises(FramesLostError, match="has not answered for 1 s and is started again"):
+        with pytest.raises(FramesLostError, match="has done nothing for 5 s and is started again"):
             next_picture(source)
-        assert time.monotonic() - began < 30.0
+        assert time.monotonic() - began < TIMEOUT_S
         assert source.pids != (dead,)
         assert source.submit(request)
         assert (next_picture(source).image == first.image).all()

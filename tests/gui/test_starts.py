@@ -67,6 +67,7 @@ def fly(display: str, folder: Path, key: str) -> str:
             lines.append(line)
             if "first picture" in line:
                 break
+        xdotool(display, "key", "Insert")
         for pressed in ("w", key):
             xdotool(display, "keydown", pressed)
             time.sleep(1.0)

@@ -73,7 +73,7 @@ def fly(display: str, folder: Path, operate: Callable[[], None]) -> tuple[dict[s
 
 def test_keys_fly_the_chaser_and_the_view_is_drawn(display: str, tmp_path: Path) -> None:
     def forward() -> None:
-        xdotool(display, "keydown", "w")
+        xdotool(display, "key", "Insert", "keydown", "w")
         time.sleep(4.0)
         xdotool(display, "keyup", "w", "key", "p")
         wait_until(lambda: is_saved(tmp_path))
@@ -96,7 +96,7 @@ def test_keys_fly_the_chaser_and_the_view_is_drawn(display: str, tmp_path: Path)
 
 def test_turning_right_moves_the_target_left_and_pause_freezes(display: str, tmp_path: Path) -> None:
     def turn_and_pause() -> None:
-        xdotool(display, "keydown", "l")
+        xdotool(display, "key", "Insert", "keydown", "l")
         time.sleep(2.5)
         xdotool(display, "keyup", "l", "key", "space", "key", "F1", "key", "p")
         wait_until(lambda: is_saved(tmp_path))
@@ -139,7 +139,7 @@ def test_a_killed_console_leaves_its_flight(display: str, tmp_path: Path) -> Non
     ) as console:
         assert console.stderr is not None
         assert any("first picture" in line for line in console.stderr), "no picture came"
-        xdotool(display, "keydown", "w")
+        xdotool(display, "key", "Insert", "keydown", "w")
         time.sleep(2.0)
         wait_until(lambda: flown_s(tmp_path / "flown" / "flight.csv") > 1.0)
         drawing = drawing_process(console.pid)

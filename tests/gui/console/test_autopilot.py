@@ -53,6 +53,28 @@ def test_the_example_docks_by_its_script(table: CommandTable) -> None:
     assert not console.playing
 
 
+def test_engaged_beside_the_axis_it_holds_on_the_axis(table: CommandTable) -> None:
+    scenario = load_scenario(EXAMPLES / "docking.toml")
+    chaser = msgspec.structs.replace(scenario.chaser, position_lvlh_m=(17.0, 5.0, 0.0), keep_out=None)
+    console = console_of(msgspec.structs.replace(scenario, chaser=chaser), table)
+    session = console.session
+    docking = session.docking
+    assert 75.0 < docking.figures(session.chaser, session.flight).off_axis_deg < 90.0
+    console.do("docking.approach", True)
+    console.do("time.rate", "10")
+    while docking.not_ready(session.chaser, session.flight):
+        assert session.t_s < 1500.0, console.messages
+        console.pass_time(100)
+    figures = docking.figures(session.chaser, session.flight)
+    assert figures.axial_m == pytest.approx(10.0, abs=0.5)
+    assert figures.off_axis_deg < docking.corridor_deg
+    # and it waits there for a go
+    for _ in range(120):
+        console.pass_time(100)
+    assert not docking.contacts
+    assert [p.decision for p in docking.hold_points.points] == ["open", "open"]
+
+
 def dispersed(seed: int) -> tuple[Scenario, np.ndarray, np.ndarray]:
     """Free flight from some 200 m, off the axis by metres, moving, turned away and turning."""
     rng = np.random.default_rng(seed)
@@ -89,6 +111,7 @@ def dock_from_200_m(seed: int, table: CommandTable) -> Console:
         q_camera_from_eci_wxyz=quat(quat_multiply(quat_from_rotvec(turned), start.q_camera_from_eci_wxyz)),
         omega_camera_rad_s=vec3(turning),
     )
+    console.do("steer.arm", True)
     console.do("steer.attitude", "dock")
     console.do("time.rate", "10")
     docking = session.docking

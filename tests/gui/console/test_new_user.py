@@ -134,7 +134,7 @@ def fly(operator: Operator, console: subprocess.Popen[str]) -> dict[str, object]
     operator.wait("first accepted pose", ESTIMATE_WITHIN_S)
     operator.look("new-user-estimate")
     operator.command("panel.docking on")
-    operator.keys("b")
+    operator.keys("Insert", "b")
     operator.wait("the autopilot flies", operator.seconds + 20.0)
     operator.keys("plus", "plus")
     # go at each hold point, refused until the chaser rests there

@@ -102,12 +102,13 @@ def test_the_mouse_steers_over_the_view(display: str, tmp_path: Path) -> None:
 
 def test_keys_engage_the_autopilot_and_abort(display: str, tmp_path: Path) -> None:
     def by_keys() -> None:
-        for key in ("b", "n", "m", "Return", "Delete", "ctrl+q"):
+        for key in ("Insert", "b", "n", "m", "Return", "Delete", "ctrl+q"):
             xdotool(display, "key", key)
             time.sleep(LONG_S)
 
     state, done = operated(display, tmp_path, by_keys)
     assert done == [
+        "steer.arm",
         "docking.approach",
         "steer.lvlh",
         "steer.pulses",

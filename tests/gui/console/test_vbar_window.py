@@ -40,7 +40,7 @@ def display() -> Iterator[str]:
 
 def by_keys(display: str) -> None:
     """LVLH axes, pulses, twelve pulses of a centimetre a second inward, and the brake after half a minute."""
-    for key in ("n", "m", *(PULSES * ["s"])):
+    for key in ("Insert", "n", "m", *(PULSES * ["s"])):
         xdotool(display, "key", key)
         time.sleep(0.6)
     time.sleep(COAST_S)

@@ -247,6 +247,22 @@ def test_a_point_that_was_flown_past_is_passed() -> None:
     assert len([p for p in points.points if p.decision == "open"]) == 3
 
 
+def test_a_point_is_passed_on_the_axis_alone() -> None:
+    points = HoldPoints(60.0)
+    off_axis = replace(REST, axial_m=1.7, right_m=17.0)
+    assert points.watch(off_axis) is None
+    assert [p.decision for p in points.points] == ["open"] * 4
+    # the autopilot goes round to the axis, and holds at what lies ahead of its distance
+    points.rearm(off_axis)
+    assert [p.axial_m for p in points.points] == [10.0, 5.0]
+    on_axis = replace(REST, axial_m=8.0)
+    points.rearm(on_axis)
+    assert [p.axial_m for p in points.points] == [10.0, 5.0]
+    assert points.watch(on_axis) is not None
+    points.rearm(replace(REST, axial_m=0.1, down_m=-3.0))
+    assert [p.axial_m for p in points.points] == [5.0]
+
+
 def test_presets_say_whose_they_are() -> None:
     assert set(PRESETS) == {"two-tenths", "idss"}
     assert all(p.source and p.title for p in PRESETS.values())

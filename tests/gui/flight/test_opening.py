@@ -83,6 +83,7 @@ def test_a_flight_that_cannot_go_on_is_paused_with_a_message() -> None:
     console.do("timeline.seek", 50.0)
     assert session.t_s == pytest.approx(50.0, abs=10.0)
     console.do("timeline.fly-on")
+    console.do("steer.arm", True)
     for _ in range(20):
         console.pass_time(100, frozenset({"steer.up"}))
     assert session.steering.propellant.delta_v_m_s > 0.0

@@ -16,8 +16,6 @@ import pytest
 from gui.flight.session import Session
 from gui.flight.telemetry import telemetry_of
 from gui.picture.estimates import (
-    FIRST_LIMIT_S,
-    LIMIT_S,
     MOST_DEATHS,
     Answer,
     ComparedEstimate,
@@ -44,6 +42,9 @@ class Clock:
 
     def __call__(self) -> float:
         return self.now_s
+
+    def pass_s(self, time_s: float) -> None:
+        self.now_s += time_s
 
 
 class Held:
@@ -171,11 +172,12 @@ def test_one_that_hangs_is_ended_and_another_method_goes_on(session: Session) ->
         estimates.choose("hangs")
         picture = picture_of(session)
         until(lambda: estimates.state == "estimating", lambda: estimates.update(picture))
-        clock.now_s = FIRST_LIMIT_S + 1
-        longest = until(lambda: estimates.restarts > 0, lambda: estimates.update(picture))
+        longest = until(
+            lambda: estimates.restarts > 0, lambda: (clock.pass_s(1.0), estimates.update(picture))
+        )
         assert longest < NO_WAIT_S, "the window waited"
         (told,) = estimates.take_troubles()
-        assert "gave no answer" in told
+        assert "done nothing" in told
         assert "flight goes on" in told
         estimates.choose("svd")
         until(lambda: estimates.newest is not None, lambda: estimates.update(picture))
@@ -193,8 +195,8 @@ def test_a_stopped_process_holds_nobody_up(session: Session) -> None:
         os.kill(estimates.pid, signal.SIGSTOP)
         second = picture_of(session, 2.0, 512)
         longest = until(lambda: estimates.state == "estimating", lambda: estimates.update(second))
-        clock.now_s = LIMIT_S + 1
-        longest = max(longest, until(lambda: estimates.restarts == 1, lambda: estimates.update(second)))
+        turns = until(lambda: estimates.restarts == 1, lambda: (clock.pass_s(1.0), estimates.update(second)))
+        longest = max(longest, turns)
         assert longest < NO_WAIT_S, "the window waited"
         until(lambda: estimates.newest.t_s == 2.0, lambda: estimates.update(second))
 

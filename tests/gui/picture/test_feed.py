@@ -195,3 +195,39 @@ def test_passes_are_timed_on_request_only_and_a_still_picture_is_drawn_again_for
         clock.now_s += 1.0
         source.finish()
     assert feed.pass_ms == {}
+
+
+def test_nothing_of_an_earlier_flight_is_shown_as_the_new_one(session: Session) -> None:
+    renderer, clock = FakeRenderer(), Clock()
+    feed = Feed(renderer, clock)
+    feed.update(session, look_of(session))
+    renderer.finish()
+    feed.update(session, look_of(session))
+    assert feed.newest is not None
+    # a second picture of it is under way when another scenario is opened
+    session.advance(0.2)
+    feed.update(session, look_of(session))
+    other = Session.of(load_scenario("tango-space-10m"))
+    feed.update(other, look_of(other))
+    assert feed.newest is None
+    while renderer.pending and feed.newest is None:
+        renderer.finish()
+        feed.update(other, look_of(other))
+    assert feed.newest is not None
+    assert feed.newest.moment is other.moment
+
+
+def test_a_picture_that_is_not_replaced_is_late_and_counts_no_rate(session: Session) -> None:
+    renderer, clock = FakeRenderer(), Clock()
+    feed = Feed(renderer, clock)
+    for _ in range(10):
+        session.advance(0.2)
+        feed.update(session, look_of(session))
+        clock.now_s += 0.2
+        renderer.finish()
+        feed.update(session, look_of(session))
+    assert feed.late_s == 0.0
+    assert feed.frames_s == pytest.approx(5.0, rel=0.05)
+    clock.now_s += 40.0
+    assert feed.late_s == pytest.approx(40.0, abs=0.5)
+    assert feed.frames_s == 0.0

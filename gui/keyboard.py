@@ -1,0 +1,84 @@
+"""The keyboard of a window: which keys are held, which went down, and whether text is typed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gui.key_queue import KeyQueue
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+
+class Keyboard:
+    """Keys by their names in Dear ImGui.
+
+    Parameters
+    ----------
+    imgui, glfw : the modules. native : glfw's window.
+    on_key, on_letter : take events for Dear ImGui, as glfw gives them.
+    """
+
+    def __init__(
+        self,
+        imgui: Any,  # noqa: ANN401 - a foreign module
+        glfw: Any,  # noqa: ANN401 - a foreign module
+        native: object,
+        *,
+        on_key: Callable[..., None],
+        on_letter: Callable[..., None],
+    ) -> None:
+        self._imgui, self._glfw, self._native = imgui, glfw, native
+        self._urgent: frozenset[int] = frozenset()
+        self.queue = KeyQueue(
+            on_key,
+            on_letter,
+            pressed=glfw.PRESS,
+            released=glfw.RELEASE,
+            ctrl=glfw.MOD_CONTROL,
+            turns=(glfw.KEY_ESCAPE, glfw.KEY_ENTER, glfw.KEY_KP_ENTER),
+            urgent=lambda key: key in self._urgent and not self.typing,
+        )
+
+    @property
+    def typing(self) -> bool:
+        """Whether a field takes text."""
+        return bool(self._imgui.get_io().want_text_input)
+
+    def set_urgent(self, names: Iterable[str]) -> None:
+        """Choose the keys that overtake those waiting for a slow window."""
+        self._urgent = frozenset(self.code(n) for n in names)
+
+    def held(self, names: Iterable[str]) -> list[str]:
+        """Return which keys are held; none while text is typed.
+
+        A key counts once its press was delivered in its turn, and no longer than it is down now, whatever waits in the
+        queue.
+        """
+        return self.still_held(self._where(names, self._imgui.is_key_down))
+
+    def still_held(self, names: Iterable[str]) -> list[str]:
+        """Return which keys no release and no loss of the focus has been reported of."""
+        return [n for n in names if self._down(n)]
+
+    def _down(self, name: str) -> bool:
+        return bool(self._glfw.get_key(self._native, self.code(name)) == self._glfw.PRESS)
+
+    def code(self, name: str) -> int:
+        """Return the code of a key in glfw, by its name in Dear ImGui."""
+        glfw_name = name.removesuffix("_arrow").replace("keypad", "kp").replace("ctrl", "control")
+        return int(getattr(self._glfw, f"KEY_{glfw_name.upper()}"))
+
+    def hit(self, names: Iterable[str]) -> list[str]:
+        """Return which keys went down since the last frame; while text is typed F1 to F12 alone."""
+        return self._where(names, lambda key: self._imgui.is_key_pressed(key, False), typed=True)
+
+    def _where(self, names: Iterable[str], asked: Callable[[Any], bool], *, typed: bool = False) -> list[str]:
+        if self._imgui.get_io().want_text_input:
+            names = [n for n in names if typed and n[:1] == "f" and n[1:].isdigit()]
+        return [n for n in names if asked(getattr(self._imgui.Key, f"_{n}" if n.isdigit() else n))]
+
+    @property
+    def ctrl(self) -> bool:
+        """Whether a Ctrl key is down."""
+        return bool(self._imgui.get_io().key_ctrl)

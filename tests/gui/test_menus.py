@@ -1,0 +1,103 @@
+"""Menus and the status line of the whole layout, laid out without a window."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from gui.app import command_table, options_of
+from gui.console import Console
+from gui.flight.session import Session
+from gui.layout import Layout, SavedLayout
+from gui.picture.feed import Feed
+from simulator.scenario.load import load_scenario
+from tests.harness.headless_imgui import HeadlessWindow
+from tests.harness.no_renderer import NoRenderer
+
+FAR = (640.0, 500.0)
+
+
+class Screen:
+    """The console's layout, with a pointer and keys."""
+
+    def __init__(self) -> None:
+        self.window = HeadlessWindow()
+        session = Session.of(load_scenario("tango-space-10m"))
+        self.console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
+        self.layout = Layout(self.window, SavedLayout(tour_seen=True))
+        self.console.shown.update(dict.fromkeys(self.layout.first_shown(), False))
+        self.menus: dict[str, tuple[float, float]] = {}
+        self.opened: list[str] = []
+        real = self.window.plain.begin_menu
+
+        def begin_menu(label: str) -> bool:
+            opened = real(label)
+            if opened:
+                self.opened.append(label)
+            else:
+                low, high = self.window.plain.get_item_rect_min(), self.window.plain.get_item_rect_max()
+                self.menus[label] = ((low.x + high.x) / 2, (low.y + high.y) / 2)
+            return bool(opened)
+
+        self.window.imgui.begin_menu = begin_menu
+
+    def turn(self) -> None:
+        imgui = self.window.plain
+        imgui.get_io().delta_time = 0.2
+        self.opened.clear()
+        self.window.noted.clear()
+        imgui.new_frame()
+        self.layout.draw(self.console)
+        imgui.render()
+
+    def click(self, place: tuple[float, float]) -> None:
+        io = self.window.plain.get_io()
+        io.add_mouse_pos_event(*place)
+        self.turn()
+        for down in (True, False):
+            io.add_mouse_button_event(0, down)
+            self.turn()
+        self.turn()
+
+    def escape(self) -> None:
+        io, escape = self.window.plain.get_io(), self.window.plain.Key.escape
+        for down in (True, False):
+            io.add_key_event(escape, down)
+            self.turn()
+
+    def texts(self) -> list[str]:
+        return [n.label for n in self.window.noted if n.what == "text"]
+
+
+@pytest.fixture
+def screen() -> Iterator[Screen]:
+    made = Screen()
+    made.turn()
+    made.turn()
+    yield made
+    made.console.close()
+    made.window.close()
+
+
+def test_escape_closes_a_menu_and_the_next_click_opens_it_again(screen: Screen) -> None:
+    for _ in range(4):
+        screen.click(screen.menus["Overlay"])
+        assert "Overlay" in screen.opened
+        screen.escape()
+        assert not screen.opened
+        screen.window.plain.get_io().add_mouse_pos_event(*FAR)
+        screen.turn()
+
+
+def test_the_status_line_shows_the_newest_message(screen: Screen) -> None:
+    screen.console.say("the board is gone", "warning")
+    screen.console.say("bad.toml is no scenario", "caution")
+    screen.turn()
+    assert any("bad.toml is no scenario (1 more" in text for text in screen.texts())
+    screen.console.say("saved a picture")
+    screen.turn()
+    assert any("saved a picture (2 more" in text for text in screen.texts())
+    screen.console.acknowledge()
+    screen.turn()
+    assert "saved a picture" in screen.texts()
