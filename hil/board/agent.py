@@ -175,7 +175,7 @@ class BoardAgent:
         """
         line = connect(self._url, self._timeout_s)
         try:
-            link = Link(line if self._key is None else prove_to_host(line, self._key))
+            link = Link(line if self._key is None else prove_to_host(line, self._key, self._timeout_s))
         except LinkError:
             line.close()
             raise

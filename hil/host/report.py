@@ -210,6 +210,11 @@ def _loop(c: ClosedLoopFigures, steps: dict[str, list[str]]) -> Markup:
     return markup(key_figures(figures, bad=bad), reason, drawn)
 
 
+def _mistakes(s: LedgerSummary) -> str:
+    kinds = "; ".join(f"{n} x {kind}" for kind, n in s.link.mistakes.items())
+    return f"{s.link.protocol_mistakes} protocol mistake(s){f' ({kinds})' if kinds else ''}"
+
+
 def _page(
     s: LedgerSummary, rows: Sequence[LedgerRow], plots: dict[str, bytes], steps: dict[str, list[str]]
 ) -> Page:
@@ -217,7 +222,7 @@ def _page(
     host = f"{s.machine.processor}, {s.machine.cpus} CPUs, {s.machine.system}"
     line = (
         f"{s.link.packets_sent} packets out, {s.link.packets_received} in, of which {s.link.packets_corrupt} damaged;"
-        f" {s.link.protocol_mistakes} protocol mistake(s), {s.link.sessions} session(s),"
+        f" {_mistakes(s)}, {s.link.sessions} session(s),"
         f" clock exchange {_text(s.link.clock_round_trip_ms, 'ms')} round trip at best,"
         f" {_text(s.link.clock_round_trip_ms_p99, 'ms')} p99,"
         f" offset within {_text(s.link.clock_offset_bound_ms, 'ms')}, drift {_drift(s)}"

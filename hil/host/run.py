@@ -397,6 +397,7 @@ class BoardSink:
                 packets_received=counts.packets_received,
                 packets_corrupt=counts.packets_corrupt,
                 protocol_mistakes=counts.protocol_mistakes,
+                mistakes=counts.mistakes,
                 sequence_gaps=counts.sequence_gaps,
                 sessions=counts.sessions,
                 late_poses=counts.late_poses,

@@ -40,3 +40,7 @@ class ProtocolMistake(PacketError):  # noqa: N818 - the sender's, not the line's
 
 class RepeatedPacket(PacketError):  # noqa: N818 - it is not wrong, only late
     """A sealed packet that came already, or long after its time: passed over, as if it had not come."""
+
+
+class UnsealedPacket(PacketError):  # noqa: N818 - it is a stranger's as often as an error
+    """An intact packet without the seal of a session whose board has proved itself: dropped and counted."""

@@ -13,6 +13,7 @@ counter). A counter that was seen, or is older than the last 1024, is refused. N
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import hmac
 import os
@@ -20,10 +21,10 @@ import stat
 import struct
 import time
 from dataclasses import replace
-from typing import Optional, Tuple
+from typing import Callable, Optional, Tuple
 
-from hil.link.errors import LinkClosed, LinkError, PacketError, RepeatedPacket
-from hil.link.packets.messages import ErrorMessage, decode_message
+from hil.link.errors import LinkClosed, LinkError, PacketError, RepeatedPacket, UnsealedPacket
+from hil.link.packets.messages import ErrorCode, ErrorMessage, decode_message
 from hil.link.packets.packet import Packet, PacketType
 from hil.link.transports.base import Transport
 
@@ -36,8 +37,8 @@ WINDOW = 1024
 LEAST_KEY_BYTES, MOST_KEY_BYTES = 16, 4096
 ANSWER_S = 10.0
 REPEAT_S = 1.0
-MOST_ASKS = 32
-"""Requests on one line before a proof: a board asks each second for ten, and nobody is answered without end."""
+MOST_ASKS = 128
+"""Requests on one line before a proof: a board asks each second for a minute, and nobody is answered without end."""
 _ABOUT = struct.Struct("<HBQI")
 _IN_CLEAR = (PacketType.ERROR, PacketType.BYE)
 
@@ -51,14 +52,19 @@ def read_key(path: str) -> bytes:
         If it cannot be read, is too short or too long, or others than its owner may read it.
     """
     try:
-        with open(path, "rb") as file:  # noqa: PTH123 - a board's Python may be old
+        # a pipe without a writer would hold the opening up for ever
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        with os.fdopen(descriptor, "rb") as file:
             mode = os.fstat(file.fileno()).st_mode
-            data = file.read(MOST_KEY_BYTES + 1).rstrip()
+            regular = stat.S_ISREG(mode)
+            data = file.read(MOST_KEY_BYTES + 1).rstrip() if regular else b""
     except OSError as error:
         raise LinkError(
             f"key file {path} cannot be read ({error.strerror}): name the one both sides have"
         ) from error
-    if not stat.S_ISREG(mode) or not LEAST_KEY_BYTES <= len(data) <= MOST_KEY_BYTES:
+    if not regular:
+        raise LinkError(f"key file {path} is a pipe or a device: copy the key to an ordinary file")
+    if not LEAST_KEY_BYTES <= len(data) <= MOST_KEY_BYTES:
         raise LinkError(
             f"key file {path} has {len(data)} bytes, allowed: {LEAST_KEY_BYTES} to {MOST_KEY_BYTES};"
             " flyaround hil key FILE writes one"
@@ -98,16 +104,16 @@ class Seal:
 
         Raises
         ------
-        PacketError
-            If its MAC is wrong.
+        UnsealedPacket
+            If its MAC is missing or wrong.
         RepeatedPacket
             If its counter was seen before.
         """
         if len(packet.payload) < TRAILER_BYTES:
-            raise PacketError(f"a {packet.type.name} packet has no MAC: it is not of this session")
+            raise UnsealedPacket(f"a {packet.type.name} packet has no MAC: it is not of this session")
         body, mac = packet.payload[:-MAC_BYTES], packet.payload[-MAC_BYTES:]
         if not hmac.compare_digest(mac, self._mac(self._in, packet, body)):
-            raise PacketError(f"a {packet.type.name} packet has a wrong MAC: it is not of this session")
+            raise UnsealedPacket(f"a {packet.type.name} packet has a wrong MAC: it is not of this session")
         (counter,) = COUNTER.unpack(body[-COUNTER.size :])
         self._take(counter, packet.type.name)
         return replace(packet, payload=body[: -COUNTER.size])
@@ -131,39 +137,52 @@ class Seal:
 class HostHandshake:
     """The host's half: answers requests, and has a `Seal` once a board has proved itself."""
 
-    def __init__(self, key: bytes) -> None:
-        self._key = key
+    def __init__(self, key: bytes, clock: Callable[[], float] = time.monotonic) -> None:
+        self._key, self._clock = key, clock
         self._nonces: Optional[bytes] = None
         self._asks = 0
+        self._answered_s = -REPEAT_S
         self.seal: Optional[Seal] = None
 
     def take(self, packet: Packet) -> Optional[Packet]:
-        """The answer to a packet of the handshake, None where there is none to give.
+        """Return the answer to a packet of the handshake, None where there is none to give.
 
-        A board that began again asks anew; the seal of before stays until it has proved itself.
+        A request that is repeated has the same answer, so that a board may prove any of those that a slow host gives.
+        A board that began again asks with another nonce; the seal of before stays until it has proved itself.
 
         Raises
         ------
         LinkClosed
-            If a proof is wrong, whoever sent it has another key, and gets no second try on this line; or if it asks
-            again and again without one.
+            If the first proof on this line is wrong, or a board asks again and again without one.
+        UnsealedPacket
+            If a board has proved itself before, and this is a wrong proof or a request too many: it may come from a
+            stranger, and ends no session.
         """
         if packet.type is PacketType.AUTH_REQUEST and len(packet.payload) == NONCE_BYTES:
-            self._asks += 1
-            if self._asks > MOST_ASKS:
-                raise LinkClosed("it asks again and again, and proves nothing")
-            nonces = packet.payload + os.urandom(NONCE_BYTES)
-            self._nonces = nonces
-            answer = nonces[NONCE_BYTES:] + _proof(self._key, "flyaround host", nonces)
-            return Packet(PacketType.AUTH_CHALLENGE, answer)
+            return self._challenge(packet.payload)
         if packet.type is PacketType.AUTH_PROOF and self._nonces is not None:
             if not hmac.compare_digest(packet.payload, _proof(self._key, "flyaround board", self._nonces)):
+                if self.seal is not None:
+                    raise UnsealedPacket("a proof is of another key, after a board has proved itself")
                 self._nonces = None
                 raise LinkClosed("it has another key")
             if self.seal is None or self._nonces != self._of_seal:
                 self._asks = 0
                 self.seal, self._of_seal = Seal(self._key, self._nonces, is_host=True), self._nonces
         return None
+
+    def _challenge(self, board_nonce: bytes) -> Packet:
+        self._asks += 1
+        now_s = self._clock()
+        if self.seal is not None and now_s - self._answered_s < REPEAT_S / 2:
+            raise UnsealedPacket("a request for a proof comes too soon after another one")
+        if self.seal is None and self._asks > MOST_ASKS:
+            raise LinkClosed("it asks again and again, and proves nothing")
+        self._answered_s = now_s
+        if self._nonces is None or self._nonces[:NONCE_BYTES] != board_nonce:
+            self._nonces = board_nonce + os.urandom(NONCE_BYTES)
+        answer = self._nonces[NONCE_BYTES:] + _proof(self._key, "flyaround host", self._nonces)
+        return Packet(PacketType.AUTH_CHALLENGE, answer)
 
     _of_seal: bytes = b""
 
@@ -203,6 +222,11 @@ class HostTransport:
             elif self._handshake.seal is not None:
                 return self._handshake.seal.open(packet)
             else:
+                why = "the host asks for a key: start the board with --key FILE"
+                with contextlib.suppress(LinkClosed):  # it may not wait to hear it
+                    self._line.send_packet(
+                        Packet(PacketType.ERROR, ErrorMessage(ErrorCode.OTHER, why).encode())
+                    )
                 raise LinkClosed("it did not prove that it has the host's key: start it with --key FILE")
 
     def be_patient(self, silence_s: float) -> None:
@@ -237,10 +261,14 @@ class BoardTransport:
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
         """The next packet that is of this session; None after ``timeout_s``."""
-        packet = self._line.recv_packet(timeout_s)
-        if packet is None or packet.type is PacketType.AUTH_CHALLENGE:
-            return None
-        return self._seal.open(packet)
+        deadline = time.monotonic() + timeout_s
+        while True:
+            packet = self._line.recv_packet(max(0.0, deadline - time.monotonic()))
+            if packet is None:
+                return None
+            # a host that was late answers each request that was repeated meanwhile
+            if packet.type is not PacketType.AUTH_CHALLENGE:
+                return self._seal.open(packet)
 
     def be_patient(self, silence_s: float) -> None:
         """Take another side for gone only after so long."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import math
 import threading
 import time
-from dataclasses import dataclass, replace
-from typing import AbstractSet, FrozenSet, Optional, Sequence
+from dataclasses import dataclass, field, replace
+from typing import AbstractSet, Dict, FrozenSet, Optional, Sequence
 
 from hil.link.errors import (
     FormatRefused,
@@ -16,6 +17,7 @@ from hil.link.errors import (
     PacketError,
     ProtocolMistake,
     RepeatedPacket,
+    UnsealedPacket,
     VersionMismatch,
 )
 from hil.link.packets.enums import formats_in
@@ -33,6 +35,8 @@ from hil.link.packets.messages import (
 )
 from hil.link.packets.packet import Packet, PacketType
 from hil.link.transports.base import Transport
+
+logger = logging.getLogger(__name__)
 
 # what each side may hear, by the state of its session; the payload of anything else is not looked at
 HOST_BEFORE_HELLO: FrozenSet[PacketType] = frozenset({PacketType.HELLO})
@@ -76,8 +80,8 @@ class LinkStats:
     ----------
     corrupt : packets that the line damaged.
     mistakes : intact packets that say what the protocol does not allow, or at the wrong time.
-    stale : packets of an earlier session.
-    repeated : sealed packets that came before.
+    kinds : mistakes by their kind, in words.
+    stale : packets of an earlier session of this line: of another one than this, before the first of this.
     """
 
     sent: int = 0
@@ -86,7 +90,16 @@ class LinkStats:
     mistakes: int = 0
     sequence_gaps: int = 0
     stale: int = 0
-    repeated: int = 0
+    kinds: Dict[str, int] = field(default_factory=dict)
+
+    def add_mistake(self, kind: str, about: str = "") -> None:
+        """Count a mistake of the other side; the first of a kind is logged, with what it is about, if that is given."""
+        self.mistakes += 1
+        self.kinds[kind] = self.kinds.get(kind, 0) + 1
+        if about and self.kinds[kind] == 1:
+            logger.warning(
+                "the other side broke the link protocol: %s (%s); more of it are counted", kind, about
+            )
 
 
 class Link:
@@ -112,6 +125,7 @@ class Link:
         self.stats = LinkStats()
         self._lock = threading.Lock()
         self._sequence = 0
+        self._heard_session = 0
         self.last_sequence: Optional[int] = None
         self.gave_way = False
         """Whether the last `recv` came back after ``MAX_LEFT_OUT`` packets that do not belong here: more may be there
@@ -150,10 +164,12 @@ class Link:
                     if packet.type == PacketType.HELLO_ACK:
                         self.session_id = packet.session_id
                     return message
-            except RepeatedPacket:
-                self.stats.repeated += 1
+            except RepeatedPacket as error:
+                self.stats.add_mistake("a sealed packet that came before, or long after its time", str(error))
+            except UnsealedPacket as error:
+                self.stats.add_mistake("a packet without the seal of the session", str(error))
             except ProtocolMistake:
-                self.stats.mistakes += 1
+                self.stats.add_mistake("a payload that the protocol does not allow")
                 raise
             except PacketError:
                 self.stats.corrupt += 1
@@ -165,11 +181,16 @@ class Link:
         # HELLO opens a session, HELLO_ACK settles its id, ERROR may come before either
         opening = packet.type in (PacketType.HELLO, PacketType.HELLO_ACK, PacketType.ERROR)
         if not opening and packet.session_id != self.session_id:
-            self.stats.stale += 1  # of an earlier session on the same serial line
+            if self._heard_session != self.session_id:
+                self.stats.stale += 1  # of an earlier session on the same serial line
+            else:
+                about = f"{packet.type.name} of session {packet.session_id:#x}"
+                self.stats.add_mistake("a packet of a session that was never opened", about)
             return False
         if packet.type not in self.accepts:
-            self.stats.mistakes += 1
+            self.stats.add_mistake("a packet at the wrong time", packet.type.name)
             return False
+        self._heard_session = packet.session_id
         return True
 
     def close(self, reason: Optional[str] = None) -> None:

@@ -54,12 +54,16 @@ class Machine(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LinkTotals(msgspec.Struct, frozen=True, kw_only=True):
-    """The link's own counts; ``protocol_mistakes`` are intact packets that the protocol does not allow."""
+    """The link's own counts; ``protocol_mistakes`` are intact packets that the protocol does not allow.
+
+    ``mistakes`` counts them by their kind, in words.
+    """
 
     packets_sent: Count = 0
     packets_received: Count = 0
     packets_corrupt: Count = 0
     protocol_mistakes: Count = 0
+    mistakes: dict[str, Count] = {}
     sequence_gaps: Count = 0
     sessions: Count = 0
     late_poses: Count = 0

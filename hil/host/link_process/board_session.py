@@ -6,7 +6,7 @@ import contextlib
 import logging
 import math
 import os
-from collections import deque
+from collections import Counter, deque
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -153,9 +153,9 @@ class BoardSession:
         if isinstance(message, Hello):
             self._greet(message, link)
         elif isinstance(message, PoseMessage):
-            self._take_pose(message, at_ns)
+            self._take_pose(message, at_ns, link)
         elif isinstance(message, Credit):
-            self._in_flight.release(message.frame_id)
+            self._take_credit(message, link)
         elif isinstance(message, TimeSyncReply):
             self._take_clock_reply(message, at_ns, link)
         elif isinstance(message, TimeSyncRequest):
@@ -240,9 +240,18 @@ class BoardSession:
             self._up = None
             self.next_sync_ns = now_ns() + SYNC_EVERY_NS
 
-    def _take_pose(self, pose: PoseMessage, at_ns: int) -> None:
-        if not self._in_flight.answer(pose, at_ns, self._clock.offset_at(at_ns)):
+    def _take_pose(self, pose: PoseMessage, at_ns: int, link: Link) -> None:
+        mistake = self._in_flight.mistake_of(pose.frame_id)
+        if mistake:
+            link.stats.add_mistake(mistake, f"frame {pose.frame_id}")
+        elif not self._in_flight.answer(pose, at_ns, self._clock.offset_at(at_ns)):
             self.counts = replace(self.counts, late_poses=self.counts.late_poses + 1)
+
+    def _take_credit(self, credit: Credit, link: Link) -> None:
+        if not self._in_flight.was_sent(credit.frame_id):
+            link.stats.add_mistake("credit for a frame that was never sent", f"frame {credit.frame_id}")
+            return
+        self._in_flight.release(credit.frame_id)
 
     def _take_error(self, error: ErrorMessage) -> None:
         damage = error.code in (ErrorCode.CORRUPT, ErrorCode.INCOMPLETE)
@@ -275,6 +284,7 @@ class BoardSession:
             packets_received=c.packets_received + s.received,
             packets_corrupt=c.packets_corrupt + s.corrupt,
             protocol_mistakes=c.protocol_mistakes + s.mistakes,
+            mistakes=dict(Counter(c.mistakes) + Counter(s.kinds)),
             sequence_gaps=c.sequence_gaps + s.sequence_gaps,
             clock_round_trip_ns=self._clock.round_trip_ns,
             clock_round_trip_ns_p50=_quantile(self._trips_ns, 0.5),

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 # a frame that is still being sent
 NEVER_NS = 1 << 62
+# frames of which it is known whether they were sent, and answered
+MOST_REMEMBERED = 100_000
 
 
 @dataclass
@@ -44,6 +46,7 @@ class FramesInFlight:
         self._timeout_s = timeout_s
         self._flying: dict[int, FrameInFlight] = {}
         self._held: dict[int, int] = {}  # when the sending of each ended
+        self._history: dict[int, bool] = {}  # frames that were begun, and whether each was answered
         self.misses = 0
         """Frames that ran out of time, or of credit for such frames, since the board last spoke of one."""
 
@@ -70,6 +73,9 @@ class FramesInFlight:
         """A frame whose sending begins now."""
         flight = FrameInFlight(job, at_ns, at_ns, at_ns + int(self._timeout_s * 1e9))
         self._flying[job.frame_id] = flight
+        self._history[job.frame_id] = False
+        if len(self._history) > MOST_REMEMBERED:
+            del self._history[next(iter(self._history))]
         self._held[job.frame_id] = NEVER_NS
         return flight
 
@@ -88,9 +94,20 @@ class FramesInFlight:
         """How many frames run out of time at ``at_ns`` without a sign of damage on the line."""
         return sum(at_ns >= f.deadline_ns and not f.damage_seen for f in self._flying.values())
 
+    def was_sent(self, frame_id: int) -> bool:
+        """Return True if the sending of a frame was begun."""
+        return frame_id in self._history
+
+    def mistake_of(self, frame_id: int) -> str:
+        """Return what is wrong with an answer to a frame, in words; nothing if it may be answered, in time or late."""
+        if frame_id not in self._history:
+            return "an answer to a frame that was never sent"
+        return "a second answer to a frame" if self._history[frame_id] else ""
+
     def answer(self, pose: PoseMessage, at_ns: int, clock_offset_ns: int | None) -> bool:
         """Report a pose that came at ``at_ns``; False when its frame had an outcome already."""
         flight = self._flying.pop(pose.frame_id, None)
+        self._history[pose.frame_id] = True
         self.misses = 0  # late or not, it works
         if flight is not None:
             self._report(

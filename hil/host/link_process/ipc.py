@@ -222,6 +222,7 @@ class LinkCounts:
     packets_received: int = 0
     packets_corrupt: int = 0
     protocol_mistakes: int = 0
+    mistakes: dict[str, int] = field(default_factory=dict)
     sequence_gaps: int = 0
     sessions: int = 0
     late_poses: int = 0

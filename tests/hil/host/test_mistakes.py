@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 from contextlib import contextmanager
+from dataclasses import replace
 from multiprocessing import Pipe
 from pathlib import Path
 
@@ -18,7 +19,21 @@ from hil.host.ledger.summary import LedgerSummary
 from hil.host.link_process.host_link import HostLink
 from hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, LinkConfig
 from hil.host.link_process.process import LinkServer
-from hil.link.packets.messages import ErrorCode, ErrorMessage, HelloAck
+from hil.host.report import write_report
+from hil.link.clock import answer_time_sync, now_ns
+from hil.link.packets.messages import (
+    Bye,
+    Credit,
+    ErrorCode,
+    ErrorMessage,
+    FrameChunk,
+    Hello,
+    HelloAck,
+    PoseMessage,
+    TimeSyncRequest,
+)
+from hil.link.session import Link, greet_host
+from hil.link.transports.url import connect
 from simulator.errors import UserError
 from simulator.runtime.carrier import open_anonymous_file
 
@@ -174,3 +189,70 @@ def test_the_agent_as_a_program_says_one_sentence(tmp_path):
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "none.json cannot be read" in done.stderr
+
+
+def answers_besides(url, lies):
+    """A board that answers each frame, after what ``lies`` sends for it."""
+    link = Link(connect(url, 5.0))
+    greet_host(link, Hello(window=1), 10.0)
+    while True:
+        message = link.recv(60.0)
+        if isinstance(message, TimeSyncRequest):
+            link.send(answer_time_sync(message, now_ns()))
+        elif isinstance(message, FrameChunk):
+            pose = PoseMessage(message.frame_id, True, "", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5)
+            lies(link, pose)
+            link.send(pose)
+        elif isinstance(message, Bye):
+            link.transport.close()
+            return
+
+
+def sends_other_session(link, pose):
+    session_id, link.session_id = link.session_id, 12345
+    link.send(pose)
+    link.session_id = session_id
+
+
+@pytest.mark.parametrize(
+    ("lies", "kind", "at_least"),
+    [
+        (
+            lambda link, pose: link.send(replace(pose, frame_id=pose.frame_id + 1000)),
+            "an answer to a frame that was never sent",
+            4,
+        ),
+        (
+            lambda link, pose: link.send(Credit(pose.frame_id + 1000, 1)),
+            "credit for a frame that was never sent",
+            4,
+        ),
+        (lambda link, pose: link.send(pose), "a second answer to a frame", 3),
+        (sends_other_session, "a packet of a session that was never opened", 4),
+    ],
+)
+def test_each_lie_about_a_frame_is_counted_by_its_kind(lies, kind, at_least, tmp_path):
+    loop = Loop(lambda url: answers_besides(url, lies))
+    summary = loop.run(frames(4), log_dir=tmp_path)
+    assert summary.accepted == 4
+    assert list(summary.link.mistakes) == [kind]
+    assert at_least <= summary.link.mistakes[kind] == summary.link.protocol_mistakes <= 4
+    assert kind in write_report(tmp_path).read_text()
+
+
+def test_a_board_that_is_off_by_one_answers_no_frame(tmp_path):
+    def one_on(url):
+        link = Link(connect(url, 5.0))
+        greet_host(link, Hello(window=1), 10.0)
+        while not isinstance(message := link.recv(60.0), Bye):
+            if isinstance(message, TimeSyncRequest):
+                link.send(answer_time_sync(message, now_ns()))
+            elif isinstance(message, FrameChunk):
+                link.send(
+                    PoseMessage(message.frame_id + 1, True, "", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5)
+                )
+        link.transport.close()
+
+    summary = Loop(one_on).run(frames(2), log_dir=tmp_path, timeout_s=1.0)
+    assert (summary.accepted, summary.dropped_total) == (0, 2)
+    assert summary.link.mistakes["an answer to a frame that was never sent"] >= 1

@@ -1,5 +1,7 @@
 """A key on the line: who has it gets in, who has not is told so, and no packet counts twice or changed."""
 
+import contextlib
+import os
 import socket
 import threading
 import time
@@ -9,8 +11,9 @@ import pytest
 from hil_loop import Instant, Loop, adds_up, board, frames
 
 from hil.host.truth.logger import TruthLogger
-from hil.link.errors import LinkClosed, LinkError, PacketError
+from hil.link.errors import LinkClosed, LinkError, PacketError, UnsealedPacket
 from hil.link.framing.length_prefix import LengthFraming
+from hil.link.packets.messages import Bye
 from hil.link.packets.packet import Packet, PacketType
 from hil.link.security import (
     NONCE_BYTES,
@@ -22,6 +25,7 @@ from hil.link.security import (
     prove_to_host,
     read_key,
 )
+from hil.link.session import Link
 from hil.link.transports.in_process import virtual_pair
 from hil.link.transports.tcp import connect_tcp
 from simulator.errors import UserError
@@ -260,3 +264,86 @@ def test_a_sealed_packet_is_an_ordinary_one_to_the_framing():
     sealed = board_side.seal(POSE)
     framing.feed(framing.encode(sealed))
     assert framing.next_packet() == sealed
+
+
+@pytest.mark.parametrize("late_s", [1.5, 3.2])
+def test_a_host_that_answers_late_is_proved_to(late_s):
+    """Requests are repeated each second; any of the answers may be proved."""
+    here, there = virtual_pair()
+    heard = []
+    starts = threading.Timer(late_s, lambda: host_of(there, KEY, heard).join(60))
+    starts.start()
+    line = prove_to_host(here, KEY, 60.0)
+    line.send_packet(POSE)
+    assert line.recv_packet(60.0) == replace(POSE, type=PacketType.CREDIT)
+    starts.join(60)
+    assert heard == [POSE]
+
+
+def proved():
+    """A handshake in which a board has proved itself, its clock, and the board's seal."""
+    now = [0.0]
+    handshake = HostHandshake(KEY, lambda: now[0])
+    here, there = virtual_pair()
+    board_side = []
+    thread = threading.Thread(target=lambda: board_side.append(prove_to_host(here, KEY)), daemon=True)
+    thread.start()
+    while handshake.seal is None:
+        answer = handshake.take(there.recv_packet(20.0))
+        if answer is not None:
+            there.send_packet(answer)
+    thread.join(20)
+    return handshake, now
+
+
+def test_a_flood_without_a_seal_ends_no_session():
+    handshake, now = proved()
+    seal = handshake.seal
+    answered = 0
+    for k in range(1000):
+        now[0] += 0.01
+        request = Packet(PacketType.AUTH_REQUEST, bytes([k % 256] * NONCE_BYTES))
+        with contextlib.suppress(UnsealedPacket):
+            answered += handshake.take(request) is not None
+        with pytest.raises(UnsealedPacket):
+            handshake.take(Packet(PacketType.AUTH_PROOF, bytes(32)))
+    assert handshake.seal is seal
+    # ten seconds of it: a board that begins again is heard, and no more often than it would ask
+    assert 2 <= answered <= 25
+
+
+def test_what_has_no_seal_is_dropped_and_counted():
+    here, there = virtual_pair()
+    lines = []
+    thread = threading.Thread(target=lambda: lines.append(prove_to_host(here, KEY)), daemon=True)
+    thread.start()
+    host = Link(HostTransport(there, KEY))
+    while not lines:
+        host.recv(0.05)
+    for payload in (b"", bytes(40)):
+        here.send_packet(Packet(PacketType.BYE, payload))
+    board_side = Link(lines[0])
+    board_side.send(Bye("it is over"))
+    assert host.recv(20.0) == Bye("it is over")
+    assert host.stats.kinds == {"a packet without the seal of the session": 2}
+    assert host.stats.mistakes == 2
+
+
+def test_a_board_without_a_key_learns_why_it_is_refused():
+    said = []
+
+    def both(url):
+        with pytest.raises(LinkError) as caught:
+            board(Instant)(url)
+        said.append(str(caught.value))
+        board(Instant, key=KEY)(url)
+
+    assert Loop(both).run(frames(2), key=KEY).accepted == 2
+    assert "the host asks for a key: start the board with --key FILE" in said[0]
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")])
+def test_a_key_from_a_pipe_or_a_device_is_refused(tmp_path, make):
+    make(tmp_path / "key")
+    with pytest.raises(LinkError, match="is a pipe or a device: copy the key to an ordinary file"):
+        read_key(str(tmp_path / "key"))
