@@ -24,6 +24,8 @@ KEPT_BYTES = 64 << 20
 KEPT_BLOCKS = 8
 MOST_RESENT = 2048
 """Packets that one request brings again."""
+RESENT_PER_PACKET = 2
+"""Packets of a block that are sent again in all, over those of the block; and, of all blocks, over those just sent."""
 
 
 class StreamChannel:
@@ -45,6 +47,9 @@ class StreamChannel:
         self._number = 0
         self._due_s = self._gap_s = 0.0
         self._to: tuple[str, int] | None = None
+        self._resent: dict[int, int] = {}
+        self._allowance = 0
+        """Packets that may be sent again: as many as were sent, so that no request multiplies the stream."""
         self.packets_sent = self.packets_resent = self.packets_left_out = 0
 
     @property
@@ -85,6 +90,8 @@ class StreamChannel:
             len(self._kept) > KEPT_BLOCKS or sum(len(b.data) for b in self._kept.values()) > KEPT_BYTES
         ):
             self._kept.popitem(last=False)
+        self._resent = {block_id: n for block_id, n in self._resent.items() if block_id in self._kept}
+        self._allowance = min(self._allowance, RESENT_PER_PACKET * block.n_packets)
 
     def stop(self) -> None:
         """Send no more, and forget what was sent."""
@@ -100,6 +107,7 @@ class StreamChannel:
             end = min(self._number + BURST, block.n_packets)
             for number in range(self._number, end):
                 self._send(block.packet(number), to)
+            self._allowance += end - self._number
             self._number = end
             self._due_s += BURST * self._gap_s
             if end == block.n_packets:
@@ -109,7 +117,10 @@ class StreamChannel:
                     self._begin(block, to, gap_s, now_s)
 
     def send_again(self, request: ResendRequest) -> None:
-        """Packets that a receiver misses, or the word that they are not there."""
+        """Send packets that a receiver misses, or the word that they are not there.
+
+        Bounded by `RESENT_PER_PACKET`: a few bytes must not bring megabytes.
+        """
         to = self._to
         if to is None or request.channel != 0:
             return
@@ -120,9 +131,13 @@ class StreamChannel:
         last = min(request.last, block.n_packets - 1, request.first + MOST_RESENT - 1)
         if block is self._block:  # what has not gone out yet is on its way
             last = min(last, self._number - 1)
-        for number in range(request.first, last + 1):
+        spent = self._resent.get(request.block_id, 0)
+        left = min(RESENT_PER_PACKET * block.n_packets - spent, self._allowance)
+        for number in range(request.first, min(last, request.first + left - 1) + 1):
             self._send(block.packet(number, RESENT), to)
             self.packets_resent += 1
+            self._allowance -= 1
+            self._resent[request.block_id] = self._resent.get(request.block_id, 0) + 1
 
     def send_test_packet(self, to: tuple[str, int], packet_bytes: int) -> None:
         """One packet of a size, unfragmented or not at all."""
