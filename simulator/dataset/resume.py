@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from simulator.dataset.card import CARD_NAME, MOST_BYTES, DatasetCard, decode_card
-from simulator.dataset.formats.native import frame_paths, is_whole, read_layer, read_png
+from simulator.dataset.formats.native import frame_paths, is_whole, layer_path, read_layer, read_png
 from simulator.dataset.storage.manifest import file_hash, read_manifest, rewrite_manifest
 from simulator.dataset.storage.store import FolderStore
 from simulator.errors import UserError
@@ -20,8 +21,6 @@ from simulator.runtime.threads import threads
 from simulator.runtime.untrusted_files import refuse_deep
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from simulator.dataset.storage.store import Store
     from simulator.scenario.plan import FramePlan
 
@@ -114,8 +113,8 @@ def look_at_frames(store: Store, plan: FramePlan, old: DatasetCard) -> WhatIsThe
     damaged = tuple(k for k, intact in enumerate(states) if intact is False)
     for k in damaged:
         store.remove(_name(k))
-    if manifest:
-        rewrite_manifest(store, {k: manifest[k] for k in kept if k in manifest})
+    named = {k: hashes for k in kept if _name(k) in (hashes := manifest.get(k, {}))}
+    rewrite_manifest(store, named | {k: _hashes(store, k) for k in kept if k not in named})
     return WhatIsThere(frozenset(kept), damaged)
 
 
@@ -142,12 +141,15 @@ def _has_hash(store: Store, name: str, digest: str) -> bool:
 
 
 def _agrees_with_its_record(folder: Path, k: int) -> bool:
-    """Whether image, mask and layers are those that the record has the hashes of."""
+    """Whether image, mask and layers are those that the record has the hashes of, and there is no other file."""
     if not is_whole(folder, k):
         return False
     paths = frame_paths(folder, k)
     try:
-        truth, mask = read_truth(paths.truth), np.asarray(read_png(paths.mask), np.uint8)
+        truth = read_truth(paths.truth)
+        if {folder / name for name in _names(truth, k)} != set((folder / "images").glob(f"{k:06d}.*")):
+            return False
+        mask = np.asarray(read_png(paths.mask), np.uint8)
         return (
             pixel_hash(read_png(paths.image)) == truth.image_sha256
             and pixel_hash(mask) == truth.mask_sha256
@@ -158,6 +160,19 @@ def _agrees_with_its_record(folder: Path, k: int) -> bool:
         )
     except UserError:
         return False
+
+
+def _names(truth: Truth, k: int) -> list[str]:
+    """Return the names of a frame's files in the order of the manifest, by its record."""
+    paths = frame_paths(Path(), k)
+    layers = [layer_path(Path("images"), f"{k:06d}", name) for name in truth.layer_sha256]
+    return [path.as_posix() for path in (paths.image, paths.mask, *layers, paths.truth)]
+
+
+def _hashes(store: Store, k: int) -> dict[str, str]:
+    """Return the manifest's hashes of a frame that agrees with its record."""
+    truth = msgspec.json.decode(store.read(_name(k), MOST_BYTES), type=Truth)
+    return {name: file_hash(store.read(name, MOST_FILE_BYTES)) for name in _names(truth, k)}
 
 
 def _refuse_other_frames(store: Store, plan: FramePlan, old: DatasetCard, frames: list[int]) -> None:

@@ -89,10 +89,11 @@ class FrameBatches:
                 raise
 
     def _write(self, batch: list[FrameFiles]) -> None:
+        # the lines first: a frame that has its name when the process is killed can be verified for ever
+        self._store.append(MANIFEST_NAME, b"".join(frame.lines for frame in batch))
         self._store.write(
             [part for frame in batch for part in frame.parts], [frame.record for frame in batch]
         )
-        self._store.append(MANIFEST_NAME, b"".join(frame.lines for frame in batch))
 
     def __enter__(self) -> Self:
         return self

@@ -1,7 +1,7 @@
 """manifest.sha256: the hash of every file of the native layout, as ``sha256sum -c`` reads it; so resume knows damage.
 
-Lines are added once the files that they name are on the disk. A frame's record comes last, so that its line means that
-the others of the frame are there too.
+Lines are added before the files have their names, so that no frame is without them; of a capture that was broken off
+the last lines may name files that are not there, which resume takes away. A frame's record comes last.
 """
 
 from __future__ import annotations

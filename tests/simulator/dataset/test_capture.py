@@ -17,6 +17,7 @@ from simulator.dataset.card import card_json_schema
 from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.dataset.single_frames import render_scene, save_picture
+from simulator.dataset.storage.store import FolderStore
 from simulator.errors import UserError
 from simulator.frame import take_frame
 from simulator.labels.truth import read_truth, truth_json_schema
@@ -258,8 +259,33 @@ def test_resume_draws_again_what_is_damaged(copy, dataset, plan, with_manifest):
     names = sorted(path.relative_to(dataset) for path in (dataset / "images").iterdir())
     assert sorted(path.relative_to(copy) for path in (copy / "images").iterdir()) == names
     assert all((copy / name).read_bytes() == (dataset / name).read_bytes() for name in names)
-    if with_manifest:
-        assert (copy / "manifest.sha256").read_bytes() == (dataset / "manifest.sha256").read_bytes()
+    assert (copy / "manifest.sha256").read_bytes() == (dataset / "manifest.sha256").read_bytes()
+
+
+def test_a_frame_that_has_its_name_is_in_the_manifest_whenever_the_process_is_killed(copy, plan, monkeypatch):
+    """As killed between any two steps of writing a batch."""
+    whole = {path.relative_to(copy): path.read_bytes() for path in copy.rglob("*") if path.is_file()}
+    shutil.rmtree(copy)
+    real = FolderStore.write
+
+    def write_and_die(self, *waves):
+        real(self, *waves)
+        if len(waves) > 1:
+            raise Killed
+
+    class Killed(BaseException):
+        pass
+
+    monkeypatch.setattr(FolderStore, "write", write_and_die)
+    with pytest.raises(Killed):
+        capture(plan, copy, formats=("native", "speed"))
+    monkeypatch.undo()
+    names = {path.relative_to(copy).as_posix() for path in (copy / "images").glob("??????.*")}
+    assert names
+    listed = {line.split()[1] for line in (copy / "manifest.sha256").read_text().splitlines()}
+    assert names <= listed
+    capture(plan, copy, resume=True, formats=("native", "speed"))
+    assert {path.relative_to(copy): path.read_bytes() for path in copy.rglob("*") if path.is_file()} == whole
 
 
 def test_resume_takes_more_samples_of_a_recipe_and_not_fewer(tmp_path):
