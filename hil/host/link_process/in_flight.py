@@ -48,12 +48,8 @@ class FramesInFlight:
         self._held: dict[int, int] = {}  # when the sending of each ended
         self._history: dict[int, bool] = {}  # frames that were begun, and whether each was answered
         self.misses = 0
-        """Frames that ran out of time, or of credit for such frames, since the board last spoke of one."""
-
-    @property
-    def none_in_flight(self) -> bool:
-        """Whether every frame that was sent has its outcome, so that what is still held was given up."""
-        return not self._flying
+        """Frames that were sent and ran out of time since the board last spoke of one."""
+        self._missed_ns = 0  # when the last of them did
 
     def is_flying(self, frame_id: int) -> bool:
         """Whether a frame that was begun has no outcome yet."""
@@ -90,9 +86,17 @@ class FramesInFlight:
         """When the sending of the newest frame at the board ended; None where it holds none."""
         return max(self._held.values(), default=None)
 
-    def overdue(self, at_ns: int) -> int:
-        """How many frames run out of time at ``at_ns`` without a sign of damage on the line."""
-        return sum(at_ns >= f.deadline_ns and not f.damage_seen for f in self._flying.values())
+    def unanswered(self, at_ns: int) -> int:
+        """Return the misses in a row by ``at_ns``: frames that ran out of time without a sign of damage on the line.
+
+        A board that keeps the credit of such frames is sent no more; each further time-out without a word of it counts
+        as one. Frames that were never sent are no misses.
+        """
+        overdue = sum(at_ns >= f.deadline_ns and not f.damage_seen for f in self._flying.values())
+        silent = 0
+        if self.misses and self._held and not self._flying:
+            silent = (at_ns - self._missed_ns) // int(self._timeout_s * 1e9)
+        return self.misses + overdue + silent
 
     def was_sent(self, frame_id: int) -> bool:
         """Return True if the sending of a frame was begun."""
@@ -181,7 +185,9 @@ class FramesInFlight:
             if at_ns < flight.deadline_ns:
                 continue
             cause, why = ("corrupt", "; damaged packets were seen") if flight.damage_seen else ("timeout", "")
-            self.misses += not flight.damage_seen
+            if not flight.damage_seen:
+                self.misses += 1
+                self._missed_ns = at_ns
             self._drop(frame_id, cause, f"no pose within {self._timeout_s:g} s{why}")
             if flight.damage_seen:
                 self._held.pop(frame_id, None)  # it may never have reached the board

@@ -199,8 +199,6 @@ class LinkServer:
                 self._drop(job, "disconnected", "no board was connected")
                 continue
             if self._newest is not None:
-                # a board that let every frame run out of time keeps its credit: it hangs
-                self._in_flight.misses += self._in_flight.none_in_flight
                 reason = f"frame {job.frame_id} came while it waited for the board"
                 self._drop(self._newest, "superseded", reason)
             self._newest = job
@@ -220,7 +218,6 @@ class LinkServer:
             self._send_frame(job, self._board.link, self._board.ack)
         elif now_ns() >= waits_until_ns:
             self._newest = None
-            self._in_flight.misses += self._in_flight.none_in_flight
             self._drop(job, "no_credit", f"the board still held {self._in_flight.held} frames")
         else:
             self._board.ask_what_came()
@@ -239,7 +236,6 @@ class LinkServer:
                     return
                 self._blocked_until_ns = 0
                 self._waiting.popleft()
-                self._in_flight.misses += self._in_flight.none_in_flight
                 self._drop(job, "no_credit", f"the board still held {self._in_flight.held} frames")
             else:
                 self._blocked_until_ns = 0
@@ -308,8 +304,7 @@ class LinkServer:
         limit = self._config.max_misses
         if self._board.link is None or not limit:
             return
-        blocked = bool(self._blocked_until_ns) and now_ns() >= self._blocked_until_ns
-        if self._in_flight.misses + self._in_flight.overdue(now_ns()) + blocked >= limit:
+        if self._in_flight.unanswered(now_ns()) >= limit:
             self._blocked_until_ns = 0
             self._board.leave(f"it answered none of {limit} frames in a row: it hangs or is too slow")
 

@@ -200,6 +200,26 @@ def test_another_board_may_take_the_place_of_a_hung_one():
     assert {row.outcome for row in after[2:]} == {"accepted"}
 
 
+def test_a_board_that_stalls_once_in_real_time_goes_on():
+    """Frames that it was never sent meanwhile, for it had one, are no misses of it."""
+
+    class Stalls(Instant):
+        def __init__(self, camera) -> None:
+            super().__init__(camera)
+            self.sleeps = [0.0, 0.0, 3.0]
+
+    rows = []
+    summary = Loop(board(Stalls)).run(
+        frames(100, every_s=0.05), mode="realtime", timeout_s=2.0, silence_s=60.0, on_row=rows.append
+    )
+    assert summary.ended == "completed"
+    assert "disconnected" not in summary.dropped
+    assert summary.dropped["timeout"] == 1
+    assert summary.dropped["superseded"] > 3
+    stalled = next(k for k, row in enumerate(rows) if row.outcome == "dropped:timeout")
+    assert "accepted" in {row.outcome for row in rows[stalled:]}
+
+
 def test_a_slow_board_is_not_taken_for_a_hung_one():
     class Slow(Instant):
         def __init__(self, camera) -> None:

@@ -143,3 +143,17 @@ def test_a_board_that_left_loses_all_it_held():
     sky.flights.lose("it left")
     assert sky.outcomes == {0: "declined", 1: "dropped:disconnected", 2: "dropped:disconnected"}
     assert sky.flights.held == 0
+
+
+def test_a_miss_is_a_frame_that_was_sent_or_a_whole_time_out_of_silence_after_one():
+    sky = Sky(1)
+    flights, deadline = sky.flights, SENT_NS + TIMEOUT_NS
+    assert flights.unanswered(deadline - 1) == 0
+    assert flights.unanswered(deadline) == 1
+    flights.expire(deadline)
+    # whatever the camera hands over meanwhile
+    assert flights.unanswered(deadline + TIMEOUT_NS - 1) == 1
+    assert flights.unanswered(deadline + TIMEOUT_NS) == 2
+    assert flights.unanswered(deadline + 2 * TIMEOUT_NS) == 3
+    flights.answer(pose(0), deadline + 2 * TIMEOUT_NS, None)
+    assert flights.unanswered(deadline + 9 * TIMEOUT_NS) == 0
