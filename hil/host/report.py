@@ -40,6 +40,9 @@ TRACE_JSON = "trace.json"
 MOST_BYTES = 1 << 24
 
 WRONG_LABEL = "accepted poses wrong"
+TIME_FAULT_LABEL = "answers with board times that cannot be"
+MOST_TIME_FAULTS = 20
+"""Rows of the table of them."""
 LATE_LABEL = "not drawn in time"
 INSIDE_LABEL = "periods inside the sphere"
 
@@ -259,6 +262,13 @@ def _page(
         )
     )
     page.add(_times(rows))
+    faulty = [row for row in rows if row.time_fault]
+    if faulty:
+        lines = [(str(row.frame_id), row.time_fault) for row in faulty[:MOST_TIME_FAULTS]]
+        page.add(
+            note(f"The board reports times that cannot be for {len(faulty)} frames; they are left out above.")
+        )
+        page.add(table(("frame", "what cannot be"), lines))
     if any(row.faults for row in rows):
         page.add(_faults(rows))
     page.add(element("br"), [plot(png, CAPTIONS[name], alt=name) for name, png in plots.items()])
@@ -305,6 +315,9 @@ def _key_figures(s: LedgerSummary) -> Markup:
         )
     if s.late:
         figures.append((f"{s.late}", LATE_LABEL))
+    if s.time_faults:
+        figures.append((f"{s.time_faults}", TIME_FAULT_LABEL))
+        bad.append(TIME_FAULT_LABEL)
     if s.accepted_known:
         figures.append((f"{s.accepted_wrong} of {s.accepted_known}", WRONG_LABEL))
     return key_figures(figures, bad=bad)

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 FRAMES_CSV = "frames.csv"
 ACCEPTED, DECLINED, DROPPED = "accepted", "declined", "dropped:"
+# what a spreadsheet begins a formula with, and the mark that says that a text is none
+FORMULA_BEGINNINGS = ("=", "+", "-", "@", "'", "\t", "\r")
 # a million rows, and far more frames than a run has
 MOST_BYTES = 1 << 29
 
@@ -52,6 +54,7 @@ class LedgerRow:
     late : whether the picture was not there when it was to be handed over (realtime).
     staleness_ms : age of mid-exposure when the estimator began.
     deadline_met : whether the answer came within the deadline; False of a frame without one, None where there is none.
+    time_fault : why the times that the board reports cannot be; they are left out then. Empty where they can.
     """
 
     frame_id: int
@@ -90,6 +93,7 @@ class LedgerRow:
     staleness_ms: float | None = None
     late: bool | None = None
     deadline_met: bool | None = None
+    time_fault: str = ""
 
     @property
     def wrong(self) -> bool | None:
@@ -133,7 +137,7 @@ _DELAYS = ("handover_error_ms", "staleness_ms")
 _ANSWERS = ("late", "deadline_met")
 _ANSWER_CELLS = {None: "", False: "0", True: "1"}
 # ledgers without these are older and read, too
-LATER_COLUMNS = ("faults", *_TIMES, *_DELAYS, *_ANSWERS)
+LATER_COLUMNS = ("faults", *_TIMES, *_DELAYS, *_ANSWERS, "time_fault")
 COLUMNS = (
     "frame_id",
     "epoch_utc",
@@ -204,14 +208,23 @@ def ledger_row(
     errors: tuple[float | None, float | None] = (None, None)
     if q is not None and t is not None and row.truth_q_wxyz is not None and row.truth_t_m is not None:
         errors = pose_errors(q, t, row.truth_q_wxyz, row.truth_t_m)
-    if offset is not None:
-        row = replace(row, **_board_times(result, pose, offset, utc_minus_monotonic_ns))
+    fault = board_time_fault(result, pose)
+    if pose.end_ns and not fault:
+        row = replace(
+            row,
+            board_wait_ms=_ms(pose.receive_ns, pose.start_ns),
+            board_total_ms=_ms(pose.receive_ns, pose.end_ns),
+        )
+        if offset is not None:
+            row = replace(
+                row,
+                uplink_ms=_ms(result.send_start_ns, pose.receive_ns - offset),
+                downlink_ms=_ms(pose.end_ns - offset, result.received_ns),
+                **_board_times(result, pose, offset, utc_minus_monotonic_ns),
+            )
     return replace(
         row,
-        board_wait_ms=_ms(pose.receive_ns, pose.start_ns),
-        board_total_ms=_ms(pose.receive_ns, pose.end_ns),
-        uplink_ms=None if offset is None else _ms(result.send_start_ns, pose.receive_ns - offset),
-        downlink_ms=None if offset is None else _ms(pose.end_ns - offset, result.received_ns),
+        time_fault=fault,
         stages_ms=dict(pose.stages_ms),
         confidence=pose.confidence,
         q_wxyz=q,
@@ -219,6 +232,26 @@ def ledger_row(
         E_T_m=errors[0],
         E_R_deg=errors[1],
     )
+
+
+def board_time_fault(result: FrameResult, pose: PoseMessage) -> str:
+    """Return why the times that a board reports for a frame cannot be; nothing if they can, or it reports none.
+
+    They are in order, and by the clock offset not before the frame was sent nor after its answer came, within the
+    bound of that offset.
+    """
+    if not (pose.receive_ns or pose.start_ns or pose.end_ns):
+        return ""
+    if not pose.receive_ns <= pose.start_ns <= pose.end_ns:
+        return "received, begun and answered are not in this order"
+    offset, bound = result.clock_offset_ns, result.clock_bound_ns
+    if offset is None or bound is None or result.send_start_ns is None or result.received_ns is None:
+        return ""
+    early_ms = _ms(pose.receive_ns - offset, result.send_start_ns - bound) or 0.0
+    late_ms = _ms(result.received_ns + bound, pose.end_ns - offset) or 0.0
+    if early_ms > 0:
+        return f"received {early_ms:.4g} ms before it was sent"
+    return f"answered {late_ms:.4g} ms after the answer came" if late_ms > 0 else ""
 
 
 def _camera_times(result: FrameResult, shift_ns: int) -> dict[str, Any]:
@@ -323,17 +356,33 @@ def _number(value: float | None) -> str:
 
 
 def _cells(row: LedgerRow) -> list[str]:
-    cells = [str(row.frame_id), row.epoch_utc, repr(row.t_s), repr(row.exposure_s), row.outcome, row.reason]
+    cells = [
+        str(row.frame_id),
+        row.epoch_utc,
+        repr(row.t_s),
+        repr(row.exposure_s),
+        row.outcome,
+        _text(row.reason),
+    ]
     cells += [_number(getattr(row, name)) for name in _SCALARS]
     cells.append(json.dumps({k: round(v, 4) for k, v in row.stages_ms.items()}) if row.stages_ms else "")
     cells += [_number(getattr(row, name)) for name in _ERRORS]
     for name, columns in _VECTORS.items():
         vector = getattr(row, name)
         cells += [""] * len(columns) if vector is None else [repr(float(x)) for x in vector]
-    cells.append(";".join(row.faults))
+    cells.append(_text(";".join(row.faults)))
     cells += [getattr(row, name) for name in _TIMES]
     cells += [_number(getattr(row, name)) for name in _DELAYS]
-    return cells + [_ANSWER_CELLS[getattr(row, name)] for name in _ANSWERS]
+    return [*cells, *(_ANSWER_CELLS[getattr(row, name)] for name in _ANSWERS), _text(row.time_fault)]
+
+
+def _text(text: str) -> str:
+    """Return a text with an apostrophe before it where a spreadsheet would take it for a formula."""
+    return f"'{text}" if text[:1] in FORMULA_BEGINNINGS and text else text
+
+
+def _plain(cell: str) -> str:
+    return cell[1:] if cell[:1] == "'" and cell[1:2] in FORMULA_BEGINNINGS else cell
 
 
 def read_ledger(folder: Path) -> list[LedgerRow]:
@@ -389,6 +438,7 @@ def _row(cells: dict[str, str]) -> LedgerRow:
         **{name: cells.get(name, "") for name in _TIMES},
         **{name: float(cells[name]) if cells.get(name) else None for name in _DELAYS},
         **{name: cells[name] == "1" if cells.get(name) else None for name in _ANSWERS},
+        "time_fault": _plain(cells.get("time_fault", "")),
     }
     vectors: dict[str, Any] = {name: _vector(cells, columns) for name, columns in _VECTORS.items()}
     return LedgerRow(
@@ -397,7 +447,7 @@ def _row(cells: dict[str, str]) -> LedgerRow:
         t_s=float(cells["t_s"]),
         exposure_s=float(cells["exposure_s"]),
         outcome=cells["outcome"],
-        reason=cells["reason"],
+        reason=_plain(cells["reason"]),
         stages_ms=stages_ms,
         faults=tuple(name for name in cells.get("faults", "").split(";") if name),
         **later,

@@ -114,7 +114,8 @@ class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
 
     Percentiles are over answered frames, medians of errors over accepted ones. A deadline miss is an
     answered frame with ``e2e_ms > deadline_ms``; drops are counted apart. ``accepted_wrong`` of the
-    ``accepted_known`` accepted poses whose truth is known are beyond 5 deg or 5 % of the range.
+    ``accepted_known`` accepted poses whose truth is known are beyond 5 deg or 5 % of the range. Of ``time_faults``
+    answers the times that the board reports cannot be, and are left out.
     ``killed`` and an ``unknown`` truth stand in no file: a report of a run without a summary says them.
     """
 
@@ -135,6 +136,7 @@ class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
     dropped_total: Count
     accepted_known: Count | None = None
     accepted_wrong: Count | None = None
+    time_faults: Count = 0
     e2e_ms_p50: float | None = None
     e2e_ms_p90: float | None = None
     e2e_ms_p99: float | None = None
@@ -212,7 +214,7 @@ class LedgerTally:
         self.columns: dict[str, array[float]] = {name: array("d") for name in _TALLIED}
         self.accepted_columns: dict[str, array[float]] = {"E_T_m": array("d"), "E_R_deg": array("d")}
         self.stages_ms: dict[str, array[float]] = {}
-        self.accepted_known = self.accepted_wrong = self.late = self.late_known = 0
+        self.accepted_known = self.accepted_wrong = self.late = self.late_known = self.time_faults = 0
         for row in rows:
             self.add(row)
 
@@ -228,6 +230,7 @@ class LedgerTally:
                 values.append(value)
         for name, ms in row.stages_ms.items():
             self.stages_ms.setdefault(name, array("d")).append(ms)
+        self.time_faults += bool(row.time_fault)
         self.late += row.late is True
         self.late_known += row.late is not None
         if row.outcome == ACCEPTED:
@@ -288,6 +291,7 @@ def summarise(rows: Iterable[LedgerRow] | LedgerTally, **run: Any) -> LedgerSumm
         dropped_total=dropped_total,
         accepted_known=tally.accepted_known,
         accepted_wrong=tally.accepted_wrong,
+        time_faults=tally.time_faults,
         e2e_ms_p50=percentile(e2e, 50),
         e2e_ms_p90=percentile(e2e, 90),
         e2e_ms_p99=percentile(e2e, 99),

@@ -244,7 +244,9 @@ class BoardSession:
         mistake = self._in_flight.mistake_of(pose.frame_id)
         if mistake:
             link.stats.add_mistake(mistake, f"frame {pose.frame_id}")
-        elif not self._in_flight.answer(pose, at_ns, self._clock.offset_at(at_ns)):
+            return
+        offset_ns, bound_ns = self._clock.offset_at(at_ns), self._clock.offset_bound_at(at_ns)
+        if not self._in_flight.answer(pose, at_ns, offset_ns, bound_ns):
             self.counts = replace(self.counts, late_poses=self.counts.late_poses + 1)
 
     def _take_credit(self, credit: Credit, link: Link) -> None:

@@ -108,7 +108,9 @@ class FramesInFlight:
             return "an answer to a frame that was never sent"
         return "a second answer to a frame" if self._history[frame_id] else ""
 
-    def answer(self, pose: PoseMessage, at_ns: int, clock_offset_ns: int | None) -> bool:
+    def answer(
+        self, pose: PoseMessage, at_ns: int, clock_offset_ns: int | None, clock_bound_ns: int | None = None
+    ) -> bool:
         """Report a pose that came at ``at_ns``; False when its frame had an outcome already."""
         flight = self._flying.pop(pose.frame_id, None)
         self._history[pose.frame_id] = True
@@ -123,6 +125,7 @@ class FramesInFlight:
                     received_ns=at_ns,
                     pose=pose,
                     clock_offset_ns=clock_offset_ns,
+                    clock_bound_ns=clock_bound_ns,
                 )
             )
         self.release(pose.frame_id)

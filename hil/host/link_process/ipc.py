@@ -195,7 +195,7 @@ class FrameResult:
     ----------
     outcome : accepted, declined or dropped:CAUSE.
     due_ns, ready_ns, handed_over_ns, exposure_ns : as of `FrameJob`; handed over when the link took it up, sent or not.
-    clock_offset_ns : board's clock minus the host's, None while unknown.
+    clock_offset_ns, clock_bound_ns : board's clock minus the host's, and how far off it may be; None while unknown.
     faults : of the line that struck the frame or its answer, on purpose.
     """
 
@@ -208,6 +208,7 @@ class FrameResult:
     received_ns: int | None = None
     pose: PoseMessage | None = None
     clock_offset_ns: int | None = None
+    clock_bound_ns: int | None = None
     faults: tuple[str, ...] = ()
     ready_ns: int | None = None
     handed_over_ns: int | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import socket
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import msgspec
 import pytest
 from hil_loop import Loop, board, frames, refused
 
-from hil.host.ledger.frames_csv import read_ledger
+from hil.host.ledger.frames_csv import LedgerRow, LedgerWriter, read_ledger
 from hil.host.ledger.summary import LedgerSummary
 from hil.host.link_process.host_link import HostLink
 from hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, LinkConfig
@@ -256,3 +257,56 @@ def test_a_board_that_is_off_by_one_answers_no_frame(tmp_path):
     summary = Loop(one_on).run(frames(2), log_dir=tmp_path, timeout_s=1.0)
     assert (summary.accepted, summary.dropped_total) == (0, 2)
     assert summary.link.mistakes["an answer to a frame that was never sent"] >= 1
+
+
+SECOND_NS = 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("times", "why"),
+    [
+        (lambda now: (now, now + 5, now - 2 * SECOND_NS), "not in this order"),
+        (lambda now: (now - 10 * SECOND_NS, now, now), "before it was sent"),
+        (lambda now: (now, now, now + 10 * SECOND_NS), "after the answer came"),
+        # a wall clock's nanoseconds, and the largest number that there is
+        (lambda _: (1_800_000_000 * SECOND_NS,) * 3, "after the answer came"),
+        (lambda _: (2**64 - 1,) * 3, "after the answer came"),
+    ],
+)
+def test_board_times_that_cannot_be_are_left_out_and_told(times, why, tmp_path):
+    def lies(link, pose):
+        receive, start, end = times(now_ns())
+        link.send(replace(pose, receive_ns=receive, start_ns=start, end_ns=end))
+
+    def board_of_lies(url):
+        link = Link(connect(url, 5.0))
+        greet_host(link, Hello(window=1), 10.0)
+        while not isinstance(message := link.recv(60.0), Bye):
+            if isinstance(message, TimeSyncRequest):
+                link.send(answer_time_sync(message, now_ns()))
+            elif isinstance(message, FrameChunk):
+                lies(
+                    link, PoseMessage(message.frame_id, True, "", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5)
+                )
+        link.transport.close()
+
+    summary = Loop(board_of_lies).run(frames(3), log_dir=tmp_path)
+    assert (summary.accepted, summary.time_faults) == (3, 3)
+    assert summary.board_total_ms_p50 is None
+    for row in read_ledger(tmp_path):
+        assert why in row.time_fault
+        assert row.board_total_ms is row.uplink_ms is row.downlink_ms is row.staleness_ms is None
+        assert row.received_on_board_utc == ""
+    assert "times that cannot be for 3 frames" in write_report(tmp_path).read_text()
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "'quoted", "\t=1"])
+def test_no_cell_of_text_is_a_formula(text, tmp_path):
+    writer = LedgerWriter(tmp_path)
+    row = LedgerRow(frame_id=0, epoch_utc="", t_s=0.0, exposure_s=0.0, outcome="declined", reason=text)
+    writer.add(row)
+    writer.close()
+    with (tmp_path / "frames.csv").open(newline="") as file:
+        (cells,) = csv.DictReader(file)
+    assert cells["reason"] == f"'{text}"
+    assert read_ledger(tmp_path)[0].reason == text
