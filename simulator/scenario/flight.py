@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.scenario.messages import read_message
+from simulator.runtime.untrusted_files import decode_text
+from simulator.scenario.messages import chaser_ephemeris, known_orbit, read_message, target_ephemeris
 from simulator.world.attitude.target_attitude import Attitude
 from simulator.world.ephemeris.bodies import MOON
 from simulator.world.ephemeris.ephemeris_table import EphemerisTable
@@ -17,7 +18,6 @@ from simulator.world.flight.build import TargetStart, propagate_flight
 from simulator.world.flight.recording import Replay, recorded_tracks
 from simulator.world.messages.aem import read_aem_history
 from simulator.world.orbit.forces import EarthForces
-from simulator.world.orbit.initial_orbit import ElementsOrbit, StateOrbit
 from simulator.world.orbit.moon_forces import MoonForces
 from simulator.world.orbit.spherical_harmonics import egm96
 from simulator.world.time.instant import Instant
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from simulator.world.ephemeris.bodies import Body
     from simulator.world.flight.flight import Flight
     from simulator.world.orbit.forces import ForceModel, Forces
-    from simulator.world.orbit.initial_orbit import KnownOrbit
 
 _CHASER_MASS_KG = 100.0
 _LOOK_EVERY_S = 60.0
@@ -60,6 +59,7 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
             attitude=Attitude(motion="fixed", frame="eci") if replay else scenario.attitude,
             inertia_kg_m2=target.mass.inertia_kg_m2,
             history=_attitude_history(scenario, epoch),
+            ephemeris=None if replay else target_ephemeris(scenario),
         ),
         replay.held_at_start() if replay else chaser,
         epoch=epoch,
@@ -67,6 +67,7 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
         forces=force_model(scenario.forces, epoch, span_s, target.mass.mass_kg, orbit.body),
         body=orbit.body,
         burns=tuple(scenario.burns),
+        chaser_ephemeris=chaser_ephemeris(scenario),
     )
     _check_height(flight, scenario.name)
     if replay is None:
@@ -81,7 +82,7 @@ def _attitude_history(scenario: Scenario, epoch: Instant) -> AttitudeTrack | Non
     name = scenario.attitude.aem_file
     if scenario.attitude.motion != "aem" or name is None or isinstance(scenario.chaser, Replay):
         return None
-    text = read_message(name, "attitude.aem_file", Path())
+    text = decode_text(read_message(Path(name), "attitude.aem_file"), name)
     return read_aem_history(text, name, epoch, scenario.duration_s)
 
 
@@ -94,19 +95,6 @@ def _check_height(flight: Flight, name: str) -> None:
                 f"scenario {name}: the target is below the surface of {flight.body.title} {t_s:.0f} s after the start: "
                 "shorten duration_s, or change the burns or the orbit"
             )
-
-
-def known_orbit(scenario: Scenario) -> KnownOrbit:
-    """The target's orbit, whose TLE or message has been read.
-
-    Raises
-    ------
-    UserError
-        If it has not.
-    """
-    if not isinstance(scenario.orbit, ElementsOrbit | StateOrbit):
-        raise UserError("the orbit is still a TLE or a file: load the scenario with load_scenario")
-    return scenario.orbit
 
 
 def force_model(

@@ -29,7 +29,13 @@ from simulator.scene.state import Quality
 from simulator.world.attitude.target_attitude import Attitude
 from simulator.world.flight.recording import Replay
 from simulator.world.guidance.command_script import CommandScript
-from simulator.world.guidance.free_flight import FreeDrift, NaturalCircumnavigation, RangeKeeping, SafeEllipse
+from simulator.world.guidance.free_flight import (
+    FollowedChaser,
+    FreeDrift,
+    NaturalCircumnavigation,
+    RangeKeeping,
+    SafeEllipse,
+)
 from simulator.world.guidance.paths import (
     ForcedFlyaround,
     Glideslope,
@@ -149,6 +155,7 @@ AnyChaser = (
     | Glideslope
     | RangeKeeping
     | CommandScript
+    | FollowedChaser
 )
 
 

@@ -107,35 +107,35 @@ class Ephemeris:
         piece = next((p for p in reversed(begun) if t_s <= p.last_s), begun[-1] if begun else self.pieces[0])
         return motion_in_gcrf(piece.frame, piece.frozen or self.epoch.plus(t_s), *piece(t_s))
 
-    def covered_to_s(self, duration_s: float) -> float:
-        """Check that the message covers a span from its epoch on; return how far it goes on from there [s].
+    @property
+    def end_s(self) -> float:
+        """How far it goes on from the epoch without a gap between segments [s]."""
+        reach = 0.0
+        for piece in self.pieces:
+            if piece.first_s <= reach + ROUNDING_S:
+                reach = max(reach, piece.last_s)
+        return reach
+
+    def require_span(self, duration_s: float) -> None:
+        """Check that the message covers a span from its epoch on.
 
         Raises
         ------
         UserError
             If it does not, or lines are missing within.
         """
-        reach = 0.0
-        for piece in self.pieces:
-            if piece.first_s <= reach + ROUNDING_S:
-                reach = max(reach, piece.last_s)
         starts = any(p.first_s <= ROUNDING_S and p.last_s >= -ROUNDING_S for p in self.pieces)
-        if not starts or reach < duration_s - ROUNDING_S:
+        if not starts or self.end_s < duration_s - ROUNDING_S:
             spans = " and ".join(
                 f"{self.epoch.plus(p.first_s).iso()} to {self.epoch.plus(p.last_s).iso()}" for p in self.pieces
             )
             asked = self.epoch.iso() + (f" to {self.epoch.plus(duration_s).iso()}" if duration_s else "")
-            raise UserError(
-                f"{self.where} covers {spans}, not {asked}: choose an epoch{' and a duration' * bool(duration_s)} within"
-            )
+            raise UserError(f"{self.where} covers {spans}, not {asked}: choose an epoch and a duration within")
         for piece in self.pieces:
             t = piece.times_s
-            for k in range(1, len(t)):
-                if t[k] > ROUNDING_S and t[k - 1] < duration_s - ROUNDING_S:
-                    piece.segment.refuse_gap(t, k)
-                elif duration_s == 0 and t[k - 1] < -ROUNDING_S and t[k] > ROUNDING_S:
-                    piece.segment.refuse_gap(t, k)
-        return reach
+            inside = (t[1:] > ROUNDING_S) & (t[:-1] < max(duration_s - ROUNDING_S, -ROUNDING_S))
+            for k in np.flatnonzero(inside):
+                piece.segment.refuse_gap(t, int(k) + 1)
 
     def refuse_impossible(self, body: Body) -> None:
         """Look for lines that can be no orbit about a body.

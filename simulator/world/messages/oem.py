@@ -138,7 +138,7 @@ def read_oem_state(
         As `read_oem`, and if the epoch falls outside every segment or into a gap.
     """
     ephemeris = read_oem(text, where, epoch, centre=centre)
-    ephemeris.covered_to_s(0.0)
+    ephemeris.require_span(0.0)
     return ephemeris(0.0)[:2]
 
 
