@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from simulator.world.flight.flight import Flight
     from simulator.world.orbit.forces import ForceModel, Forces
 
-_CHASER_MASS_KG = 100.0
-_LOOK_EVERY_S = 60.0
+_LOOK_EVERY_S, _LEAST_STEP_S = 60.0, 1.0
 MOST_FRAMES = 1_000_000
 """More frames than this in one run are taken for a mistake."""
 
@@ -64,17 +63,22 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
         replay.held_at_start() if replay else chaser,
         epoch=epoch,
         duration_s=span_s,
-        forces=force_model(scenario.forces, epoch, span_s, target.mass.mass_kg, orbit.body),
+        forces=force_model(
+            scenario.forces.with_masses(target.mass.mass_kg, scenario.chaser_thrusters.mass_kg),
+            epoch,
+            span_s,
+            orbit.body,
+        ),
         body=orbit.body,
         burns=tuple(scenario.burns),
         chaser_ephemeris=chaser_ephemeris(scenario),
     )
+    if replay is not None:
+        recording = replay.read()
+        track, attitude = recorded_tracks(recording, flight.orbit.forces, span_s, epoch, orbit.body)
+        flight = replace(flight, orbit=track, attitude=attitude, recording=recording)
     _check_height(flight, scenario.name)
-    if replay is None:
-        return flight
-    recording = replay.read()
-    track, attitude = recorded_tracks(recording, flight.orbit.forces, span_s, epoch, orbit.body)
-    return replace(flight, orbit=track, attitude=attitude, recording=recording)
+    return flight
 
 
 def _attitude_history(scenario: Scenario, epoch: Instant) -> AttitudeTrack | None:
@@ -87,29 +91,51 @@ def _attitude_history(scenario: Scenario, epoch: Instant) -> AttitudeTrack | Non
 
 
 def _check_height(flight: Flight, name: str) -> None:
-    """Refuse a flight that drag or a burn brings to the ground."""
-    for t_s in np.linspace(0.0, flight.duration_s, max(int(flight.duration_s / _LOOK_EVERY_S), 2)):
-        height = float(np.linalg.norm(flight.orbit(float(t_s))[0])) - flight.body.radius_m
-        if height < 0:
+    """Refuse a flight on which either craft comes to the ground, leaves its body or is nowhere.
+
+    The steps are as short as the height asks for, so that no dive is jumped over.
+    """
+    t_s, body = 0.0, flight.body
+    while True:
+        r, v = flight.orbit(t_s)
+        problem = _place_problem("the target", r, body)
+        chaser, _ = flight.relative(t_s)
+        problem = problem or _place_problem("the chaser", r + chaser, body)
+        if problem:
             raise UserError(
-                f"scenario {name}: the target is below the surface of {flight.body.title} {t_s:.0f} s after the start: "
-                "shorten duration_s, or change the burns or the orbit"
+                f"scenario {name}: {problem} {t_s:.0f} s after the start: shorten duration_s, or change the "
+                "burns, the chaser's path or the orbit"
             )
+        if t_s >= flight.duration_s:
+            return
+        height = min(float(np.linalg.norm(r)), float(np.linalg.norm(r + chaser))) - body.radius_m
+        step_s = height / (2 * float(np.linalg.norm(v)))
+        t_s = min(t_s + min(max(step_s, _LEAST_STEP_S), _LOOK_EVERY_S), flight.duration_s)
 
 
-def force_model(
-    forces: Forces, epoch: Instant, duration_s: float, target_mass_kg: float, body: Body
-) -> ForceModel | None:
-    """The forces asked for about a body, or None for the plain point mass with J2 (the Earth)."""
-    known, degree = forces.with_masses(target_mass_kg, _CHASER_MASS_KG), forces.gravity_degree
+def _place_problem(craft: str, r_m: FloatArray, body: Body) -> str | None:
+    """What is wrong with where a craft is, from the centre of the body."""
+    distance = float(np.linalg.norm(r_m))
+    if not np.isfinite(distance):
+        return f"the place of {craft} is not a finite number"
+    if distance < body.radius_m:
+        return f"{craft} is below the surface of {body.title}"
+    if distance > body.reach_m:
+        return f"{craft} is {distance / 1e3:.0f} km from {body.title} and has left it,"
+    return None
+
+
+def force_model(forces: Forces, epoch: Instant, duration_s: float, body: Body) -> ForceModel | None:
+    """The forces asked for about a body, both masses among them; None for the plain point mass with J2 (the Earth)."""
+    degree = forces.gravity_degree
     if body is MOON:
-        return MoonForces(epoch=epoch, sky=EphemerisTable.of(epoch, duration_s), forces=known)
+        return MoonForces(epoch=epoch, sky=EphemerisTable.of(epoch, duration_s), forces=forces)
     if degree is None and not (forces.sun or forces.moon or forces.drag or forces.solar_pressure):
         return None
     degree = 2 if degree is None else degree
     return EarthForces(
         sky=EphemerisTable.of(epoch, duration_s),
-        forces=known,
+        forces=forces,
         harmonics=egm96(degree) if degree >= 2 else None,
     )
 

@@ -79,7 +79,9 @@ def _orbit(
         found.require_span(0.0)
         found = found(0.0)[:2]
     elif motion == "oem":
-        raise UserError(f"key orbit.motion is 'oem', but {name} has one state and no ephemeris: remove the key")
+        raise UserError(
+            f"key orbit.motion is 'oem', but {name} has one state and no ephemeris: remove the key"
+        )
     state = _state_orbit(centre, found)
     if (problem := state.problem()) is not None:
         velocity = "has a velocity that " if "v_eci" in problem[0] else ""
@@ -117,7 +119,9 @@ def chaser_ephemeris(scenario: Scenario) -> Ephemeris | None:
     epoch, centre = Instant.from_utc(scenario.epoch_utc), getattr(scenario.orbit, "centre", "earth")
     found = _orbit_file(Path(chaser.file), "chaser.file", epoch, centre, chaser.satellite)
     if isinstance(found, tuple):
-        raise UserError(f"key chaser.file is {chaser.file!r}, which has one state and no ephemeris: give an OEM")
+        raise UserError(
+            f"key chaser.file is {chaser.file!r}, which has one state and no ephemeris: give an OEM"
+        )
     found.require_span(scenario.duration_s)
     return found
 
@@ -203,6 +207,8 @@ def read_message(path: Path, key: str) -> bytes:
     try:
         return read_regular(path, MOST_BYTES)
     except OSError as error:
-        raise UserError(f"key {key} is {str(path)!r}, which cannot be read: {error.strerror or error}") from error
+        raise UserError(
+            f"key {key} is {str(path)!r}, which cannot be read: {error.strerror or error}"
+        ) from error
     except ValueError as error:  # a null in the name
         raise UserError(f"key {key} is {str(path)!r}, which is no name of a file: {error}") from error

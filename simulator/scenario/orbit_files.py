@@ -18,7 +18,13 @@ from simulator.world.messages.ndm_xml import read_ndm
 from simulator.world.messages.oem import ephemeris_of, one_object
 from simulator.world.messages.omm import read_csv_objects, read_json_objects, satellite_of
 from simulator.world.messages.state_message import OrbitParameters, is_state_message, read_fields, read_opm
-from simulator.world.messages.tle import choose_set, is_element_file, read_element_sets, sgp4_state, state_from_tle
+from simulator.world.messages.tle import (
+    choose_set,
+    is_element_file,
+    read_element_sets,
+    sgp4_state,
+    state_from_tle,
+)
 from simulator.world.orbit.propagation import Elements, state_from_elements
 from simulator.world.relative.yamanaka_ankersen import true_anomaly_after
 
@@ -87,7 +93,9 @@ def read_orbit_file(
     start = first_line(text)
     if start.startswith("CCSDS_OEM_VERS"):
         return _checked(
-            ephemeris_of(read_segments(text, where, "OEM"), where, epoch, centre=centre.upper(), satellite=satellite),
+            ephemeris_of(
+                read_segments(text, where, "OEM"), where, epoch, centre=centre.upper(), satellite=satellite
+            ),
             centre,
         )
     if start.startswith("<"):
@@ -132,10 +140,16 @@ def _text_of(data: bytes, where: str) -> str:
 
 def _one(segments: list[Segment], where: str, satellite: str | None) -> Segment:
     """The only object, or the one chosen."""
-    numbered = [s for s in segments if satellite and s.meta.get("NORAD_CAT_ID", "").lstrip("0") == satellite.lstrip("0")]
+    numbered = [
+        s
+        for s in segments
+        if satellite and s.meta.get("NORAD_CAT_ID", "").lstrip("0") == satellite.lstrip("0")
+    ]
     chosen = numbered or one_object(segments, where, satellite)
     if len(chosen) > 1:
-        raise UserError(f"{where} has {len(chosen)} sets of elements of one object: keep the one nearest to the epoch")
+        raise UserError(
+            f"{where} has {len(chosen)} sets of elements of one object: keep the one nearest to the epoch"
+        )
     return chosen[0]
 
 

@@ -54,10 +54,20 @@ class Body:
 
 
 EARTH = Body(
-    name="earth", title="the Earth", mu_m3_s2=MU_EARTH_M3_S2, radius_m=EARTH_RADIUS_M, lowest_m=100e3, reach_m=9.25e8
+    name="earth",
+    title="the Earth",
+    mu_m3_s2=MU_EARTH_M3_S2,
+    radius_m=EARTH_RADIUS_M,
+    lowest_m=100e3,
+    reach_m=9.25e8,
 )
 MOON = Body(
-    name="moon", title="the Moon", mu_m3_s2=MU_MOON_M3_S2, radius_m=MOON_RADIUS_M, lowest_m=12e3, reach_m=6.61e7
+    name="moon",
+    title="the Moon",
+    mu_m3_s2=MU_MOON_M3_S2,
+    radius_m=MOON_RADIUS_M,
+    lowest_m=12e3,
+    reach_m=6.61e7,
 )
 """Its highest mountain stands 10.8 km above its mean radius."""
 

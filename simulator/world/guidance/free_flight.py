@@ -51,7 +51,9 @@ class _BoundedFlight(Chaser, frozen=True, kw_only=True):
         n = mean_motion_rad_s(orbit.semi_major_axis_m, mu_m3_s2)
         return self._start(n, orbit.eccentricity, orbit.true_anomaly_rad)
 
-    def _start(self, n_rad_s: float, eccentricity: float, true_anomaly_rad: float) -> tuple[FloatArray, FloatArray]:
+    def _start(
+        self, n_rad_s: float, eccentricity: float, true_anomaly_rad: float
+    ) -> tuple[FloatArray, FloatArray]:
         cross_track_m, cross_phase_deg = self._swing()
         return bounded_ellipse(
             n_rad_s,
@@ -65,7 +67,9 @@ class _BoundedFlight(Chaser, frozen=True, kw_only=True):
         )
 
 
-class NaturalCircumnavigation(_BoundedFlight, tag_field="mode", tag="circumnavigation", frozen=True, kw_only=True):
+class NaturalCircumnavigation(
+    _BoundedFlight, tag_field="mode", tag="circumnavigation", frozen=True, kw_only=True
+):
     """Free flight once per orbit about the target, the 2:1 ellipse of a circular one; ``cross_phase_deg = 90`` is safe.
 
     ``radial_m`` is half the radial size; along-track it is twice that.

@@ -65,7 +65,9 @@ def refuse_unknown_key(key: str, known: Sequence[str], where: str) -> None:
     if key in known:
         return
     if key.upper() in known:
-        raise UserError(f"{where}: key {key} is not in capitals, in which CCSDS keys are: write {key.upper()}")
+        raise UserError(
+            f"{where}: key {key} is not in capitals, in which CCSDS keys are: write {key.upper()}"
+        )
     near = near_names(key.upper(), known)
     hint = f"did you mean {near[0]}?" if near else "remove it, or export the file again"
     raise UserError(f"{where}: unknown key {key[:40]!r}, {hint}")
@@ -130,9 +132,7 @@ class Segment:
             If there is no line, a time cannot be read, or a time is not later than the one before.
         """
         system = self.require_one_of("TIME_SYSTEM", TIME_SYSTEMS)
-        self.rows = [
-            row for k, row in enumerate(self.rows) if k == 0 or row[1] != self.rows[k - 1][1]
-        ]
+        self.rows = [row for k, row in enumerate(self.rows) if k == 0 or row[1] != self.rows[k - 1][1]]
         if not self.rows:
             raise UserError(f"{self.where}: a segment has no data lines: add some")
         times = _seconds_since(epoch, self.rows, system, self.where)
@@ -190,7 +190,9 @@ class Segment:
             there = len(words) - 1
             if there < count or (lengths and there not in lengths):
                 needed = " or ".join(str(n) for n in lengths or (count,))
-                raise UserError(f"{self.where}, line {line} has {there} values, {needed} finite ones are needed")
+                raise UserError(
+                    f"{self.where}, line {line} has {there} values, {needed} finite ones are needed"
+                )
             table.append([number(word, f"{self.where}, line {line}") for word in words[1 : count + 1]])
         return np.array(table)
 
@@ -236,7 +238,9 @@ def read_segments(text: str, where: str, kind: str) -> list[Segment]:
                 segments[-1].set_once(key, value, here)
         elif block != "COVARIANCE":
             if "=" in line:
-                raise UserError(f"{here}: {line[:60]!r} stands among the data: put it between META_START and META_STOP")
+                raise UserError(
+                    f"{here}: {line[:60]!r} stands among the data: put it between META_START and META_STOP"
+                )
             segments[-1].rows.append((line_number, line.split()))
     if not segments:
         raise UserError(f"{where} has no META_START block: add a segment")
@@ -257,7 +261,9 @@ def read_time(text: str, system: str, where: str) -> Instant:
             raise ValueError("it is not of the form 2026-03-21T10:00:00")
         year, month, day, hour, minute, second = fields
         # checks the fields, too
-        instant = Instant.from_utc(f"{year:04d}-{month:02d}-{day:02d}T{hour:02d}:{minute:02d}:{second:013.10f}Z")
+        instant = Instant.from_utc(
+            f"{year:04d}-{month:02d}-{day:02d}T{hour:02d}:{minute:02d}:{second:013.10f}Z"
+        )
     except ValueError as error:
         raise UserError(f"{where}: {text[:60]} is not a time: {error}") from error
     return instant if system == "UTC" else Instant(*(float(x[0]) for x in _two_part_tt([fields], system)))

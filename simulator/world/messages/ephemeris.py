@@ -127,10 +127,13 @@ class Ephemeris:
         starts = any(p.first_s <= ROUNDING_S and p.last_s >= -ROUNDING_S for p in self.pieces)
         if not starts or self.end_s < duration_s - ROUNDING_S:
             spans = " and ".join(
-                f"{self.epoch.plus(p.first_s).iso()} to {self.epoch.plus(p.last_s).iso()}" for p in self.pieces
+                f"{self.epoch.plus(p.first_s).iso()} to {self.epoch.plus(p.last_s).iso()}"
+                for p in self.pieces
             )
             asked = self.epoch.iso() + (f" to {self.epoch.plus(duration_s).iso()}" if duration_s else "")
-            raise UserError(f"{self.where} covers {spans}, not {asked}: choose an epoch and a duration within")
+            raise UserError(
+                f"{self.where} covers {spans}, not {asked}: choose an epoch and a duration within"
+            )
         for piece in self.pieces:
             t = piece.times_s
             inside = (t[1:] > ROUNDING_S) & (t[:-1] < max(duration_s - ROUNDING_S, -ROUNDING_S))

@@ -50,12 +50,18 @@ class _Reader:
             )
         if name in KINDS and len(self._path) < 2:
             if self.kind not in {"", name}:
-                raise UserError(f"{self._here}: messages of kinds {self.kind} and {name} in one file: split it")
+                raise UserError(
+                    f"{self._here}: messages of kinds {self.kind} and {name} in one file: split it"
+                )
             self.kind, self._header = name, {}
         elif self._path == ["ndm"] and name not in {"COMMENT", "MESSAGE_ID"}:
-            raise UserError(f"{self._here}: <{name[:40]}> is not read, only {', '.join(KINDS)}: take it out of the file")
+            raise UserError(
+                f"{self._here}: <{name[:40]}> is not read, only {', '.join(KINDS)}: take it out of the file"
+            )
         if len(self._path) >= _MOST_DEEP:
-            raise UserError(f"{self._here}: elements nest more than {_MOST_DEEP} deep, which no such message does")
+            raise UserError(
+                f"{self._here}: elements nest more than {_MOST_DEEP} deep, which no such message does"
+            )
         self._path.append(name)
         self._text, self._leaf = [], True
         if name == "segment":
@@ -81,7 +87,9 @@ class _Reader:
     def _end_vector(self) -> None:
         words = [self._vector[key] for key in _VECTOR if key in self._vector]
         if len(words) not in _STATE_WORDS or len(words) != len(self._vector):
-            raise UserError(f"{self._here}: a stateVector has {', '.join(self._vector)}, needed: {', '.join(_VECTOR[:7])}")
+            raise UserError(
+                f"{self._here}: a stateVector has {', '.join(self._vector)}, needed: {', '.join(_VECTOR[:7])}"
+            )
         self.segments[-1].rows.append((self.parser.CurrentLineNumber, words))
 
     def _set(self, key: str, value: str) -> None:
@@ -120,7 +128,9 @@ def read_ndm(text: str, where: str) -> tuple[str, list[Segment]]:
         If it is no XML, declares a DTD, or is another message.
     """
     if len(text) > MOST_BYTES:
-        raise UserError(f"{where} has {len(text):,} characters of XML, at most {MOST_BYTES:,} are read: make it smaller")
+        raise UserError(
+            f"{where} has {len(text):,} characters of XML, at most {MOST_BYTES:,} are read: make it smaller"
+        )
     reader = _Reader(where)
     try:
         reader.parser.Parse(text, True)  # noqa: FBT003 - the parser's own signature

@@ -16,13 +16,37 @@ from simulator.world.messages.ccsds import HEADER_KEYS, Segment, read_time, refu
 from simulator.world.messages.state_message import KEYS, value_of
 
 _CATALOGUE_KEYS = (
-    *("CCSDS_OMM_VERS", "SEMIMAJOR_AXIS", "PERIOD", "APOAPSIS", "PERIAPSIS", "OBJECT_TYPE", "RCS_SIZE", "RCSVALUE"),
-    *("COUNTRY_CODE", "LAUNCH_DATE", "SITE", "DECAY_DATE", "DECAYED", "FILE", "GP_ID", "TLE_LINE0", "TLE_LINE1"),
+    *(
+        "CCSDS_OMM_VERS",
+        "SEMIMAJOR_AXIS",
+        "PERIOD",
+        "APOAPSIS",
+        "PERIAPSIS",
+        "OBJECT_TYPE",
+        "RCS_SIZE",
+        "RCSVALUE",
+    ),
+    *(
+        "COUNTRY_CODE",
+        "LAUNCH_DATE",
+        "SITE",
+        "DECAY_DATE",
+        "DECAYED",
+        "FILE",
+        "GP_ID",
+        "TLE_LINE0",
+        "TLE_LINE1",
+    ),
     *("TLE_LINE2", "ORIGINATOR", "CREATION_DATE", "COMMENT"),
 )
 """What catalogues on the web add to the keys of the standard."""
 _THEORIES = ("SGP4", "SGP/SGP4", "SGP")
-_FIXED = {"CENTER_NAME": ("EARTH",), "REF_FRAME": ("TEME",), "TIME_SYSTEM": ("UTC",), "MEAN_ELEMENT_THEORY": _THEORIES}
+_FIXED = {
+    "CENTER_NAME": ("EARTH",),
+    "REF_FRAME": ("TEME",),
+    "TIME_SYSTEM": ("UTC",),
+    "MEAN_ELEMENT_THEORY": _THEORIES,
+}
 _MINUTES_A_DAY = 1440.0
 MOST_CHARACTERS = 30_000_000
 """Of JSON or CSV, which take many times as much memory: twice the whole catalogue."""
@@ -60,7 +84,9 @@ def read_csv_objects(text: str, where: str) -> list[Segment]:
     except csv.Error as error:
         raise UserError(f"{where} is no table of mean elements: {error}: download it again") from error
     if not found or any(None in row or None in row.values() for row in found):
-        raise UserError(f"{where} has no elements, or a line with more or fewer columns than the first: download it again")
+        raise UserError(
+            f"{where} has no elements, or a line with more or fewer columns than the first: download it again"
+        )
     return [_segment(row, where) for row in found]
 
 
@@ -104,7 +130,14 @@ def satellite_of(segment: Segment) -> Satrec:
         )
     epoch = read_time(segment.require("EPOCH"), "UTC", f"{segment.where}: EPOCH")
     utc1, utc2 = epoch.utc
-    keys = ("ECCENTRICITY", "ARG_OF_PERICENTER", "INCLINATION", "MEAN_ANOMALY", "RA_OF_ASC_NODE", "MEAN_MOTION")
+    keys = (
+        "ECCENTRICITY",
+        "ARG_OF_PERICENTER",
+        "INCLINATION",
+        "MEAN_ANOMALY",
+        "RA_OF_ASC_NODE",
+        "MEAN_MOTION",
+    )
     e, argp, i, anomaly, node, motion = (value_of(segment, key) for key in keys)
     if not (0 <= e < 1 and 0 < motion < 20):
         raise UserError(

@@ -33,7 +33,15 @@ COVARIANCE = (
     *(f"C{a}_{b}" for k, a in enumerate(_AXES) for b in _AXES[: k + 1]),
 )
 _MANOEUVRE = (
-    *("MAN_EPOCH_IGNITION", "MAN_DURATION", "MAN_DELTA_MASS", "MAN_REF_FRAME", "MAN_DV_1", "MAN_DV_2", "MAN_DV_3"),
+    *(
+        "MAN_EPOCH_IGNITION",
+        "MAN_DURATION",
+        "MAN_DELTA_MASS",
+        "MAN_REF_FRAME",
+        "MAN_DV_1",
+        "MAN_DV_2",
+        "MAN_DV_3",
+    ),
 )
 KEYS = {
     "OPM": (*_OBJECT, *_AXES, *_ELEMENTS, "TRUE_ANOMALY", "MEAN_ANOMALY", "GM", *_CRAFT),
@@ -48,7 +56,9 @@ _UNIT = re.compile(r"(.*?)\s*\[([^\]]*)\]")
 _UNITS = {
     **dict.fromkeys((*_AXES[:3], "SEMI_MAJOR_AXIS"), "km"),
     **dict.fromkeys(_AXES[3:], "km/s"),
-    **dict.fromkeys(("INCLINATION", "RA_OF_ASC_NODE", "ARG_OF_PERICENTER", "TRUE_ANOMALY", "MEAN_ANOMALY"), "deg"),
+    **dict.fromkeys(
+        ("INCLINATION", "RA_OF_ASC_NODE", "ARG_OF_PERICENTER", "TRUE_ANOMALY", "MEAN_ANOMALY"), "deg"
+    ),
     "GM": "km**3/s**2",
     "MEAN_MOTION": "rev/day",
 }
@@ -141,7 +151,9 @@ def read_opm(segment: Segment) -> OrbitParameters:
     if "SEMI_MAJOR_AXIS" in segment.meta:
         a_km, e, *angles = (value_of(segment, key) for key in _ELEMENTS)
         if not (a_km > 0 and 0 <= e < 1):
-            raise UserError(f"{where}: SEMI_MAJOR_AXIS is {a_km:g} and ECCENTRICITY {e:g}, allowed: a closed orbit")
+            raise UserError(
+                f"{where}: SEMI_MAJOR_AXIS is {a_km:g} and ECCENTRICITY {e:g}, allowed: a closed orbit"
+            )
         mean = "MEAN_ANOMALY" in segment.meta
         anomaly = value_of(segment, "MEAN_ANOMALY" if mean else "TRUE_ANOMALY")
         elements = (
@@ -161,7 +173,10 @@ def read_opm(segment: Segment) -> OrbitParameters:
             for what, there in (
                 ("manoeuvres (write them as [[burns]])", bool(segment.rows)),
                 ("a covariance", any(key in segment.meta for key in COVARIANCE)),
-                ("mass and areas (write them as [forces.target])", any(key in segment.meta for key in _CRAFT)),
+                (
+                    "mass and areas (write them as [forces.target])",
+                    any(key in segment.meta for key in _CRAFT),
+                ),
             )
             if there
         ),

@@ -74,7 +74,9 @@ def sgp4_state(satellite: Satrec, epoch: Instant, what: str) -> tuple[FloatArray
         )
     error, r_km, v_km_s = satellite.sgp4(utc1, utc2)
     if error:
-        raise UserError(f"SGP4 cannot carry {what} to the epoch: {SGP4_ERRORS[error]}: take a set nearer to it")
+        raise UserError(
+            f"SGP4 cannot carry {what} to the epoch: {SGP4_ERRORS[error]}: take a set nearer to it"
+        )
     problem = EARTH.distance_problem(float(np.linalg.norm(r_km)) * 1e3)
     if problem or not np.isfinite(v_km_s).all():
         raise UserError(
@@ -118,10 +120,14 @@ def read_element_sets(text: str, where: str) -> list[ElementSet]:
         if first and digit != "2":
             raise UserError(f"{here}: line 2 of the two-line elements is missing: copy the set again")
         if digit == "2" and not first:
-            raise UserError(f"{here}: line 1 of the two-line elements is missing before it: copy the set again")
+            raise UserError(
+                f"{here}: line 1 of the two-line elements is missing before it: copy the set again"
+            )
         if not digit:
             if name:
-                raise UserError(f"{here}: {name[:30]!r} has no two lines after it, is this a file of two-line elements?")
+                raise UserError(
+                    f"{here}: {name[:30]!r} has no two lines after it, is this a file of two-line elements?"
+                )
             name = line.removeprefix("0 ").strip()
             continue
         try:
