@@ -95,9 +95,7 @@ class _Reader:
     def _set(self, key: str, value: str) -> None:
         if "header" in self._path:
             refuse_unknown_key(key, HEADER_KEYS, self._here)
-        elif not self.segments or key.startswith("USER_DEFINED"):
-            return
-        elif "covarianceMatrix" in self._path and self.kind == "oem":
+        elif not self.segments or key.startswith("USER_DEFINED") or ("covarianceMatrix" in self._path and self.kind == "oem"):
             return
         elif "stateVector" in self._path and self.kind == "oem":
             refuse_unknown_key(key, _VECTOR, self._here)
@@ -133,7 +131,7 @@ def read_ndm(text: str, where: str) -> tuple[str, list[Segment]]:
         )
     reader = _Reader(where)
     try:
-        reader.parser.Parse(text, True)  # noqa: FBT003 - the parser's own signature
+        reader.parser.Parse(text, True)
     except expat.ExpatError as error:
         raise UserError(f"{where} is not well-formed XML: {error}: export it again") from error
     if not reader.segments:

@@ -116,7 +116,7 @@ def _interpolation(segment: Segment) -> tuple[str, int]:
     text = segment.require("INTERPOLATION_DEGREE")
     degree = int(text) if text.isascii() and text.isdigit() and len(text) < 4 else 0
     lines = degree // 2 + 1 if method == "HERMITE" else degree + 1
-    if not 1 <= degree or lines > _MOST_LINES:
+    if not degree >= 1 or lines > _MOST_LINES:
         most = 2 * _MOST_LINES - 1 if method == "HERMITE" else _MOST_LINES - 1
         raise UserError(f"{segment.where}: INTERPOLATION_DEGREE is {text[:20]}, allowed: 1 to {most}")
     return method, max(lines, 2)
