@@ -37,7 +37,13 @@ def write_error(path: Path, error: OSError, remedy: str = "choose a folder you m
     return UserError(f"cannot write {path}: {error.strerror or error}; {remedy}")
 
 
-_LIMITS = ("cannot allocate memory", "out of memory", "bad_alloc", "can't start new thread", "failed to map segment")
+_LIMITS = (
+    "cannot allocate memory",
+    "out of memory",
+    "bad_alloc",
+    "can't start new thread",
+    "failed to map segment",
+)
 """What libraries say under a limit of memory or threads, by errors of other kinds."""
 
 

@@ -93,8 +93,8 @@ def decode_text(data: bytes, where: str) -> str:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise UserError(
-            f"{where}, line {line}: byte 0x{data[error.start]:02x} is not UTF-8, the file may be Latin-1 or Windows-1252: "
-            "save it as UTF-8"
+            f"{where}, line {line}: byte 0x{data[error.start]:02x} is not UTF-8, the file may be Latin-1 or "
+            "Windows-1252: save it as UTF-8"
         ) from error
 
 

@@ -13,6 +13,5 @@ _VALUE = re.compile(r"(?<=[?&#;])(?!(?:baud|rtscts|datagram)=)([^=&;#]*)=[^&;#]*
 
 def without_secrets(text: str) -> str:
     """Return a URL, or a sentence with URLs in it, without user names, passwords and the values of queries."""
-
     hidden = _USER.sub("***@", text)
     return _QUERY.sub(lambda match: match[1] + _VALUE.sub(r"\1=***", match[2]), hidden)

@@ -53,7 +53,8 @@ def check_physics(scenario: Scenario, where: str) -> None:
         if o.highest_m > body.reach_m:
             raise UserError(
                 f"{where}: key orbit.eccentricity is {o.eccentricity:g}, which puts the orbit's highest point at "
-                f"{o.highest_m / 1e3:.0f} km from the centre of {body.title}, allowed: at most {body.reach_m / 1e3:.0f} km"
+                f"{o.highest_m / 1e3:.0f} km from the centre of {body.title}, allowed: at most "
+                f"{body.reach_m / 1e3:.0f} km"
             )
     elif (problem := o.problem()) is not None:
         raise UserError(f"{where}: {problem[0]} {problem[1]}")
@@ -190,8 +191,8 @@ def _check_followed(scenario: Scenario, where: str) -> None:
         for name in ("thrusters", "keep_out"):
             if getattr(chaser, name) is not None:
                 raise UserError(
-                    f"{where}: a chaser of mode oem follows its file, and section [chaser.{name}] has no part in that: "
-                    "remove the section"
+                    f"{where}: a chaser of mode oem follows its file, and section [chaser.{name}] has no part in "
+                    "that: remove the section"
                 )
     followed = {"target": isinstance(scenario.orbit, OemOrbit), "chaser": isinstance(chaser, FollowedChaser)}
     for k, burn in enumerate(scenario.burns):

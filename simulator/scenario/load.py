@@ -135,8 +135,8 @@ def _with_one_mass(scenario: Scenario, raw: dict[str, Any], where: str) -> Scena
         return scenario
     if "mass_kg" in raw["chaser"].get("thrusters", {}):
         raise UserError(
-            f"{where}: key chaser.thrusters.mass_kg is {thrusters.mass_kg:g} and forces.chaser.mass_kg {mass_kg:g}, allowed: "
-            "one mass of the chaser: remove one of them"
+            f"{where}: key chaser.thrusters.mass_kg is {thrusters.mass_kg:g} and forces.chaser.mass_kg {mass_kg:g}, "
+            "allowed: one mass of the chaser: remove one of them"
         )
     weighed = msgspec.structs.replace(thrusters, mass_kg=mass_kg)
     chaser = msgspec.structs.replace(scenario.chaser, thrusters=weighed)

@@ -126,6 +126,16 @@ def chaser_ephemeris(scenario: Scenario) -> Ephemeris | None:
     return found
 
 
+def followed_words(scenario: Scenario) -> list[str]:
+    """What each craft of a loaded scenario that follows a file does, as sentences."""
+    found = {"target": target_ephemeris(scenario), "chaser": chaser_ephemeris(scenario)}
+    return [
+        f"{craft}: follows {Path(e.where).name} between its lines, {e.interpolation}"
+        for craft, e in found.items()
+        if e is not None
+    ]
+
+
 def known_orbit(scenario: Scenario) -> KnownOrbit:
     """The target's orbit at the epoch, whose TLE or message has been read.
 

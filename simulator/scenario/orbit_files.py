@@ -175,16 +175,16 @@ def _opm_state(segment: Segment, epoch: Instant, centre: BodyName) -> State:
         raise UserError(f"{where}: CENTER_NAME is {opm.centre}, allowed: {centre.upper()} (orbit.centre)")
     if abs(opm.epoch.minus(epoch)) > ROUNDING_S:
         raise UserError(
-            f"{where} has the state of {opm.epoch.iso()}, and the scenario starts at {epoch.iso()}: set epoch_utc to the "
-            "state's, or give an OEM"
+            f"{where} has the state of {opm.epoch.iso()}, and the scenario starts at {epoch.iso()}: set epoch_utc to "
+            "the state's, or give an OEM"
         )
     r, v = opm.state or _state_of_elements(opm, body.mu_m3_s2)
     if opm.state is not None and opm.elements is not None:
         other = _state_of_elements(opm, body.mu_m3_s2)[0]
         if float(np.linalg.norm(other - r)) > _SAME_ORBIT * float(np.linalg.norm(r)):
             raise UserError(
-                f"{where}: the Keplerian elements put the craft {np.linalg.norm(other - r) / 1e3:.0f} km from X, Y, Z: remove "
-                "those that are wrong"
+                f"{where}: the Keplerian elements put the craft {np.linalg.norm(other - r) / 1e3:.0f} km from X, Y, Z: "
+                "remove those that are wrong"
             )
     if opm.unused:
         log.warning("%s has %s: not used", where, ", ".join(opm.unused))
@@ -192,7 +192,7 @@ def _opm_state(segment: Segment, epoch: Instant, centre: BodyName) -> State:
 
 
 def _state_of_elements(opm: OrbitParameters, mu_m3_s2: float) -> State:
-    assert opm.elements is not None
+    assert opm.elements is not None  # noqa: S101 - an OPM has one of the two
     (a, e, i, node, argp, anomaly), mean, gm = opm.elements
     mu = gm or mu_m3_s2
     orbit = Elements(

@@ -94,7 +94,9 @@ class UrlStore:
         try:
             size = self._fs.size(self._path(name))
             if size is not None and size > most_bytes:
-                raise UserError(f"{self._title}/{name} has {size:,} bytes and at most {most_bytes:,} are read")
+                raise UserError(
+                    f"{self._title}/{name} has {size:,} bytes and at most {most_bytes:,} are read"
+                )
             data: bytes = self._fs.cat_file(self._path(name))
         except OSError:
             raise

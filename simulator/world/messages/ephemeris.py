@@ -101,7 +101,7 @@ class Ephemeris:
     pieces: Sequence[Piece]
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position [m], velocity [m s-1] and acceleration [m s-2]; where a segment begins it holds, not the one before."""
+        """Position [m], velocity [m s-1] and acceleration [m s-2]; a segment holds from its first moment on."""
         begun = [p for p in self.pieces if p.first_s <= t_s]
         # of those that overlap the later one; in a gap, and before and after all, the nearest edge counts for rounding
         piece = next((p for p in reversed(begun) if t_s <= p.last_s), begun[-1] if begun else self.pieces[0])

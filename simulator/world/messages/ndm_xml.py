@@ -76,7 +76,7 @@ class _Reader:
         if self._leaf and sum(map(len, self._text)) < _MOST_TEXT:
             self._text.append(text)
 
-    def _end(self, tag: str) -> None:
+    def _end(self, _: str) -> None:
         name = self._path.pop()
         if name == "stateVector" and self.kind == "oem":
             self._end_vector()
@@ -87,15 +87,18 @@ class _Reader:
     def _end_vector(self) -> None:
         words = [self._vector[key] for key in _VECTOR if key in self._vector]
         if len(words) not in _STATE_WORDS or len(words) != len(self._vector):
-            raise UserError(
-                f"{self._here}: a stateVector has {', '.join(self._vector)}, needed: {', '.join(_VECTOR[:7])}"
-            )
+            there, needed = ", ".join(self._vector), ", ".join(_VECTOR[:7])
+            raise UserError(f"{self._here}: a stateVector has {there}, needed: {needed}")
         self.segments[-1].rows.append((self.parser.CurrentLineNumber, words))
 
     def _set(self, key: str, value: str) -> None:
         if "header" in self._path:
             refuse_unknown_key(key, HEADER_KEYS, self._here)
-        elif not self.segments or key.startswith("USER_DEFINED") or ("covarianceMatrix" in self._path and self.kind == "oem"):
+        elif (
+            not self.segments
+            or key.startswith("USER_DEFINED")
+            or ("covarianceMatrix" in self._path and self.kind == "oem")
+        ):
             return
         elif "stateVector" in self._path and self.kind == "oem":
             refuse_unknown_key(key, _VECTOR, self._here)

@@ -1,8 +1,9 @@
-"""Craft that follow ephemerides of files: the target's track, and a chaser beside it in free flight or by its own file."""
+"""Craft that follow ephemerides: the target's track, and a chaser beside it in free flight or by its own file."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -72,7 +73,8 @@ class CraftPair:
 
     Parameters
     ----------
-    target : [r, v, ...]. chaser : [r, v] from the same centre; or None. apart : [..., rho, rho'] of a chaser in free flight.
+    target : [r, v, ...]. chaser : [r, v] from the same centre; or None.
+    apart : [..., rho, rho'] of a chaser in free flight.
     """
 
     target: Solution
@@ -163,15 +165,24 @@ def refuse_thrust(target: FollowedCraft, duration_s: float, forces: ForceModel) 
         If there is one.
     """
     edges = np.linspace(0.0, min(duration_s, target.end_s), max(int(duration_s / _LOOK_EVERY_S) + 1, 2))
-    # just before and after what may jump
-    for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        start, middle, end = (target(t) for t in (a, (a + b) / 2, b))
-        pulls = [forces.target(t, y[:3], y[3:]) for t, y in ((a, start), ((a + b) / 2, middle), (b, end))]
-        given = end[3:] - start[3:] - (b - a) / 6 * (pulls[0] + 4 * pulls[1] + pulls[2])
-        size = float(np.linalg.norm(given))
+    for a, b in pairwise(edges.tolist()):
+        times = (a, (a + b) / 2, b)
+        states = [target(t) for t in times]
+        pulls = np.array(
+            [
+                # a file of a textbook's point mass is no burning one either
+                (forces.target(t, y[:3], y[3:]), -forces.mu_m3_s2 * y[:3] / np.linalg.norm(y[:3]) ** 3)
+                for t, y in zip(times, states, strict=True)
+            ]
+        )
+        given = (
+            states[2][3:] - states[0][3:] - (b - a) / 6 * np.array([1.0, 4.0, 1.0]) @ pulls.transpose(1, 0, 2)
+        )
+        size = float(np.linalg.norm(given, axis=1).min())
         if size > _THRUST_M_S2 * (b - a):
             raise UserError(
                 f"{target.ephemeris.where} changes the target's velocity by {size:.3g} m/s beside gravity between {a:.0f} "
                 f"and {b:.0f} s, and a chaser in free flight or under thrusters is not flown beside a burning target: "
-                'give orbit.motion = "propagate" with [[burns]], or the chaser its own file by mode "oem"'
+                'give orbit.motion = "propagate" with [[burns]], the chaser its own file by mode "oem", or the forces that '
+                "the file was made with"
             )
