@@ -50,14 +50,15 @@ _LIMITS = (
 def machine_sentence(error: BaseException) -> str | None:
     """One sentence for what the machine or the system refused, where nothing nearer to it made one; None for a bug."""
     words = " ".join(str(error).split())
-    if isinstance(error, ImportError) or any(mark in words.lower() for mark in _LIMITS):
-        if isinstance(error, ImportError) and not any(mark in words.lower() for mark in _LIMITS):
-            return f"a part of the installation cannot be loaded: {words}; install it, or raise the limits of this shell"
-        if not isinstance(error, MemoryError):
-            return f"the machine's limits are reached: {words}; raise them (ulimit -v, -u) or ask for fewer workers"
     if isinstance(error, MemoryError):
-        detail = f" ({error})" if str(error) else ""
+        detail = f" ({words})" if words else ""
         return f"not enough memory{detail}; close other programs, or ask for fewer workers or a smaller image or mesh"
+    if any(mark in words.lower() for mark in _LIMITS):
+        return (
+            f"the machine's limits are reached: {words}; raise them (ulimit -v, -u) or ask for fewer workers"
+        )
+    if isinstance(error, ImportError):
+        return f"a part of the installation cannot be loaded: {words}; install it again, or raise this shell's limits"
     if isinstance(error, RecursionError):
         return "something given nests too deep to be read; look at the file for brackets within brackets"
     if not isinstance(error, OSError):

@@ -198,7 +198,8 @@ def _check_followed(scenario: Scenario, where: str) -> None:
     for k, burn in enumerate(scenario.burns):
         if followed[burn.craft]:
             raise UserError(
-                f"{where}: key burns[{k}] is of the {burn.craft}, which follows an OEM with its burns in it: remove the "
+                f"{where}: key burns[{k}] is of the {burn.craft}, which follows an OEM with its burns in "
+                "it: remove the "
                 'burn, or set orbit.motion = "propagate"'
             )
 

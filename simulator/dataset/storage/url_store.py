@@ -40,7 +40,8 @@ class UrlStore:
             from fsspec.core import url_to_fs  # noqa: PLC0415 - an extra: a folder needs none of it
         except ImportError as error:
             raise UserError(
-                f"output {without_secrets(url)} needs fsspec; run: pip install 'flyaround[stores]', or name a folder with -o"
+                f"output {without_secrets(url)} needs fsspec; run: pip install 'flyaround[stores]', or "
+                "name a folder with -o"
             ) from error
         self._title = without_secrets(url.rstrip("/"))
         self._ends: dict[str, tuple[bytearray, float]] = {}
@@ -50,7 +51,8 @@ class UrlStore:
                 self._fs, self._root = url_to_fs(url.rstrip("/"))
             except ImportError as error:
                 raise UserError(
-                    f"output {self._title} needs a package that is missing: {error}; install it, or name a folder with -o"
+                    f"output {self._title} needs a package that is missing: {error}; install it, or name a "
+                    "folder with -o"
                 ) from error
             except ValueError as error:
                 raise UserError(

@@ -126,7 +126,8 @@ def satellite_of(segment: Segment) -> Satrec:
             segment.require_one_of(key, allowed)
     if float(segment.meta.get("EPHEMERIS_TYPE", "0") or 0) not in {0.0, 2.0}:
         raise UserError(
-            f"{segment.where}: EPHEMERIS_TYPE is {segment.meta['EPHEMERIS_TYPE'][:20]}, allowed: 0 or 2, which are for SGP4"
+            f"{segment.where}: EPHEMERIS_TYPE is {segment.meta['EPHEMERIS_TYPE'][:20]}, allowed: 0 or "
+            "2, which are for SGP4"
         )
     epoch = read_time(segment.require("EPOCH"), "UTC", f"{segment.where}: EPOCH")
     utc1, utc2 = epoch.utc

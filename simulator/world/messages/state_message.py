@@ -115,7 +115,7 @@ class OrbitParameters:
     Parameters
     ----------
     frame : of its values. epoch : of the state. r_m, v_m_s : (3,) or None where there are elements alone.
-    elements : SEMI_MAJOR_AXIS [m], ECCENTRICITY, INCLINATION, RA_OF_ASC_NODE, ARG_OF_PERICENTER [rad], the anomaly [rad]
+    elements : SEMI_MAJOR_AXIS [m], ECCENTRICITY, INCLINATION, RA_OF_ASC_NODE, ARG_OF_PERICENTER, anomaly [rad]
         and whether it is the mean one, gravitational parameter [m3 s-2]; None where there are none.
     unused : what else the message has. frozen : moment at which a frame of date is held, or the epoch.
     """

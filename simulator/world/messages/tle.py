@@ -80,7 +80,8 @@ def sgp4_state(satellite: Satrec, epoch: Instant, what: str) -> tuple[FloatArray
     problem = EARTH.distance_problem(float(np.linalg.norm(r_km)) * 1e3)
     if problem or not np.isfinite(v_km_s).all():
         raise UserError(
-            f"SGP4 carries {what} over {abs(days):.1f} days to a place that {problem or 'is no number'}: take a set nearer "
+            f"SGP4 carries {what} over {abs(days):.1f} days to a place that "
+            f"{problem or 'is no number'}: take a set nearer "
             "to the epoch"
         )
     R = R_eci_from_teme(epoch)

@@ -115,7 +115,8 @@ def integrate(
     )
     if not result.success or result.sol is None:
         raise UserError(
-            f"the motion cannot be integrated beyond {result.t[-1]:.0f} s after the start, as in a fall into a body's centre: "
+            f"the motion cannot be integrated beyond {result.t[-1]:.0f} s after the start, as in a "
+            "fall into a body's centre: "
             "shorten duration_s, or change the burns or the orbit"
         )
     steps: list[Any] = list(result.sol.interpolants)

@@ -181,8 +181,10 @@ def refuse_thrust(target: FollowedCraft, duration_s: float, forces: ForceModel) 
         size = float(np.linalg.norm(given, axis=1).min())
         if size > _THRUST_M_S2 * (b - a):
             raise UserError(
-                f"{target.ephemeris.where} changes the target's velocity by {size:.3g} m/s beside gravity between {a:.0f} "
+                f"{target.ephemeris.where} changes the target's velocity by {size:.3g} m/s beside gravity "
+                f"between {a:.0f} "
                 f"and {b:.0f} s, and a chaser in free flight or under thrusters is not flown beside a burning target: "
-                'give orbit.motion = "propagate" with [[burns]], the chaser its own file by mode "oem", or the forces that '
+                'give orbit.motion = "propagate" with [[burns]], the chaser its own file by mode "oem", or the forces '
+                "that "
                 "the file was made with"
             )

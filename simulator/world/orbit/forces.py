@@ -233,7 +233,8 @@ class EarthForces:
             altitude_m = geodetic_altitude_m(r, float(pole @ r))
             if altitude_m < _BREAK_UP_M:
                 raise UserError(
-                    f"the air has brought a craft down to {_BREAK_UP_M / 1e3:.0f} km {t_s:.0f} s after the start, where it "
+                    f"the air has brought a craft down to {_BREAK_UP_M / 1e3:.0f} km {t_s:.0f} s after the "
+                    "start, where it "
                     "breaks up: shorten duration_s, or start higher"
                 )
             rho = density_kg_m3(altitude_m)

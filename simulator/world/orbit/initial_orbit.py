@@ -86,7 +86,8 @@ class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=Tr
         # also not a number
         if not speed < escape:
             return "key orbit.v_eci_km_s", (
-                f"is {speed / 1e3:.3f} km/s fast, allowed: less than the {escape / 1e3:.3f} km/s that leave {body.title}"
+                f"is {speed / 1e3:.3f} km/s fast, allowed: less than the {escape / 1e3:.3f} km/s that "
+                f"leave {body.title}"
             )
         if float(np.linalg.norm(np.cross(r, v))) < _LEAST_SINE * radius * escape:
             return "key orbit.v_eci_km_s", "points along orbit.r_eci_km, allowed: an orbit, not a fall"
@@ -103,7 +104,7 @@ class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=Tr
 class TleOrbit(Section, tag_field="kind", tag="tle", frozen=True, kw_only=True):
     """Two-line elements, carried by SGP4 to the scenario's epoch; from there the forces move the target.
 
-    Two lines, or a ``file`` of them (a path from the scenario's folder); of several the ``satellite`` by name or number.
+    Two lines, or a ``file`` of them (a path from the scenario's folder); of several sets the ``satellite`` named.
     """
 
     line1: str | None = None

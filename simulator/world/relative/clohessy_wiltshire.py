@@ -54,9 +54,9 @@ def bounded_ellipse(
     """LVLH state on a relative orbit that closes after a revolution of the target.
 
     On a circular orbit it is the 2:1 ellipse ``x = a cos p``, ``y = y0 - 2 a sin p``, ``z = b cos(p + q)``. On an
-    eccentric one ``p`` advances with the true anomaly and, with ``rho = 1 + e cos(nu)``, ``y = (y0 - (1 + rho) a sin p) / rho``
-    and ``z = (1 + e) / rho b cos(p + q)``: the solution of the linear equations whose secular term is zero, which is the
-    condition of equal energies to first order.
+    eccentric one ``p`` advances with the true anomaly ``nu`` and, with ``rho = 1 + e cos(nu)``,
+    ``y = (y0 - (1 + rho) a sin p) / rho`` and ``z = (1 + e) / rho b cos(p + q)``: the solution of the linear equations
+    whose secular term is zero, which is the condition of equal energies to first order.
 
     With the cross-track swing a quarter turn from the radial one (``q = pi / 2`` or ``-pi / 2``) the chaser
     never crosses the target's along-track axis, so that a drift along it does no harm: a safe ellipse.
@@ -68,8 +68,9 @@ def bounded_ellipse(
     References
     ----------
     D'Amico & Montenbruck (2006), Proximity operations of formation-flying spacecraft using an
-    eccentricity/inclination vector separation, J. Guidance 29(3). Yamanaka & Ankersen (2002), New state transition matrix
-    for relative motion on an arbitrary elliptical orbit, J. Guidance 25(1): the in-plane solution without its integral J.
+    eccentricity/inclination vector separation, J. Guidance 29(3). Yamanaka & Ankersen (2002), New state transition
+    matrix for relative motion on an arbitrary elliptical orbit, J. Guidance 25(1): the in-plane solution without its
+    integral J.
     """
     e, p, pq = eccentricity, phase_rad, phase_rad + cross_phase_rad
     a, b, y0 = radial_m, cross_track_m * (1 + e), centre_along_track_m

@@ -70,7 +70,8 @@ def oem(times_s: np.ndarray, *, meta: str = "", frame: str = "GCRF", states: np.
     return (
         "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2026-01-01T00:00:00\nORIGINATOR = TEST\n"
         f"META_START\nOBJECT_NAME = A\nOBJECT_ID = 2026-001A\nCENTER_NAME = EARTH\nREF_FRAME = {frame}\n"
-        f"TIME_SYSTEM = UTC\nSTART_TIME = 2026-01-01T00:00:00\nSTOP_TIME = 2026-12-01T00:00:00\n{meta}META_STOP\n{rows}\n"
+        f"TIME_SYSTEM = UTC\nSTART_TIME = 2026-01-01T00:00:00\nSTOP_TIME = "
+        f"2026-12-01T00:00:00\n{meta}META_STOP\n{rows}\n"
     )
 
 
@@ -374,7 +375,8 @@ def test_mean_elements_are_the_same_in_every_form() -> None:
     whole = {**fixed, **OMM}
     kvn = "CCSDS_OMM_VERS = 2.0\nORIGINATOR = X\n" + "\n".join(f"{k} = {v}" for k, v in whole.items())
     tags = "".join(f"<{k}>{v}</{k}>" for k, v in whole.items())
-    xml = f'<ndm><omm id="CCSDS_OMM_VERS" version="2.0"><header/><body><segment><data>{tags}</data></segment></body></omm></ndm>'
+    body = f"<body><segment><data>{tags}</data></segment></body>"
+    xml = f'<ndm><omm id="CCSDS_OMM_VERS" version="2.0"><header/>{body}</omm></ndm>'
     table = ",".join(OMM) + "\n" + ",".join(OMM.values()) + "\n"
     json_text = "[{" + ",".join(f'"{k}":"{v}"' for k, v in OMM.items()) + ',"GP_ID":"1","DECAY_DATE":null}]'
     forms = [read_orbit_file(t.encode(), "a", TLE_EPOCH) for t in (kvn, xml, table, json_text)]
