@@ -65,6 +65,7 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
         os.close(handle)
 
 
+_TAB = 9
 _FOREIGN_TEXT = (
     (b"\xff\xfe\x00\x00", "UTF-32"),
     (b"\x00\x00\xfe\xff", "UTF-32"),
@@ -83,9 +84,10 @@ def decode_text(data: bytes, where: str) -> str:
     """
     encoding = next((name for mark, name in _FOREIGN_TEXT if data.startswith(mark)), None)
     if encoding is None and b"\0" in data:
-        # every second byte of English text in UTF-16 is zero
-        half = data[:200].count(0) > min(len(data), 200) / 3
-        encoding = "UTF-16 without its mark" if half else "a binary file"
+        # every second byte of English text in UTF-16 is zero, and the others are letters
+        halves = (data[:200:2], data[1:200:2])
+        is_text = any(not any(a) and all(c >= _TAB for c in b) for a, b in (halves, halves[::-1]))
+        encoding = "UTF-16 without its mark" if is_text else "a binary file"
     if encoding is not None:
         raise UserError(f"{where} is {encoding}, not UTF-8 text: save it as UTF-8")
     try:

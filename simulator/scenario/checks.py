@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.scenario.messages import known_orbit
+from simulator.scenario.messages import chaser_ephemeris, known_orbit
 from simulator.world.attitude.rigid_body import check_inertia
 from simulator.world.ephemeris.bodies import MOON
 from simulator.world.flight.recording import Replay
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 _MOST_PHASE = 0.5
 """Bandwidth times period of the wheels' control above which holding the torque makes it swing."""
+_FARTHEST_M = 1e6
+"""As far as other modes of a chaser may start."""
 _PARALLEL = 1e-3
 """Sine of the angle between two axes below which they are taken for one."""
 
@@ -194,6 +196,14 @@ def _check_followed(scenario: Scenario, where: str) -> None:
                     f"{where}: a chaser of mode oem follows its file, and section [chaser.{name}] has no part in "
                     "that: remove the section"
                 )
+        ephemeris = chaser_ephemeris(scenario)
+        assert ephemeris is not None  # noqa: S101 - of this mode it is there
+        away = float(np.linalg.norm(ephemeris(0.0)[0] - known_orbit(scenario).state()[0]))
+        if not chaser.minimum_start_range_m <= away <= _FARTHEST_M:
+            raise UserError(
+                f"{where}: {chaser.file} starts {away:.4g} m from the target, allowed: "
+                f"{chaser.minimum_start_range_m:g} (key chaser.minimum_start_range_m) to {_FARTHEST_M:g} m: is it the other craft's file?"
+            )
     followed = {"target": isinstance(scenario.orbit, OemOrbit), "chaser": isinstance(chaser, FollowedChaser)}
     for k, burn in enumerate(scenario.burns):
         if followed[burn.craft]:

@@ -60,6 +60,7 @@ _TEXT = (
     ("<!DOCTYPE", "a web page or XML with a DTD", "download the file itself"),
     ("<html", "a web page", "download the file itself"),
     ("DAFETF NAIF", "an SPK kernel in transfer form (.xsp)", "write an OEM of it with SPICE's spk2oem"),
+    ("<> ", "a vector covariance message (VCM)", "convert it to a CCSDS OEM or OPM"),
     ("*****", "Horizons' text", "set its format to OEM, or write an OEM of its vectors"),
     ("API VERSION", "Horizons' text", "write a CCSDS OEM of its vectors"),
 )
@@ -67,7 +68,6 @@ _WITHIN = (
     ("$$SOE", "Horizons' text", "write a CCSDS OEM of its vectors"),
     ("BEGIN Ephemeris", "an STK ephemeris (.e)", "export it as a CCSDS OEM"),
     ("RINEX VERSION", "a RINEX file", "convert it to a CCSDS OEM"),
-    ("<> V/COV MSG", "a vector covariance message (VCM)", "convert it to a CCSDS OEM or OPM"),
 )
 _SAME_ORBIT = 0.01
 """Share of the distance by which a state and elements of one orbit may differ, rounded as they are."""

@@ -26,6 +26,7 @@ _AROUND = 5
 _TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?Z?")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 HEADER_KEYS = ("CREATION_DATE", "ORIGINATOR", "CLASSIFICATION", "MESSAGE_ID", "COMMENT")
+VERSIONS = ("1.0", "2.0", "3.0")
 _META_KEYS = (
     *("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME"),
     *("USEABLE_START_TIME", "USEABLE_STOP_TIME", "INTERPOLATION_DEGREE"),
@@ -222,6 +223,8 @@ def read_segments(text: str, where: str, kind: str) -> list[Segment]:
         if not line or line.startswith("COMMENT"):
             continue
         if line == "META_START":
+            if block == "META":
+                raise UserError(f"{here}: META_START stands in a metadata block: close that by META_STOP")
             segments.append(Segment(where))
             block = "META"
         elif line in {"COVARIANCE_START", "DATA_START"}:
@@ -232,6 +235,8 @@ def read_segments(text: str, where: str, kind: str) -> list[Segment]:
             key, equals, value = (part.strip() for part in line.partition("="))
             if not equals:
                 raise UserError(f"{here}: {line[:60]!r} is not of the form KEY = value")
+            if key == f"CCSDS_{kind}_VERS" and value not in VERSIONS:
+                raise UserError(f"{here}: {key} is {value[:20]}, allowed: {', '.join(VERSIONS)}")
             known = META_KEYS[kind] if segments else (*HEADER_KEYS, f"CCSDS_{kind}_VERS")
             refuse_unknown_key(key, known, here)
             if segments:

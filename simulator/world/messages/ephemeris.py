@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -49,7 +49,7 @@ class Piece:
     lines: int
     first_s: float
     last_s: float
-    _polynomials: dict[int, Any] = field(default_factory=dict, init=False)
+    _polynomials: dict[int, FloatArray] = field(default_factory=dict, init=False)
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Position [m], velocity [m s-1] and acceleration [m s-2] in the segment's frame.
@@ -67,24 +67,32 @@ class Piece:
         # an odd number of lines is centred on the nearest one
         nearest = k if lines % 2 == 0 or n == 1 else k - int(t_s - t[k - 1] < t[k] - t_s)
         first = min(max(nearest - lines // 2, 0), n - lines)
-        value, slope, bend = self._polynomial(first, lines).derivatives(t_s, 3)
+        middle, half = (t[max(k - 1, 0)] + t[k]) / 2, (t[k] - t[k - 1]) / 2 if n > 1 else 1.0
+        if k not in self._polynomials:
+            self._polynomials[k] = self._coefficients(slice(first, first + lines), middle, half)
+        coefficients = self._polynomials[k]
+        j, x = np.arange(len(coefficients)), (t_s - middle) / half
+        powers = x**j
+        value, slope = powers @ coefficients, (j[1:] * powers[:-1]) @ coefficients[1:] / half
+        if self.method != "HERMITE":
+            return value[:3], value[3:], slope[3:]
+        return value, slope, (j[2:] * j[1:-1] * powers[:-2]) @ coefficients[2:] / half**2
+
+    def _coefficients(self, near: slice, middle_s: float, half_s: float) -> FloatArray:
+        """Coefficients of the polynomial through some lines, of powers of the time from the middle of an interval.
+
+        Over the interval the terms of high order are small, so that nothing is lost in their sum.
+        """
+        from scipy.interpolate import KroghInterpolator  # noqa: PLC0415 - slow to import: maps are begun before
+
+        t, states = self.times_s[near], self.states[near]
         if self.method == "HERMITE":
-            return value, slope, bend
-        return value[:3], value[3:], slope[3:]
-
-    def _polynomial(self, first: int, lines: int) -> Any:  # noqa: ANN401 - scipy has no types
-        """The polynomial through some lines."""
-        if first not in self._polynomials:
-            from scipy.interpolate import KroghInterpolator  # noqa: PLC0415 - slow to import: maps are begun before
-
-            near = slice(first, first + lines)
-            t, states = self.times_s[near], self.states[near]
-            if self.method == "HERMITE":
-                # a point that is there twice is its value, then its slope
-                t = np.repeat(t, 2)
-                states = states.reshape(-1, 3)
-            self._polynomials[first] = KroghInterpolator(t, states)
-        return self._polynomials[first]
+            # a point that is there twice is its value, then its slope
+            t, states = np.repeat(t, 2), states.reshape(-1, 3)
+        slopes = KroghInterpolator(t, states).derivatives(middle_s)
+        j = np.arange(len(slopes))
+        terms = half_s**j / np.cumprod(np.maximum(j, 1.0))
+        return np.asarray(slopes * terms[:, None])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -443,6 +443,10 @@ def test_burns_and_thrusters_do_not_go_with_followed_craft(tmp_path: Path) -> No
     own = 'mode = "oem"\nfile = "a.oem"\n[chaser.thrusters]'
     with pytest.raises(UserError, match=r"section \[chaser.thrusters\] has no part"):
         load_scenario(scenario(tmp_path, orbit=orbit, chaser=own))
+    with pytest.raises(
+        UserError, match=r"a.oem starts 0 m from the target, allowed: 1.5 .* the other craft's file"
+    ):
+        load_scenario(scenario(tmp_path, orbit=orbit, chaser='mode = "oem"\nfile = "a.oem"'))
     (tmp_path / "a.tle").write_text("\n".join(TLE))
     path = scenario(tmp_path, orbit='kind = "oem"\nfile = "a.tle"\nmotion = "oem"')
     path.write_text(path.read_text().replace("2026-03-20T12:00:00Z", "2020-06-01T12:05:00Z"))
