@@ -202,7 +202,8 @@ def _check_followed(scenario: Scenario, where: str) -> None:
         if not chaser.minimum_start_range_m <= away <= _FARTHEST_M:
             raise UserError(
                 f"{where}: {chaser.file} starts {away:.4g} m from the target, allowed: "
-                f"{chaser.minimum_start_range_m:g} (key chaser.minimum_start_range_m) to {_FARTHEST_M:g} m: is it the other craft's file?"
+                f"{chaser.minimum_start_range_m:g} (key chaser.minimum_start_range_m) to {_FARTHEST_M:g} m: is it the "
+                "other craft's file?"
             )
     followed = {"target": isinstance(scenario.orbit, OemOrbit), "chaser": isinstance(chaser, FollowedChaser)}
     for k, burn in enumerate(scenario.burns):

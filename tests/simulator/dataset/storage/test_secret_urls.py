@@ -10,9 +10,13 @@ from simulator.errors import UserError
 
 @pytest.mark.parametrize("scheme", ["ftp", "http", "https", "sftp", "foo", "webhdfs"])
 def test_a_closed_port_is_one_sentence_without_the_password(scheme: str) -> None:
-    with pytest.raises(UserError) as caught:
+
+    def use() -> None:
         store = UrlStore(f"{scheme}://user:secret@127.0.0.1:1/set?token=hidden")
         store.write([("a.txt", b"a")])  # some connect as late as here
+
+    with pytest.raises(UserError) as caught:
+        use()
     sentence = str(caught.value)
     assert f"{scheme}://***@127.0.0.1:1/set" in sentence
     assert "secret" not in sentence
