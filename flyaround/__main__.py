@@ -7,16 +7,14 @@ import os
 import signal
 import sys
 
-from rich.text import Text
-
-from flyaround.cli import app
-from flyaround.commands.terminal import terminal
-from hil.board.errors import BoardModelError
-from hil.link.errors import LinkError
 from simulator.errors import UserError, machine_sentence
+from simulator.runtime.limits import limits_problem
 from simulator.runtime.memory import keep_freed_memory
 from simulator.runtime.threads import use_one_for_matrices
+from simulator.runtime.urls import without_secrets
 
+DRAWING = frozenset({"render", "capture", "sim", "demo", "bench"})
+"""Commands that open the graphics driver, which ends the process where memory is short."""
 INTERRUPTED, TERMINATED = 130, 143  # 128 and the signal's number, as shells have it
 
 
@@ -40,27 +38,58 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run one command line and return its exit code: 0 success, 1 a check that failed, 2 a user's mistake."""
-    stderr = terminal(stderr=True)
+    problem = limits_problem(drawing=bool(DRAWING.intersection(arguments)))
+    if problem is not None:
+        _say_error(problem)
+        return 2
     try:
-        app(args=arguments, prog_name="flyaround")
-    except (UserError, LinkError, BoardModelError) as error:
-        stderr.print(Text.assemble(("flyaround: ", "red"), str(error)), soft_wrap=True)
-        logging.getLogger("flyaround").debug("traceback", exc_info=True)
-        return 2
-    except (MemoryError, OSError, RecursionError) as error:
-        stderr.print(Text.assemble(("flyaround: ", "red"), machine_sentence(error)), soft_wrap=True)
-        logging.getLogger("flyaround").debug("traceback", exc_info=True)
-        _leave_full_output()
-        return 2
+        _call(arguments)
     except (KeyboardInterrupt, SystemExit) as leave:
         stop = _stop_behind(leave)
         if stop is None:
             return leave.code if isinstance(leave, SystemExit) and isinstance(leave.code, int) else 0
         terminated = isinstance(stop, Terminated)
         how = "terminated" if terminated else "interrupted"
-        stderr.print(f"flyaround: {how}; what was written so far is whole")
+        sys.stderr.write(f"flyaround: {how}; what was written so far is whole\n")
         return TERMINATED if terminated else INTERRUPTED
+    except Exception as error:
+        sentence = str(error) if _is_users(error) else machine_sentence(error)
+        if sentence is None:
+            raise
+        _say_error(sentence)
+        logging.getLogger("flyaround").debug("traceback", exc_info=True)
+        if not _is_users(error):
+            _leave_full_output()
+        return 2
     return 0
+
+
+def _call(arguments: list[str]) -> None:
+    """Import the command line, which under a low limit may fail like the rest, and call it."""
+    from flyaround.cli import app  # noqa: PLC0415 - may fail
+
+    app(args=arguments, prog_name="flyaround")
+
+
+def _is_users(error: Exception) -> bool:
+    """Whether an error says by itself what a user can do."""
+    from hil.board.errors import BoardModelError  # noqa: PLC0415 - may fail
+    from hil.link.errors import LinkError  # noqa: PLC0415 - may fail
+
+    return isinstance(error, UserError | LinkError | BoardModelError)
+
+
+def _say_error(sentence: str) -> None:
+    """Print a sentence without the secrets of URLs in it; in plain text where there is no memory for colours."""
+    try:
+        from rich.text import Text  # noqa: PLC0415 - may fail
+
+        from flyaround.commands.terminal import terminal  # noqa: PLC0415 - may fail
+
+        text = Text.assemble(("flyaround: ", "red"), without_secrets(sentence))
+        terminal(stderr=True).print(text, soft_wrap=True)
+    except (ImportError, MemoryError, OSError):
+        sys.stderr.write(f"flyaround: {without_secrets(sentence)}\n")
 
 
 def _leave_full_output() -> None:

@@ -37,13 +37,32 @@ def write_error(path: Path, error: OSError, remedy: str = "choose a folder you m
     return UserError(f"cannot write {path}: {error.strerror or error}; {remedy}")
 
 
-def machine_sentence(error: MemoryError | OSError | RecursionError) -> str:
-    """One sentence for what the machine or the system refused, where nothing nearer to it made one."""
+_LIMITS = (
+    "cannot allocate memory",
+    "out of memory",
+    "bad_alloc",
+    "can't start new thread",
+    "failed to map segment",
+)
+"""What libraries say under a limit of memory or threads, by errors of other kinds."""
+
+
+def machine_sentence(error: BaseException) -> str | None:
+    """One sentence for what the machine or the system refused, where nothing nearer to it made one; None for a bug."""
+    words = " ".join(str(error).split())
     if isinstance(error, MemoryError):
-        detail = f" ({error})" if str(error) else ""
+        detail = f" ({words})" if words else ""
         return f"not enough memory{detail}; close other programs, or ask for fewer workers or a smaller image or mesh"
+    if any(mark in words.lower() for mark in _LIMITS):
+        return (
+            f"the machine's limits are reached: {words}; raise them (ulimit -v, -u) or ask for fewer workers"
+        )
+    if isinstance(error, ImportError):
+        return f"a part of the installation cannot be loaded: {words}; install it again, or raise this shell's limits"
     if isinstance(error, RecursionError):
         return "something given nests too deep to be read; look at the file for brackets within brackets"
+    if not isinstance(error, OSError):
+        return None
     place = f": {error.filename}" if error.filename is not None else ""
     if error.errno in _FULL:
         return f"no space left on the disk{place}; free some space or choose another disk"

@@ -21,6 +21,7 @@ from simulator.contact_sheets.scenario_sheet import write_contact_sheets
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder, write_atomic
 from simulator.scenario.load import list_scenarios, load_scenario
+from simulator.scenario.messages import followed_words
 from simulator.scenario.plan import plan_flight
 from simulator.scenario.show import show_scenario
 from simulator.scenario.write import replay_scenario
@@ -72,6 +73,7 @@ def fly(
         if file.name not in contents:
             file.unlink()
     summary = {"states": str(output / "states.csv"), **summarise_flight(plan.flight, rows)}
+    summary["followed"] = followed_words(plan.scenario)
     if as_json:
         typer.echo(json.dumps(summary))
     else:
@@ -96,6 +98,8 @@ def _earlier_flight(folder: Path) -> tuple[Path, ...]:
 def _tell_flight(summary: dict[str, Any]) -> None:
     """A flight in a few lines: where its states are, what it did, what it took."""
     say(f"{summary['rows']} states in {summary['states']}")
+    for words in summary["followed"]:
+        say(words)
     phases = (f"{p['phase']} {p['from_s']:g} to {p['to_s']:g} s" for p in summary["phases"])
     say(f"phases: {', '.join(phases)}")
     if summary["delta_v_m_s"] is None:

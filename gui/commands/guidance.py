@@ -21,7 +21,8 @@ TURN_S = 900.0
 def _fly(console: Console, title: str, mode: Chaser) -> None:
     session = console.session
     session.take_over()
-    session.steering.guide(begin_mode(title, mode, session.state_lvlh(), session.flight.n_rad_s, session.t_s))
+    state, flight = session.state_lvlh(), session.flight
+    session.steering.guide(begin_mode(title, mode, state, flight.n_rad_s, session.t_s, flight.orbit))
     console.say(f"guidance: {title}")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,11 +18,14 @@ from simulator.world.guidance.paths import (
     Waypoints,
 )
 from simulator.world.guidance.thruster_control import path_impulse
+from simulator.world.orbit.propagation import elements_from_state
 from simulator.world.relative.clohessy_wiltshire import transition_matrix
+from simulator.world.relative.yamanaka_ankersen import true_anomaly_after
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
     from simulator.world.guidance.chaser import Chaser
+    from simulator.world.orbit.propagation import OrbitTrack
 
     LvlhState = tuple[FloatArray, FloatArray]
 
@@ -94,16 +97,28 @@ class Guided:
         return np.asarray(np.clip(wanted / CONTROL_S, -LARGEST_M_S2, LARGEST_M_S2))
 
 
-def begin_mode(title: str, mode: Chaser, state: LvlhState, n_rad_s: float, t_s: float) -> Guided:
-    """A mode begun now; the chaser first flies to its start on a curve that suits both velocities."""
+def begin_mode(
+    title: str, mode: Chaser, state: LvlhState, n_rad_s: float, t_s: float, orbit: OrbitTrack | None = None
+) -> Guided:
+    """A mode begun now; the chaser first flies to its start on a curve that suits both velocities.
+
+    Parameters
+    ----------
+    orbit : of the target, to whose eccentricity free flight is fitted; a circular one unless given.
+    """
     end = mode.state_lvlh(0.0, n_rad_s)
+    join_s = _join_s(state, end)
+    if orbit is not None and mode.ballistic:
+        mu = orbit.forces.mu_m3_s2
+        now = elements_from_state(*orbit(t_s), mu)
+        end = mode.start_lvlh(replace(now, true_anomaly_rad=true_anomaly_after(now, join_s, mu)), mu)
     return Guided(
         title=title,
         mode=mode,
         n_rad_s=n_rad_s,
         start_s=t_s,
         join=(state, end),
-        join_s=_join_s(state, end),
+        join_s=join_s,
     )
 
 

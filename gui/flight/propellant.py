@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.guidance.thrusters import Thrusters
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
     from simulator.world.guidance.manual_control import ChaserState
+    from simulator.world.guidance.thrusters import Thrusters
 
 G0_M_S2 = 9.80665
 PLUME_HALF_ANGLE_DEG = 30.0
@@ -26,7 +26,7 @@ class Propellant:
 
     Parameters
     ----------
-    thrusters : mass at the start and specific impulse; those of the scenario, or the defaults of its section.
+    thrusters : mass at the start and specific impulse.
     """
 
     thrusters: Thrusters
@@ -54,11 +54,6 @@ class Propellant:
         burnt = force_n * dt_s / (self.thrusters.specific_impulse_s * G0_M_S2)
         given = float(np.linalg.norm(acceleration_camera_m_s2)) * dt_s
         return Propellant(self.thrusters, self.delta_v_m_s + given, self.used_kg + burnt)
-
-
-def thrusters_of(given: Thrusters | None) -> Thrusters:
-    """A scenario's thrusters, or default ones: 100 kg at the start, 220 s."""
-    return given or Thrusters()
 
 
 def plume_strikes(chaser: ChaserState, acceleration_camera_m_s2: FloatArray, target_radius_m: float) -> bool:

@@ -12,7 +12,6 @@ from gui.flight.jumps import event_ahead_s
 from gui.flight.look_back import LookBack
 from gui.flight.open_end import longer_flight
 from gui.flight.planned_burns import predicted_path
-from gui.flight.propellant import thrusters_of
 from gui.flight.recorder import FlightRecorder
 from gui.flight.steering import BORESIGHT, Steering
 from gui.flight.trail import Trail
@@ -113,7 +112,7 @@ class Session:
         self._hold_points_at_s = 0.0
         chaser = self.plan.scenario.chaser
         self.docking = Docking(self.plan.target, self.plan.flight, chaser.keep_out)
-        self.steering = Steering(self.docking, thrusters_of(chaser.thrusters), chaser.keep_out)
+        self.steering = Steering(self.docking, self.plan.scenario.chaser_thrusters, chaser.keep_out)
         self._trail = Trail()
         self._moment: Moment | None = None
         self._leave_trail()

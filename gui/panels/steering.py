@@ -72,7 +72,12 @@ class SteeringPanel:
             "{:.3f} kg",
             f"burnt since the start, at a specific impulse of {isp:g} s",
         )
-        w.row("Mass", (spent.mass_kg,), "{:.2f} kg", "of the chaser; the scenario's thrusters or 100 kg")
+        w.row(
+            "Mass",
+            (spent.mass_kg,),
+            "{:.2f} kg",
+            "of the chaser, as the scenario gives it; 100 kg unless it does",
+        )
         if steering.plume:
             w.text("# the plume strikes the target", style.OUTSIDE, PLUME)
         else:

@@ -130,7 +130,7 @@ def _store_for(place: str | Path, *, resume: bool) -> Iterator[Store]:
         with closing(UrlStore(str(place))) as remote:
             if not resume and not remote.is_empty():
                 raise UserError(
-                    f"{place} is not empty; name a new place with -o, or continue it with --resume"
+                    f"{remote.title} is not empty; name a new place with -o, or continue it with --resume"
                 )
             yield remote
         return

@@ -46,6 +46,8 @@ class Device:
     def check(self, what: str) -> None:
         """Raise when OpenGL recorded an error: moderngl itself stays silent about most of them."""
         error = self.context.error
+        if error == "GL_OUT_OF_MEMORY":
+            raise MemoryError(f"OpenGL, after {what} on {self.info.renderer}")
         if error != "GL_NO_ERROR":
             raise RuntimeError(f"OpenGL reports {error} after {what} on {self.info.renderer}")
 

@@ -65,6 +65,41 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
         os.close(handle)
 
 
+_TAB = 9
+_FOREIGN_TEXT = (
+    (b"\xff\xfe\x00\x00", "UTF-32"),
+    (b"\x00\x00\xfe\xff", "UTF-32"),
+    (b"\xff\xfe", "UTF-16"),
+    (b"\xfe\xff", "UTF-16"),
+)
+
+
+def decode_text(data: bytes, where: str) -> str:
+    """Decode UTF-8 text, without the byte-order mark that some editors put first.
+
+    Raises
+    ------
+    UserError
+        If it is another encoding, which is named, or no text.
+    """
+    encoding = next((name for mark, name in _FOREIGN_TEXT if data.startswith(mark)), None)
+    if encoding is None and b"\0" in data:
+        # every second byte of English text in UTF-16 is zero, and the others are letters
+        halves = (data[:200:2], data[1:200:2])
+        is_text = any(not any(a) and all(c >= _TAB for c in b) for a, b in (halves, halves[::-1]))
+        encoding = "UTF-16 without its mark" if is_text else "a binary file"
+    if encoding is not None:
+        raise UserError(f"{where} is {encoding}, not UTF-8 text: save it as UTF-8")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise UserError(
+            f"{where}, line {line}: byte 0x{data[error.start]:02x} is not UTF-8, the file may be Latin-1 or "
+            "Windows-1252: save it as UTF-8"
+        ) from error
+
+
 def find_beside(owner: Path, name: str, what: str) -> Path:
     """Where a file lies that another names: within that one's folder, whatever links there are.
 

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.scenario.flight import known_orbit
+from simulator.scenario.messages import chaser_ephemeris, known_orbit
 from simulator.world.attitude.rigid_body import check_inertia
 from simulator.world.ephemeris.bodies import MOON
 from simulator.world.flight.recording import Replay
 from simulator.world.guidance.command_script import CommandScript
-from simulator.world.guidance.free_flight import RangeKeeping, SafeEllipse
+from simulator.world.guidance.free_flight import FollowedChaser, RangeKeeping, SafeEllipse
 from simulator.world.guidance.paths import Glideslope
-from simulator.world.orbit.initial_orbit import ElementsOrbit
+from simulator.world.orbit.initial_orbit import ElementsOrbit, OemOrbit
 from simulator.world.orbit.moon_forces import MOON_DEGREE
-from simulator.world.orbit.propagation import elements_from_state
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
@@ -24,10 +23,11 @@ if TYPE_CHECKING:
     from simulator.world.attitude.target_attitude import Attitude, Point
     from simulator.world.ephemeris.bodies import Body
     from simulator.world.orbit.forces import Forces
-    from simulator.world.orbit.initial_orbit import StateOrbit
 
 _MOST_PHASE = 0.5
 """Bandwidth times period of the wheels' control above which holding the torque makes it swing."""
+_FARTHEST_M = 1e6
+"""As far as other modes of a chaser may start."""
 _PARALLEL = 1e-3
 """Sine of the angle between two axes below which they are taken for one."""
 
@@ -52,40 +52,19 @@ def check_physics(scenario: Scenario, where: str) -> None:
                 f"{where}: key orbit.{key} is {value:g}, which puts the orbit's lowest point at "
                 f"{altitude / 1e3:.0f} km, allowed: at least {body.lowest_m / 1e3:.0f} km above {body.title}"
             )
-    else:
-        _check_state_orbit(o, where)
+        if o.highest_m > body.reach_m:
+            raise UserError(
+                f"{where}: key orbit.eccentricity is {o.eccentricity:g}, which puts the orbit's highest point at "
+                f"{o.highest_m / 1e3:.0f} km from the centre of {body.title}, allowed: at most "
+                f"{body.reach_m / 1e3:.0f} km"
+            )
+    elif (problem := o.problem()) is not None:
+        raise UserError(f"{where}: {problem[0]} {problem[1]}")
     _check_forces(scenario.forces, body, where)
     _check_attitude(scenario.attitude, body, where)
     _check_chaser(scenario.chaser, where)
+    _check_followed(scenario, where)
     _check_burns(scenario, where)
-
-
-def _check_state_orbit(orbit: StateOrbit, where: str) -> None:
-    (r, v), body = orbit.state(), orbit.body
-    speed, radius = float(np.linalg.norm(v)), float(np.linalg.norm(r))
-    escape = float(np.sqrt(2 * body.mu_m3_s2 / radius)) if radius > 0 else 0.0
-    lowest = body.radius_m + body.lowest_m
-    if radius < lowest:
-        raise UserError(
-            f"{where}: key orbit.r_eci_km is {radius / 1e3:.1f} km from the centre of {body.title}, "
-            f"allowed: at least {lowest / 1e3:.0f} km"
-        )
-    if speed >= escape:
-        raise UserError(
-            f"{where}: key orbit.v_eci_km_s is {speed / 1e3:.3f} km/s fast, "
-            f"allowed: less than the {escape / 1e3:.3f} km/s that leave {body.title}"
-        )
-    if float(np.linalg.norm(np.cross(r, v))) < 1e-3 * radius * escape:
-        raise UserError(
-            f"{where}: key orbit.v_eci_km_s points along orbit.r_eci_km, allowed: an orbit, not a fall"
-        )
-    e = elements_from_state(r, v, body.mu_m3_s2)
-    altitude = e.semi_major_axis_m * (1 - e.eccentricity) - body.radius_m
-    if altitude < body.lowest_m:
-        raise UserError(
-            f"{where}: section [orbit] has its lowest point {altitude / 1e3:.0f} km high, "
-            f"allowed: at least {body.lowest_m / 1e3:.0f} km above {body.title}"
-        )
 
 
 def _check_forces(f: Forces, body: Body, where: str) -> None:
@@ -174,6 +153,8 @@ def _check_chaser(chaser: AnyChaser, where: str) -> None:
                 raise UserError(
                     f"{where}: a replay has no [chaser.{name}], the recording flies: remove the section"
                 )
+    if isinstance(chaser, FollowedChaser):
+        return
     start, _ = chaser.state_lvlh(0.0, 1e-3)
     distance, least = float(np.linalg.norm(start)), chaser.minimum_start_range_m
     if distance < least:
@@ -203,6 +184,35 @@ def _check_chaser(chaser: AnyChaser, where: str) -> None:
             f"{where}: section [chaser] starts {distance:.3g} m from the target, allowed: between near_m + margin_m "
             f"= {chaser.near_m + chaser.margin_m:g} and far_m - margin_m = {chaser.far_m - chaser.margin_m:g} m"
         )
+
+
+def _check_followed(scenario: Scenario, where: str) -> None:
+    """Refuse what does not go with craft that follow files."""
+    chaser = scenario.chaser
+    if isinstance(chaser, FollowedChaser):
+        for name in ("thrusters", "keep_out"):
+            if getattr(chaser, name) is not None:
+                raise UserError(
+                    f"{where}: a chaser of mode oem follows its file, and section [chaser.{name}] has no part in "
+                    "that: remove the section"
+                )
+        ephemeris = chaser_ephemeris(scenario)
+        assert ephemeris is not None  # noqa: S101 - of this mode it is there
+        away = float(np.linalg.norm(ephemeris(0.0)[0] - known_orbit(scenario).state()[0]))
+        if not chaser.minimum_start_range_m <= away <= _FARTHEST_M:
+            raise UserError(
+                f"{where}: {chaser.file} starts {away:.4g} m from the target, allowed: "
+                f"{chaser.minimum_start_range_m:g} (key chaser.minimum_start_range_m) to {_FARTHEST_M:g} m: is it the "
+                "other craft's file?"
+            )
+    followed = {"target": isinstance(scenario.orbit, OemOrbit), "chaser": isinstance(chaser, FollowedChaser)}
+    for k, burn in enumerate(scenario.burns):
+        if followed[burn.craft]:
+            raise UserError(
+                f"{where}: key burns[{k}] is of the {burn.craft}, which follows an OEM with its burns in "
+                "it: remove the "
+                'burn, or set orbit.motion = "propagate"'
+            )
 
 
 def _check_keep_out(chaser: AnyChaser, start: FloatArray, where: str) -> None:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.scenario.messages import read_message
+from simulator.runtime.untrusted_files import decode_text
+from simulator.scenario.messages import chaser_ephemeris, known_orbit, read_message, target_ephemeris
 from simulator.world.attitude.target_attitude import Attitude
 from simulator.world.ephemeris.bodies import MOON
 from simulator.world.ephemeris.ephemeris_table import EphemerisTable
@@ -17,7 +18,6 @@ from simulator.world.flight.build import TargetStart, propagate_flight
 from simulator.world.flight.recording import Replay, recorded_tracks
 from simulator.world.messages.aem import read_aem_history
 from simulator.world.orbit.forces import EarthForces
-from simulator.world.orbit.initial_orbit import ElementsOrbit, StateOrbit
 from simulator.world.orbit.moon_forces import MoonForces
 from simulator.world.orbit.spherical_harmonics import egm96
 from simulator.world.time.instant import Instant
@@ -30,10 +30,8 @@ if TYPE_CHECKING:
     from simulator.world.ephemeris.bodies import Body
     from simulator.world.flight.flight import Flight
     from simulator.world.orbit.forces import ForceModel, Forces
-    from simulator.world.orbit.initial_orbit import KnownOrbit
 
-_CHASER_MASS_KG = 100.0
-_LOOK_EVERY_S = 60.0
+_LOOK_EVERY_S, _LEAST_STEP_S = 60.0, 1.0
 MOST_FRAMES = 1_000_000
 """More frames than this in one run are taken for a mistake."""
 
@@ -60,20 +58,27 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
             attitude=Attitude(motion="fixed", frame="eci") if replay else scenario.attitude,
             inertia_kg_m2=target.mass.inertia_kg_m2,
             history=_attitude_history(scenario, epoch),
+            ephemeris=None if replay else target_ephemeris(scenario),
         ),
         replay.held_at_start() if replay else chaser,
         epoch=epoch,
         duration_s=span_s,
-        forces=force_model(scenario.forces, epoch, span_s, target.mass.mass_kg, orbit.body),
+        forces=force_model(
+            scenario.forces.with_masses(target.mass.mass_kg, scenario.chaser_thrusters.mass_kg),
+            epoch,
+            span_s,
+            orbit.body,
+        ),
         body=orbit.body,
         burns=tuple(scenario.burns),
+        chaser_ephemeris=chaser_ephemeris(scenario),
     )
+    if replay is not None:
+        recording = replay.read()
+        track, attitude = recorded_tracks(recording, flight.orbit.forces, span_s, epoch, orbit.body)
+        flight = replace(flight, orbit=track, attitude=attitude, recording=recording)
     _check_height(flight, scenario.name)
-    if replay is None:
-        return flight
-    recording = replay.read()
-    track, attitude = recorded_tracks(recording, flight.orbit.forces, span_s, epoch, orbit.body)
-    return replace(flight, orbit=track, attitude=attitude, recording=recording)
+    return flight
 
 
 def _attitude_history(scenario: Scenario, epoch: Instant) -> AttitudeTrack | None:
@@ -81,47 +86,56 @@ def _attitude_history(scenario: Scenario, epoch: Instant) -> AttitudeTrack | Non
     name = scenario.attitude.aem_file
     if scenario.attitude.motion != "aem" or name is None or isinstance(scenario.chaser, Replay):
         return None
-    text = read_message(name, "attitude.aem_file", Path())
+    text = decode_text(read_message(Path(name), "attitude.aem_file"), name)
     return read_aem_history(text, name, epoch, scenario.duration_s)
 
 
 def _check_height(flight: Flight, name: str) -> None:
-    """Refuse a flight that drag or a burn brings to the ground."""
-    for t_s in np.linspace(0.0, flight.duration_s, max(int(flight.duration_s / _LOOK_EVERY_S), 2)):
-        height = float(np.linalg.norm(flight.orbit(float(t_s))[0])) - flight.body.radius_m
-        if height < 0:
-            raise UserError(
-                f"scenario {name}: the target is below the surface of {flight.body.title} {t_s:.0f} s after the start: "
-                "shorten duration_s, or change the burns or the orbit"
-            )
+    """Refuse a flight on which either craft comes to the ground, leaves its body or is nowhere.
 
-
-def known_orbit(scenario: Scenario) -> KnownOrbit:
-    """The target's orbit, whose TLE or message has been read.
-
-    Raises
-    ------
-    UserError
-        If it has not.
+    The steps are as short as the height asks for, so that no dive is jumped over.
     """
-    if not isinstance(scenario.orbit, ElementsOrbit | StateOrbit):
-        raise UserError("the orbit is still a TLE or a file: load the scenario with load_scenario")
-    return scenario.orbit
+    t_s, body = 0.0, flight.body
+    while True:
+        r, v = flight.orbit(t_s)
+        problem = _place_problem("the target", r, body)
+        chaser, _ = flight.relative(t_s)
+        problem = problem or _place_problem("the chaser", r + chaser, body)
+        if problem:
+            raise UserError(
+                f"scenario {name}: {problem} {t_s:.0f} s after the start: shorten duration_s, or change the "
+                "burns, the chaser's path or the orbit"
+            )
+        if t_s >= flight.duration_s:
+            return
+        height = min(float(np.linalg.norm(r)), float(np.linalg.norm(r + chaser))) - body.radius_m
+        step_s = height / (2 * float(np.linalg.norm(v)))
+        t_s = min(t_s + min(max(step_s, _LEAST_STEP_S), _LOOK_EVERY_S), flight.duration_s)
 
 
-def force_model(
-    forces: Forces, epoch: Instant, duration_s: float, target_mass_kg: float, body: Body
-) -> ForceModel | None:
-    """The forces asked for about a body, or None for the plain point mass with J2 (the Earth)."""
-    known, degree = forces.with_masses(target_mass_kg, _CHASER_MASS_KG), forces.gravity_degree
+def _place_problem(craft: str, r_m: FloatArray, body: Body) -> str | None:
+    """What is wrong with where a craft is, from the centre of the body."""
+    distance = float(np.linalg.norm(r_m))
+    if not np.isfinite(distance):
+        return f"the place of {craft} is not a finite number"
+    if distance < body.radius_m:
+        return f"{craft} is below the surface of {body.title}"
+    if distance > body.reach_m:
+        return f"{craft} is {distance / 1e3:.0f} km from {body.title} and has left it,"
+    return None
+
+
+def force_model(forces: Forces, epoch: Instant, duration_s: float, body: Body) -> ForceModel | None:
+    """The forces asked for about a body, both masses among them; None for the plain point mass with J2 (the Earth)."""
+    degree = forces.gravity_degree
     if body is MOON:
-        return MoonForces(epoch=epoch, sky=EphemerisTable.of(epoch, duration_s), forces=known)
+        return MoonForces(epoch=epoch, sky=EphemerisTable.of(epoch, duration_s), forces=forces)
     if degree is None and not (forces.sun or forces.moon or forces.drag or forces.solar_pressure):
         return None
     degree = 2 if degree is None else degree
     return EarthForces(
         sky=EphemerisTable.of(epoch, duration_s),
-        forces=known,
+        forces=forces,
         harmonics=egm96(degree) if degree >= 2 else None,
     )
 

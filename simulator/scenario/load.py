@@ -120,11 +120,27 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
     )
     scenario.camera_model  # noqa: B018 - raises where the region or the binning does not fit
     check_detector(scenario.sensor_model, scenario.optics_model, scenario.output.bands, where)
+    scenario = _with_one_mass(scenario, raw, where)
     scenario = resolve_messages(scenario, where, folder)
     check_physics(scenario, where)
     if scenario.faults is not None:
         check_times(scenario.faults, where)
     return scenario
+
+
+def _with_one_mass(scenario: Scenario, raw: dict[str, Any], where: str) -> Scenario:
+    """The scenario whose thrusters push the mass that air and sunlight do, where the file gives it for these alone."""
+    thrusters, mass_kg = scenario.chaser.acting_thrusters, scenario.forces.chaser.mass_kg
+    if thrusters is None or mass_kg is None or thrusters.mass_kg == mass_kg:
+        return scenario
+    if "mass_kg" in raw["chaser"].get("thrusters", {}):
+        raise UserError(
+            f"{where}: key chaser.thrusters.mass_kg is {thrusters.mass_kg:g} and forces.chaser.mass_kg {mass_kg:g}, "
+            "allowed: one mass of the chaser: remove one of them"
+        )
+    weighed = msgspec.structs.replace(thrusters, mass_kg=mass_kg)
+    chaser = msgspec.structs.replace(scenario.chaser, thrusters=weighed)
+    return msgspec.structs.replace(scenario, chaser=chaser)
 
 
 def _with_preset_layers(raw: dict[str, Any]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,12 +11,13 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.runtime.arrays import quat, vec3
-from simulator.runtime.untrusted_files import read_regular
+from simulator.runtime.untrusted_files import decode_text, read_regular
+from simulator.scenario.orbit_files import read_orbit_file
 from simulator.world.flight.recording import Recording, Replay
+from simulator.world.guidance.free_flight import FollowedChaser
 from simulator.world.messages.aem import read_aem_state
-from simulator.world.messages.oem import read_oem_state
 from simulator.world.messages.tle import state_from_tle
-from simulator.world.orbit.initial_orbit import OemOrbit, StateOrbit, TleOrbit
+from simulator.world.orbit.initial_orbit import ElementsOrbit, KnownOrbit, OemOrbit, StateOrbit, TleOrbit
 from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
@@ -23,7 +25,9 @@ if TYPE_CHECKING:
     from simulator.scenario.scenario import AnyChaser, Scenario
     from simulator.world.attitude.target_attitude import Attitude
     from simulator.world.ephemeris.bodies import BodyName
-    from simulator.world.orbit.initial_orbit import ElementsOrbit, KnownOrbit
+    from simulator.world.messages.ephemeris import Ephemeris
+
+    State = tuple[FloatArray, FloatArray]
 
 
 def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
@@ -42,7 +46,7 @@ def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
     try:
         return msgspec.structs.replace(
             scenario,
-            orbit=_orbit(scenario.orbit, epoch, folder),
+            orbit=_orbit(scenario.orbit, epoch, scenario.duration_s, folder),
             attitude=_attitude(scenario.attitude, epoch, folder),
             chaser=_chaser(scenario.chaser, scenario.duration_s, folder),
         )
@@ -51,19 +55,116 @@ def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
 
 
 def _orbit(
-    orbit: ElementsOrbit | StateOrbit | TleOrbit | OemOrbit, epoch: Instant, folder: Path
-) -> KnownOrbit:
+    orbit: ElementsOrbit | StateOrbit | TleOrbit | OemOrbit, epoch: Instant, duration_s: float, folder: Path
+) -> KnownOrbit | OemOrbit:
     match orbit:
-        case TleOrbit():
+        case TleOrbit(line1=str(line1), line2=str(line2), file=None):
+            found: Ephemeris | State = state_from_tle(line1, line2, epoch)
             centre: BodyName = "earth"
-            r, v = state_from_tle(orbit.line1, orbit.line2, epoch)
+            name, motion = "the two-line elements", None
+        case TleOrbit(line1=None, line2=None, file=str(name)):
+            orbit = OemOrbit(file=name, satellite=orbit.satellite)
+            return _orbit(orbit, epoch, duration_s, folder)
+        case TleOrbit():
+            raise UserError("section [orbit] has kind tle, allowed: line1 and line2, or file alone")
         case OemOrbit():
-            centre = orbit.centre
-            text = read_message(orbit.file, "orbit.file", folder)
-            r, v = read_oem_state(text, orbit.file, epoch, centre.upper())
+            name, centre, motion = orbit.file, orbit.centre, orbit.motion
+            found = _orbit_file(folder / name, "orbit.file", epoch, centre, orbit.satellite)
         case _:
             return orbit
-    return StateOrbit(centre=centre, r_eci_km=vec3(r / 1e3), v_eci_km_s=vec3(v / 1e3))
+    if not isinstance(found, tuple):
+        if motion != "propagate":
+            found.require_span(duration_s)
+            return msgspec.structs.replace(orbit, file=str((folder / name).resolve()), motion="oem")
+        found.require_span(0.0)
+        found = found(0.0)[:2]
+    elif motion == "oem":
+        raise UserError(
+            f"key orbit.motion is 'oem', but {name} has one state and no ephemeris: remove the key"
+        )
+    state = _state_orbit(centre, found)
+    if (problem := state.problem()) is not None:
+        velocity = "has a velocity that " if "v_eci" in problem[0] else ""
+        raise UserError(f"the state that {name} gives at {epoch.iso()} {velocity}{problem[1]}")
+    return state
+
+
+def _state_orbit(centre: BodyName, state: State) -> StateOrbit:
+    return StateOrbit(centre=centre, r_eci_km=vec3(state[0] / 1e3), v_eci_km_s=vec3(state[1] / 1e3))
+
+
+def target_ephemeris(scenario: Scenario) -> Ephemeris | None:
+    """What the target of a loaded scenario follows; None where the forces move it."""
+    orbit = scenario.orbit
+    if not isinstance(orbit, OemOrbit):
+        return None
+    epoch = Instant.from_utc(scenario.epoch_utc)
+    found = _orbit_file(Path(orbit.file), "orbit.file", epoch, orbit.centre, orbit.satellite)
+    if orbit.motion != "oem" or isinstance(found, tuple):
+        raise UserError("the orbit is still a file: load the scenario with load_scenario")
+    return found
+
+
+def chaser_ephemeris(scenario: Scenario) -> Ephemeris | None:
+    """What the chaser follows, about the body that the target circles; None where its mode moves it.
+
+    Raises
+    ------
+    UserError
+        If the file has no ephemeris over the scenario.
+    """
+    chaser = scenario.chaser
+    if not isinstance(chaser, FollowedChaser):
+        return None
+    epoch, centre = Instant.from_utc(scenario.epoch_utc), getattr(scenario.orbit, "centre", "earth")
+    found = _orbit_file(Path(chaser.file), "chaser.file", epoch, centre, chaser.satellite)
+    if isinstance(found, tuple):
+        raise UserError(
+            f"key chaser.file is {chaser.file!r}, which has one state and no ephemeris: give an OEM"
+        )
+    found.require_span(scenario.duration_s)
+    return found
+
+
+def followed_words(scenario: Scenario) -> list[str]:
+    """What each craft of a loaded scenario that follows a file does, as sentences."""
+    found = {"target": target_ephemeris(scenario), "chaser": chaser_ephemeris(scenario)}
+    return [
+        f"{craft}: follows {Path(e.where).name} between its lines, {e.interpolation}"
+        for craft, e in found.items()
+        if e is not None
+    ]
+
+
+def known_orbit(scenario: Scenario) -> KnownOrbit:
+    """The target's orbit at the epoch, whose TLE or message has been read.
+
+    Raises
+    ------
+    UserError
+        If it has not.
+    """
+    if isinstance(scenario.orbit, ElementsOrbit | StateOrbit):
+        return scenario.orbit
+    ephemeris = target_ephemeris(scenario)
+    if ephemeris is None:
+        raise UserError("the orbit is still a TLE or a file: load the scenario with load_scenario")
+    return _state_orbit(getattr(scenario.orbit, "centre", "earth"), ephemeris(0.0)[:2])
+
+
+def _orbit_file(
+    path: Path, key: str, epoch: Instant, centre: BodyName, satellite: str | None
+) -> Ephemeris | State:
+    data = read_message(path, key)
+    return _parsed(data, str(path), epoch, centre, satellite)
+
+
+# a flight is planned from what its scenario was checked with
+@lru_cache(maxsize=4)
+def _parsed(
+    data: bytes, where: str, epoch: Instant, centre: BodyName, satellite: str | None
+) -> Ephemeris | State:
+    return read_orbit_file(data, where, epoch, centre=centre, satellite=satellite)
 
 
 def _attitude(attitude: Attitude, epoch: Instant, folder: Path) -> Attitude:
@@ -75,7 +176,8 @@ def _attitude(attitude: Attitude, epoch: Instant, folder: Path) -> Attitude:
     if attitude.motion == "aem":
         # the file stays with the scenario; the flight reads all of it
         return msgspec.structs.replace(attitude, aem_file=str((folder / name).resolve()))
-    q, rate = read_aem_state(read_message(name, "attitude.aem_file", folder), name, epoch)
+    text = decode_text(read_message(folder / name, "attitude.aem_file"), name)
+    q, rate = read_aem_state(text, name, epoch)
     x, y, z = np.degrees(rate)
     return msgspec.structs.replace(
         attitude, aem_file=None, frame="eci", q_wxyz=quat(_unit(q)), rate_deg_s=(float(x), float(y), float(z))
@@ -83,7 +185,9 @@ def _attitude(attitude: Attitude, epoch: Instant, folder: Path) -> Attitude:
 
 
 def _chaser(chaser: AnyChaser, duration_s: float, folder: Path) -> AnyChaser:
-    """The chaser, with the path of a recording made absolute and its length checked."""
+    """The chaser, with the path of a recording or an ephemeris made absolute and a recording's length checked."""
+    if isinstance(chaser, FollowedChaser):
+        return msgspec.structs.replace(chaser, file=str((folder / chaser.file).resolve()))
     if not isinstance(chaser, Replay):
         return chaser
     path = (folder / chaser.file).resolve()
@@ -102,18 +206,19 @@ def _unit(q: FloatArray) -> FloatArray:
 MOST_BYTES = 100_000_000  # of a message: years of states, a minute apart
 
 
-def read_message(name: str, key: str, folder: Path) -> str:
-    """Text of a message file.
+def read_message(path: Path, key: str) -> bytes:
+    """Bytes of a message file.
 
     Raises
     ------
     UserError
         If it cannot be read, with the key that names it.
     """
-    path = folder / name
     try:
-        return read_regular(path, MOST_BYTES).decode("utf-8")
+        return read_regular(path, MOST_BYTES)
     except OSError as error:
-        raise UserError(f"key {key} is {name!r}, which cannot be read: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise UserError(f"key {key} is {name!r}, which is not a text file") from error
+        raise UserError(
+            f"key {key} is {str(path)!r}, which cannot be read: {error.strerror or error}"
+        ) from error
+    except ValueError as error:  # a null in the name
+        raise UserError(f"key {key} is {str(path)!r}, which is no name of a file: {error}") from error

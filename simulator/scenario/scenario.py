@@ -29,7 +29,13 @@ from simulator.scene.state import Quality
 from simulator.world.attitude.target_attitude import Attitude
 from simulator.world.flight.recording import Replay
 from simulator.world.guidance.command_script import CommandScript
-from simulator.world.guidance.free_flight import FreeDrift, NaturalCircumnavigation, RangeKeeping, SafeEllipse
+from simulator.world.guidance.free_flight import (
+    FollowedChaser,
+    FreeDrift,
+    NaturalCircumnavigation,
+    RangeKeeping,
+    SafeEllipse,
+)
 from simulator.world.guidance.paths import (
     ForcedFlyaround,
     Glideslope,
@@ -38,6 +44,7 @@ from simulator.world.guidance.paths import (
     VbarApproach,
     Waypoints,
 )
+from simulator.world.guidance.thrusters import CHASER_MASS_KG, Thrusters
 from simulator.world.orbit.burns import Burn
 from simulator.world.orbit.forces import Forces
 from simulator.world.orbit.initial_orbit import ElementsOrbit, OemOrbit, StateOrbit, TleOrbit
@@ -149,6 +156,7 @@ AnyChaser = (
     | Glideslope
     | RangeKeeping
     | CommandScript
+    | FollowedChaser
 )
 
 
@@ -182,6 +190,11 @@ class Scenario(Section, frozen=True, kw_only=True):
     lights: Annotated[list[AreaLight], Meta(max_length=MOST_LIGHTS)] = msgspec.field(default_factory=list)
     output: Output = Output()
     faults: Faults | None = None
+
+    @property
+    def chaser_thrusters(self) -> Thrusters:
+        """Those that the chaser flies by or, where it has none, default ones of its mass for steering by hand."""
+        return self.chaser.acting_thrusters or Thrusters(mass_kg=self.forces.chaser.mass_kg or CHASER_MASS_KG)
 
     @property
     def camera_model(self) -> Camera:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from simulator.scenario.messages import known_orbit
 from simulator.world.flight.recording import Replay
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
         scenario,
         name=f"{scenario.name}-replay",
         chaser=chaser,
+        orbit=known_orbit(scenario),
         # the recording has flown them
         burns=[],
         duration_s=duration_s or scenario.duration_s,

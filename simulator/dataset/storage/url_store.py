@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from simulator.errors import UserError
+from simulator.runtime.urls import without_secrets
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -39,26 +40,31 @@ class UrlStore:
             from fsspec.core import url_to_fs  # noqa: PLC0415 - an extra: a folder needs none of it
         except ImportError as error:
             raise UserError(
-                f"output {url} needs fsspec; run: pip install 'flyaround[stores]', or name a folder with -o"
+                f"output {without_secrets(url)} needs fsspec; run: pip install 'flyaround[stores]', or "
+                "name a folder with -o"
             ) from error
-        self._url = url.rstrip("/")
+        self._title = without_secrets(url.rstrip("/"))
         self._ends: dict[str, tuple[bytearray, float]] = {}
-        try:
-            self._fs, self._root = url_to_fs(self._url)
-        except ImportError as error:
-            raise UserError(
-                f"output {url} needs a package that is missing: {error}; install it, or name a folder with -o"
-            ) from error
-        except ValueError as error:
-            raise UserError(f"output {url} cannot be used: {error}; name a folder with -o") from error
+        # some connect when they are made
         with self._refusals("reach"):
+            try:
+                self._fs, self._root = url_to_fs(url.rstrip("/"))
+            except ImportError as error:
+                raise UserError(
+                    f"output {self._title} needs a package that is missing: {error}; install it, or name a "
+                    "folder with -o"
+                ) from error
+            except ValueError as error:
+                raise UserError(
+                    f"output {self._title} cannot be used: {without_secrets(str(error))}; name a folder with -o"
+                ) from error
             self._fs.invalidate_cache()
             self._fs.exists(self._root)
 
     @property
     def title(self) -> str:
-        """The URL."""
-        return self._url
+        """The URL without its secrets."""
+        return self._title
 
     def write(self, *waves: Files) -> None:
         """Write files, those of a wave at once where the store can."""
@@ -90,14 +96,16 @@ class UrlStore:
         try:
             size = self._fs.size(self._path(name))
             if size is not None and size > most_bytes:
-                raise UserError(f"{self._url}/{name} has {size:,} bytes and at most {most_bytes:,} are read")
+                raise UserError(
+                    f"{self._title}/{name} has {size:,} bytes and at most {most_bytes:,} are read"
+                )
             data: bytes = self._fs.cat_file(self._path(name))
         except OSError:
             raise
         except UserError:
             raise
         except Exception as error:
-            raise OSError(f"{type(error).__name__}: {error}") from error
+            raise OSError(without_secrets(f"{type(error).__name__}: {error}")) from error
         return data
 
     def exists(self, name: str) -> bool:
@@ -146,7 +154,7 @@ class UrlStore:
         except UserError:
             raise
         except Exception as error:
-            words = " ".join(str(error).split()) or type(error).__name__
+            words = without_secrets(" ".join(str(error).split())) or type(error).__name__
             raise UserError(
-                f"cannot {what} {self._url}: {words}; check the URL, the store and who may write there"
+                f"cannot {what} {self._title}: {words}; check the URL, the store and who may write there"
             ) from error

@@ -20,6 +20,7 @@ from simulator.world.frames.lvlh import lvlh_frame
 from simulator.world.frames.rotation import quat_normalize
 from simulator.world.guidance.command_script import CommandScript, fly_script
 from simulator.world.guidance.thruster_control import fly_controlled
+from simulator.world.orbit.followed import CraftPair, follow, followed_craft, refuse_thrust
 from simulator.world.orbit.gravity import Gravity
 from simulator.world.orbit.propagation import elements_from_state, propagate
 from simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from simulator.world.attitude.rigid_body import AttitudeTrack
     from simulator.world.guidance.chaser import Chaser
     from simulator.world.orbit.burns import Burn
+    from simulator.world.orbit.followed import Ephemeris
     from simulator.world.orbit.forces import ForceModel
     from simulator.world.time.instant import Instant
 
@@ -44,6 +46,7 @@ class TargetStart:
     r_eci_m, v_eci_m_s : (3,) centre of mass from the centre of the body it circles, GCRS axes.
     attitude : at the start and from there. inertia_kg_m2 : (3, 3), body axes, unless ``attitude`` has its own.
     history : an attitude read from a file, which takes the place of what ``attitude`` propagates.
+    ephemeris : the orbit that is followed instead of being propagated from ``r_eci_m`` and ``v_eci_m_s``.
     """
 
     r_eci_m: ArrayLike
@@ -51,6 +54,7 @@ class TargetStart:
     attitude: Attitude
     inertia_kg_m2: ArrayLike
     history: AttitudeTrack | None = None
+    ephemeris: Ephemeris | None = None
 
 
 def propagate_flight(
@@ -62,6 +66,7 @@ def propagate_flight(
     forces: ForceModel | None = None,
     body: Body = EARTH,
     burns: tuple[Burn, ...] = (),
+    chaser_ephemeris: Ephemeris | None = None,
 ) -> Flight:
     """Propagate target orbit, tumble and chaser.
 
@@ -71,15 +76,28 @@ def propagate_flight(
     forces : on both craft; a point mass with J2 unless given.
     body : what they circle; with the Moon the forces must be given.
     burns : of both craft; the chaser's are for one in free flight.
+    chaser_ephemeris : what the chaser follows; its mode is then `FollowedChaser`.
     """
     r, v = np.asarray(target.r_eci_m, float), np.asarray(target.v_eci_m_s, float)
     if forces is None:
         forces = Gravity(pole_eci=vec3(pole_eci(epoch)))
     frame = lvlh_frame(r, v, forces.target(0.0, r, v))
     mu = forces.mu_m3_s2
-    n = mean_motion_rad_s(elements_from_state(r, v, mu).semi_major_axis_m, mu)
-    start = frame.to_eci(*chaser.state_lvlh(0.0, n)) if chaser.ballistic else None
-    orbit = propagate(r, v, duration_s, forces, start, burns)
+    elements = elements_from_state(r, v, mu)
+    n = mean_motion_rad_s(elements.semi_major_axis_m, mu)
+    start = None
+    if chaser.ballistic and chaser_ephemeris is None:
+        start = frame.to_eci(*chaser.start_lvlh(elements, mu))
+    if target.ephemeris is None:
+        orbit = propagate(r, v, duration_s, forces, start, burns)
+    else:
+        followed = followed_craft(target.ephemeris, duration_s, forces)
+        if chaser.acting_thrusters or isinstance(chaser, CommandScript):
+            refuse_thrust(followed, duration_s, forces)
+        orbit = follow(followed, duration_s, forces, start, burns)
+    if chaser_ephemeris is not None:
+        beside = followed_craft(chaser_ephemeris, duration_s, forces)
+        orbit = replace(orbit, solution=CraftPair(orbit.solution, chaser=beside))
     q0 = quat_normalize(target.attitude.q_eci_from_target_wxyz(frame))
     thrusters = chaser.acting_thrusters
     flight = Flight(

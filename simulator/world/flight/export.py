@@ -133,7 +133,8 @@ def flight_messages(
 
     Orbits are those of the centres of mass; the target's body frame is its model's, the chaser's its camera's.
     """
-    times = [float(t) for t in times_s]
+    # the states of the stamped times, which have microseconds: in half of one a craft moves by millimetres
+    times = [round(float(t), 6) for t in times_s]
     states = [flight.state(t) for t in times]
     epochs = [s.epoch_utc for s in states]
     files = {}

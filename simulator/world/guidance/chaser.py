@@ -9,9 +9,11 @@ from simulator.world.attitude.pointing import Pointing
 from simulator.world.attitude.reaction_wheels import Wheels
 from simulator.world.guidance.keep_out import KeepOut
 from simulator.world.guidance.thrusters import Thrusters
+from simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
+    from simulator.world.orbit.propagation import Elements
 
 
 class Chaser(Section, frozen=True, kw_only=True):
@@ -35,6 +37,10 @@ class Chaser(Section, frozen=True, kw_only=True):
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:
         """Position [m] and velocity [m s-1] in LVLH; ``n_rad_s`` is the target's mean motion."""
         raise NotImplementedError
+
+    def start_lvlh(self, orbit: Elements, mu_m3_s2: float) -> tuple[FloatArray, FloatArray]:
+        """Position [m] and velocity [m s-1] in LVLH at t = 0, beside a target whose osculating orbit this is."""
+        return self.state_lvlh(0.0, mean_motion_rad_s(orbit.semi_major_axis_m, mu_m3_s2))
 
     def phase(self, t_s: float) -> str:  # noqa: ARG002 - most modes have one
         """The phase of the motion ``t_s`` seconds after its start, in a word or two: cruise, braking, hold."""

@@ -10,10 +10,11 @@ from msgspec import Meta
 from simulator.runtime.sections import Degrees, Metres, MetresXyz, Range, SpeedXyz
 from simulator.world.guidance.chaser import Chaser
 from simulator.world.guidance.thrusters import Thrusters
-from simulator.world.relative.clohessy_wiltshire import bounded_ellipse
+from simulator.world.relative.clohessy_wiltshire import bounded_ellipse, mean_motion_rad_s
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
+    from simulator.world.orbit.propagation import Elements
 
 
 class FreeDrift(Chaser, tag_field="mode", tag="drift", frozen=True, kw_only=True):
@@ -28,58 +29,74 @@ class FreeDrift(Chaser, tag_field="mode", tag="drift", frozen=True, kw_only=True
         return np.array(self.position_lvlh_m, float), np.array(self.velocity_lvlh_m_s, float)
 
 
-class NaturalCircumnavigation(Chaser, tag_field="mode", tag="circumnavigation", frozen=True, kw_only=True):
-    """Free flight on the 2:1 ellipse, once per orbit; ``cross_phase_deg = 90`` makes it passively safe."""
+class _BoundedFlight(Chaser, frozen=True, kw_only=True):
+    """Free flight on a relative orbit that closes."""
 
     ballistic: ClassVar[bool] = True
-    # half the radial size; along-track it is twice that
     radial_m: Range
     # 0 at the top (radially outward), 90 behind the target
     phase_deg: Degrees = 0.0
+    centre_along_track_m: Metres = 0.0
+
+    def _swing(self) -> tuple[float, float]:
+        """Cross-track swing [m] and its lead over the radial one [deg]."""
+        raise NotImplementedError
+
+    def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
+        """The initial state beside a target on a circular orbit."""
+        return self._start(n_rad_s, 0.0, 0.0)
+
+    def start_lvlh(self, orbit: Elements, mu_m3_s2: float) -> tuple[FloatArray, FloatArray]:
+        """The initial state, bounded on the target's own orbit."""
+        n = mean_motion_rad_s(orbit.semi_major_axis_m, mu_m3_s2)
+        return self._start(n, orbit.eccentricity, orbit.true_anomaly_rad)
+
+    def _start(
+        self, n_rad_s: float, eccentricity: float, true_anomaly_rad: float
+    ) -> tuple[FloatArray, FloatArray]:
+        cross_track_m, cross_phase_deg = self._swing()
+        return bounded_ellipse(
+            n_rad_s,
+            self.radial_m,
+            np.radians(self.phase_deg),
+            cross_track_m,
+            np.radians(cross_phase_deg),
+            self.centre_along_track_m,
+            eccentricity,
+            true_anomaly_rad,
+        )
+
+
+class NaturalCircumnavigation(
+    _BoundedFlight, tag_field="mode", tag="circumnavigation", frozen=True, kw_only=True
+):
+    """Free flight once per orbit about the target, the 2:1 ellipse of a circular one; ``cross_phase_deg = 90`` is safe.
+
+    ``radial_m`` is half the radial size; along-track it is twice that.
+    """
+
     # out-of-plane swing and its lead over the radial one
     cross_track_m: Annotated[float, Meta(ge=0, le=1e5)] = 0.0
     cross_phase_deg: Degrees = 90.0
-    centre_along_track_m: Metres = 0.0
 
-    def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """The initial state, by Clohessy-Wiltshire."""
-        return bounded_ellipse(
-            n_rad_s,
-            self.radial_m,
-            np.radians(self.phase_deg),
-            self.cross_track_m,
-            np.radians(self.cross_phase_deg),
-            self.centre_along_track_m,
-        )
+    def _swing(self) -> tuple[float, float]:
+        return self.cross_track_m, self.cross_phase_deg
 
 
-class SafeEllipse(Chaser, tag_field="mode", tag="safe_ellipse", frozen=True, kw_only=True):
-    """Free flight on an ellipse that stays clear of the along-track axis by the smaller of its two half sizes."""
+class SafeEllipse(_BoundedFlight, tag_field="mode", tag="safe_ellipse", frozen=True, kw_only=True):
+    """Free flight on an ellipse that stays clear of the along-track axis by the smaller of its two half sizes.
 
-    ballistic: ClassVar[bool] = True
-    radial_m: Range
+    Radial and cross-track swing are a quarter turn apart, so that one is largest where the other is zero.
+
+    References
+    ----------
+    D'Amico & Montenbruck (2006), J. Guidance 29(3): parallel eccentricity and inclination vectors.
+    """
+
     cross_track_m: Range
-    # 0 at the top (radially outward)
-    phase_deg: Degrees = 0.0
-    centre_along_track_m: Metres = 0.0
 
-    def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """The initial state, by Clohessy-Wiltshire.
-
-        Radial and cross-track swing are a quarter turn apart, so that one is largest where the other is zero.
-
-        References
-        ----------
-        D'Amico & Montenbruck (2006), J. Guidance 29(3): parallel eccentricity and inclination vectors.
-        """
-        return bounded_ellipse(
-            n_rad_s,
-            self.radial_m,
-            np.radians(self.phase_deg),
-            self.cross_track_m,
-            np.pi / 2,
-            self.centre_along_track_m,
-        )
+    def _swing(self) -> tuple[float, float]:
+        return self.cross_track_m, 90.0
 
     @property
     def least_distance_m(self) -> float:
@@ -128,3 +145,16 @@ class RangeKeeping(Chaser, tag_field="mode", tag="keep_range", frozen=True, kw_o
         kept = sideways * min(1.0, self.turn_m_s / max(speed, 1e-12))
         wanted = (-self.turn_m_s if leaving_far else self.turn_m_s) * out + kept
         return np.asarray(wanted - v)
+
+
+class FollowedChaser(Chaser, tag_field="mode", tag="oem", frozen=True, kw_only=True):
+    """A chaser that follows a CCSDS OEM (a path from the scenario's folder) between its lines, burns and all."""
+
+    ballistic: ClassVar[bool] = True
+    file: str
+    # name or identifier, of a file with several
+    satellite: str | None = None
+
+    def phase(self, t_s: float) -> str:  # noqa: ARG002
+        """Always the same."""
+        return "ephemeris"

@@ -11,13 +11,15 @@ from simulator.runtime.arrays import FloatArray
 from simulator.runtime.sections import Section
 
 _G0_M_S2 = 9.80665
+CHASER_MASS_KG = 100.0
+"""Of a chaser whose scenario gives none."""
 
 
 class Thrusters(Section, frozen=True, kw_only=True):
     """With this section the chaser flies by thrusters and follows its path only as well as they let it."""
 
-    # on all six sides of a chaser that keeps its sides along LVLH; mass at the start
-    mass_kg: Annotated[float, Meta(gt=0, le=1e6)] = 100.0
+    # on all six sides of a chaser that keeps its sides along LVLH; mass at the start, [forces.chaser]'s unless given
+    mass_kg: Annotated[float, Meta(gt=0, le=1e6)] = CHASER_MASS_KG
     # limit along each axis, and the shortest pulse
     force_n: Annotated[float, Meta(gt=0, le=1e5)] = 1.0
     minimum_impulse_ns: Annotated[float, Meta(ge=0, le=1e3)] = 0.01

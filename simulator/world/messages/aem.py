@@ -50,7 +50,7 @@ def read_aem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, F
     segment, times = _segment_over(text, where, epoch, 0.0)
     k = min(max(int(np.searchsorted(times, 0.0)) - 1, 0), len(times) - 2)
     segment.refuse_gap(times, k + 1)
-    q0, q1 = _attitudes(segment)[k : k + 2]
+    q0, q1 = _attitudes(segment, times, epoch)[k : k + 2]
     turn = _rotvec(quat_multiply(quat_conjugate(q0), q1)) / (times[k + 1] - times[k])
     half = turn * -times[k]
     angle = float(np.linalg.norm(half))
@@ -97,7 +97,7 @@ def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -
     high = min(int(np.searchsorted(times, duration_s)) + _BESIDE + 1, len(times))
     for k in range(low + 1, high):
         segment.refuse_gap(times, k)
-    q = _attitudes(segment)[low:high]
+    q = _attitudes(segment, times, epoch)[low:high]
     return AttitudeHistory(
         RotationSpline(times[low:high], Rotation.from_quat(np.roll(q, -1, axis=1))), duration_s
     )
@@ -107,19 +107,18 @@ def _segment_over(text: str, where: str, epoch: Instant, duration_s: float) -> t
     """The segment that covers a flight, and the times of its lines since ``epoch`` [s]."""
     spans = []
     for segment in read_segments(text, where, "AEM"):
-        instants = segment.instants()
-        first, last = segment.usable_span(instants)
-        spans.append(f"{first.iso()} to {last.iso()}")
-        covers = first.minus(epoch) <= _ROUNDING_S and last.minus(epoch) >= duration_s - _ROUNDING_S
-        if len(instants) > 1 and covers:
-            return segment, np.array([t.minus(epoch) for t in instants])
+        times = segment.times_s(epoch)
+        first, last = segment.usable_span_s(times, epoch)
+        spans.append(f"{epoch.plus(first).iso()} to {epoch.plus(last).iso()}")
+        if len(times) > 1 and first <= _ROUNDING_S and last >= duration_s - _ROUNDING_S:
+            return segment, times
     asked = epoch.iso() + (f" to {epoch.plus(duration_s).iso()}" if duration_s else "")
     raise UserError(
         f"{where} covers {' and '.join(spans)}, not {asked}: choose an epoch and a duration within"
     )
 
 
-def _attitudes(segment: Segment) -> FloatArray:
+def _attitudes(segment: Segment, times_s: FloatArray, epoch: Instant) -> FloatArray:
     """(n, 4) ``q_eci_from_body_wxyz``, one sign through the file."""
     kind = segment.require_one_of("ATTITUDE_TYPE", _TYPES)
     if kind in _QUATERNION_TYPES:
@@ -139,11 +138,10 @@ def _attitudes(segment: Segment) -> FloatArray:
             f"{segment.where}: neither REF_FRAME_A = {a} nor REF_FRAME_B = {b} is one of {', '.join(FRAMES)}"
         )
     turning = frame in {"ITRF", "TOD", "TEME"}
-    instants = segment.instants() if turning else segment.instants()[:1] * len(q)
-    fixed = None if turning else quat_from_matrix(R_gcrf_from(frame, instants[0]))
+    fixed = None if turning else quat_from_matrix(R_gcrf_from(frame, epoch))
     rows = [
-        quat_multiply(quat_from_matrix(R_gcrf_from(frame, t)) if fixed is None else fixed, row)
-        for t, row in zip(instants, q, strict=True)
+        quat_multiply(quat_from_matrix(R_gcrf_from(frame, epoch.plus(t))) if fixed is None else fixed, row)
+        for t, row in zip(times_s.tolist(), q, strict=True)
     ]
     return np.array(rows)
 

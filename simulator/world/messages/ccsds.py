@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import datetime as dt
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -9,9 +11,9 @@ from typing import TYPE_CHECKING
 import erfa
 import numpy as np
 
-from simulator.errors import UserError
+from simulator.errors import UserError, near_names
 from simulator.world.constants import DAY_S
-from simulator.world.time.instant import Instant, tdb_minus_tt_s
+from simulator.world.time.instant import Instant, tdb_minus_tt_s, without_year_warning
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
@@ -19,7 +21,57 @@ if TYPE_CHECKING:
 _TT_AHEAD_OF = {"TAI": 32.184, "TT": 0.0, "GPS": 51.184}
 TIME_SYSTEMS = ("UTC", *_TT_AHEAD_OF, "TDB")
 _GAP = 5.0
-"""A spacing this many times the median is a gap, over which nothing is interpolated."""
+"""A spacing this many times the median of those around it is a gap, over which nothing is interpolated."""
+_AROUND = 5
+_TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?Z?")
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
+HEADER_KEYS = ("CREATION_DATE", "ORIGINATOR", "CLASSIFICATION", "MESSAGE_ID", "COMMENT")
+VERSIONS = ("1.0", "2.0", "3.0")
+_META_KEYS = (
+    *("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME"),
+    *("USEABLE_START_TIME", "USEABLE_STOP_TIME", "INTERPOLATION_DEGREE"),
+)
+META_KEYS = {
+    "OEM": (*_META_KEYS, "REF_FRAME", "REF_FRAME_EPOCH", "INTERPOLATION"),
+    "AEM": (
+        *(*_META_KEYS, "REF_FRAME_A", "REF_FRAME_B", "ATTITUDE_DIR", "ATTITUDE_TYPE", "QUATERNION_TYPE"),
+        *("EULER_ROT_SEQ", "RATE_FRAME", "ANGVEL_FRAME", "INTERPOLATION_METHOD"),
+    ),
+}
+"""Keys of the metadata of an ephemeris, CCSDS 502.0-B-3 table 5-3 and 504.0-B-2 table 4-3."""
+
+
+def number(text: str, where: str) -> float:
+    """Read a finite number, also with Fortran's exponent D.
+
+    Raises
+    ------
+    UserError
+        If it is none.
+    """
+    value = float(text.upper().replace("D", "E")) if _NUMBER.fullmatch(text) else np.nan
+    if not np.isfinite(value):
+        raise UserError(f"{where}: {text[:40]!r} is not a number, a finite one is needed")
+    return value
+
+
+def refuse_unknown_key(key: str, known: Sequence[str], where: str) -> None:
+    """Look a key up among those of its block.
+
+    Raises
+    ------
+    UserError
+        If it is none of them, with the nearest one.
+    """
+    if key in known:
+        return
+    if key.upper() in known:
+        raise UserError(
+            f"{where}: key {key} is not in capitals, in which CCSDS keys are: write {key.upper()}"
+        )
+    near = near_names(key.upper(), known)
+    hint = f"did you mean {near[0]}?" if near else "remove it, or export the file again"
+    raise UserError(f"{where}: unknown key {key[:40]!r}, {hint}")
 
 
 @dataclass
@@ -60,8 +112,20 @@ class Segment:
             raise UserError(f"{self.where}: {key} is {value}, allowed: {', '.join(allowed)}")
         return value
 
-    def instants(self) -> list[Instant]:
-        """The first word of each data line as a time; the lines must be in order.
+    def set_once(self, key: str, value: str, where: str) -> None:
+        """Set a key of the metadata.
+
+        Raises
+        ------
+        UserError
+            If it is there already.
+        """
+        if key in self.meta:
+            raise UserError(f"{where}: key {key} is given twice: remove one of them")
+        self.meta[key] = value
+
+    def times_s(self, epoch: Instant) -> FloatArray:
+        """The first word of each data line as seconds since ``epoch``; a line that is there twice counts once.
 
         Raises
         ------
@@ -69,28 +133,30 @@ class Segment:
             If there is no line, a time cannot be read, or a time is not later than the one before.
         """
         system = self.require_one_of("TIME_SYSTEM", TIME_SYSTEMS)
+        self.rows = [row for k, row in enumerate(self.rows) if k == 0 or row[1] != self.rows[k - 1][1]]
         if not self.rows:
             raise UserError(f"{self.where}: a segment has no data lines: add some")
-        times: list[Instant] = []
-        for number, words in self.rows:
-            times.append(read_time(words[0], system, f"{self.where}, line {number}"))
-            if len(times) > 1 and times[-1].minus(times[-2]) <= 0:
-                raise UserError(
-                    f"{self.where}, line {number}: {words[0]} is not later than the line before it: "
-                    "sort the lines by time and remove doubles"
-                )
+        times = _seconds_since(epoch, self.rows, system, self.where)
+        late = np.flatnonzero(np.diff(times) <= 0)
+        if len(late):
+            line, words = self.rows[late[0] + 1]
+            raise UserError(
+                f"{self.where}, line {line}: {words[0]} is not later than the line before it: "
+                "sort the lines by time and remove doubles"
+            )
         return times
 
-    def usable_span(self, instants: Sequence[Instant]) -> tuple[Instant, Instant]:
-        """First and last moment that may be interpolated: what the metadata say, or else all."""
+    def usable_span_s(self, times_s: FloatArray, epoch: Instant) -> tuple[float, float]:
+        """First and last moment that may be interpolated: what the metadata say, or else all of the lines."""
         system = self.require_one_of("TIME_SYSTEM", TIME_SYSTEMS)
 
-        def limit(key: str, otherwise: Instant) -> Instant:
-            return (
-                read_time(self.meta[key], system, f"{self.where}: {key}") if key in self.meta else otherwise
-            )
+        def limit(key: str, otherwise: float) -> float:
+            if key not in self.meta:
+                return otherwise
+            return read_time(self.meta[key], system, f"{self.where}: {key}").minus(epoch)
 
-        return limit("USEABLE_START_TIME", instants[0]), limit("USEABLE_STOP_TIME", instants[-1])
+        first, last = float(times_s[0]), float(times_s[-1])
+        return max(limit("USEABLE_START_TIME", first), first), min(limit("USEABLE_STOP_TIME", last), last)
 
     def refuse_gap(self, times_s: FloatArray, k: int) -> None:
         """Refuse to interpolate between lines ``k - 1`` and ``k`` when lines are missing there.
@@ -100,33 +166,42 @@ class Segment:
         UserError
             With the line and the length of the gap.
         """
-        steps = np.diff(times_s)
-        if steps[k - 1] > _GAP * float(np.median(steps)):
+        steps = np.diff(times_s[max(k - 1 - _AROUND, 0) : k + 1 + _AROUND])
+        step = float(times_s[k] - times_s[k - 1])
+        if step > _GAP * float(np.median(steps)):
             raise UserError(
-                f"{self.where}, line {self.rows[k][0]}: {steps[k - 1]:.0f} s are missing before it, and the "
+                f"{self.where}, line {self.rows[k][0]}: {step:.0f} s are missing before it, and the "
                 "flight falls among them: choose another epoch or fill the gap"
             )
 
-    def numbers(self, count: int) -> FloatArray:
+    def numbers(self, count: int, lengths: tuple[int, ...] = ()) -> FloatArray:
         """The next ``count`` words of each data line, (n, count).
+
+        Parameters
+        ----------
+        lengths : allowed numbers of values of a line; any from ``count`` on unless given.
 
         Raises
         ------
         UserError
-            If a line has too few, or one is no finite number.
+            If a line has too few or too many, or one is no finite number.
         """
         table = []
-        for number, words in self.rows:
-            try:
-                values = [float(word) for word in words[1 : count + 1]]
-            except ValueError as error:
-                raise UserError(f"{self.where}, line {number}: a value is not a number") from error
-            if len(values) < count or not np.all(np.isfinite(values)):
+        for line, words in self.rows:
+            there = len(words) - 1
+            if there < count or (lengths and there not in lengths):
+                needed = " or ".join(str(n) for n in lengths or (count,))
                 raise UserError(
-                    f"{self.where}, line {number} has {len(values)} values, {count} finite ones are needed"
+                    f"{self.where}, line {line} has {there} values, {needed} finite ones are needed"
                 )
-            table.append(values)
+            table.append([number(word, f"{self.where}, line {line}") for word in words[1 : count + 1]])
         return np.array(table)
+
+
+def first_line(text: str) -> str:
+    """The first line of a text that says anything and is no comment."""
+    lines = (line.strip() for line in text.splitlines())
+    return next((line for line in lines if line and not line.startswith("COMMENT")), "")
 
 
 def read_segments(text: str, where: str, kind: str) -> list[Segment]:
@@ -135,33 +210,43 @@ def read_segments(text: str, where: str, kind: str) -> list[Segment]:
     Raises
     ------
     UserError
-        If it is another file, or has no segment.
+        If it is another file, has no segment, or a key that is not known.
     """
-    lines = text.splitlines()
-    if not any(line.strip().startswith(f"CCSDS_{kind}_VERS") for line in lines):
+    if not first_line(text).startswith(f"CCSDS_{kind}_VERS"):
         raise UserError(
             f"{where} is not a CCSDS {kind} in key = value form: no line starts CCSDS_{kind}_VERS"
         )
     segments: list[Segment] = []
-    block = ""
-    for number, raw in enumerate(lines, start=1):
-        line = raw.strip()
+    block = "HEADER"
+    for line_number, raw in enumerate(text.splitlines(), start=1):
+        line, here = raw.strip(), f"{where}, line {line_number}"
         if not line or line.startswith("COMMENT"):
             continue
         if line == "META_START":
+            if block == "META":
+                raise UserError(f"{here}: META_START stands in a metadata block: close that by META_STOP")
             segments.append(Segment(where))
             block = "META"
         elif line in {"COVARIANCE_START", "DATA_START"}:
             block = line.removesuffix("_START")
         elif line in {"META_STOP", "DATA_STOP", "COVARIANCE_STOP"}:
             block = ""
-        elif block == "META":
-            key, equals, value = line.partition("=")
+        elif block in {"HEADER", "META"}:
+            key, equals, value = (part.strip() for part in line.partition("="))
             if not equals:
-                raise UserError(f"{where}, line {number}: {line!r} is not of the form KEY = value")
-            segments[-1].meta[key.strip()] = value.strip()
-        elif block != "COVARIANCE" and segments and "=" not in line:
-            segments[-1].rows.append((number, line.split()))
+                raise UserError(f"{here}: {line[:60]!r} is not of the form KEY = value")
+            if key == f"CCSDS_{kind}_VERS" and value not in VERSIONS:
+                raise UserError(f"{here}: {key} is {value[:20]}, allowed: {', '.join(VERSIONS)}")
+            known = META_KEYS[kind] if segments else (*HEADER_KEYS, f"CCSDS_{kind}_VERS")
+            refuse_unknown_key(key, known, here)
+            if segments:
+                segments[-1].set_once(key, value, here)
+        elif block != "COVARIANCE":
+            if "=" in line:
+                raise UserError(
+                    f"{here}: {line[:60]!r} stands among the data: put it between META_START and META_STOP"
+                )
+            segments[-1].rows.append((line_number, line.split()))
     if not segments:
         raise UserError(f"{where} has no META_START block: add a segment")
     return segments
@@ -175,27 +260,68 @@ def read_time(text: str, system: str, where: str) -> Instant:
     UserError
         If it cannot be read.
     """
-    plain = text.removesuffix("Z")
-    date, _, clock = plain.partition("T")
-    if date.count("-") == 1:
-        year, _, day = date.partition("-")
-        if year.isdigit() and day.isdigit():
-            y, m, d, _ = erfa.jd2cal(
-                *(a + b for a, b in zip(erfa.cal2jd(int(year), 1, 1), (0, int(day) - 1), strict=True))
-            )
-            date = f"{int(y):04d}-{int(m):02d}-{int(d):02d}"
-    clock += "" if clock.count(":") > 1 else ":00"
+    fields = _calendar(text)
     try:
-        instant = Instant.from_utc(f"{date}T{clock}Z")
+        if fields is None:
+            raise ValueError("it is not of the form 2026-03-21T10:00:00")
+        year, month, day, hour, minute, second = fields
+        # checks the fields, too
+        instant = Instant.from_utc(
+            f"{year:04d}-{month:02d}-{day:02d}T{hour:02d}:{minute:02d}:{second:013.10f}Z"
+        )
     except ValueError as error:
-        raise UserError(f"{where}: {text} is not a time: {error}") from error
+        raise UserError(f"{where}: {text[:60]} is not a time: {error}") from error
+    return instant if system == "UTC" else Instant(*(float(x[0]) for x in _two_part_tt([fields], system)))
+
+
+def _calendar(text: str) -> tuple[int, int, int, int, int, float] | None:
+    """Year, month, day, hour, minute and second of a time; None if it is not of that form."""
+    match = _TIME.fullmatch(text)
+    if match is None:
+        return None
+    year, month, day, day_of_year, hour, minute, second = match.groups()
+    if day_of_year is not None:
+        try:
+            date = dt.date(int(year), 1, 1) + dt.timedelta(int(day_of_year) - 1)
+        except (ValueError, OverflowError):
+            return None
+        if date.year != int(year):
+            return None
+        month, day = date.month, date.day
+    return int(year), int(month), int(day), int(hour), int(minute), float(second or 0)
+
+
+def _two_part_tt(
+    fields: Sequence[tuple[int, int, int, int, int, float]], system: str
+) -> tuple[FloatArray, FloatArray]:
+    """Readings of a clock as two-part Julian dates of terrestrial time, each (n,)."""
+    scale = "UTC" if system == "UTC" else "TT"
+    y, month, d, h, minute, s = zip(*fields, strict=True)
+    one, two = without_year_warning(erfa.dtf2d, scale, y, month, d, h, minute, np.array(s))
     if system == "UTC":
-        return instant
-    # the clock reading was taken for UTC: as a reading of TT it lies this much earlier
-    utc1, utc2 = instant.utc
-    if system == "TDB":
-        return Instant(utc1, utc2 - tdb_minus_tt_s(utc1, utc2) / DAY_S)
-    return Instant(utc1, utc2 + _TT_AHEAD_OF[system] / DAY_S)
+        one, two = erfa.taitt(*without_year_warning(erfa.utctai, one, two))
+    elif system == "TDB":
+        two = two - np.array([tdb_minus_tt_s(a, b) for a, b in zip(one, two, strict=True)]) / DAY_S
+    else:
+        two = two + _TT_AHEAD_OF[system] / DAY_S
+    return one, two
+
+
+def _seconds_since(
+    epoch: Instant, rows: Sequence[tuple[int, list[str]]], system: str, where: str
+) -> FloatArray:
+    """Times of data lines, (n,) [s]."""
+    fields = [_calendar(words[0]) for _, words in rows]
+    sound = [f for f in fields if f and 1972 <= f[0] <= 2099 and f[3] < 24 and f[4] < 60 and f[5] < 61]
+    try:
+        if len(sound) < len(rows):
+            raise erfa.ErfaError("a field is outside its range")
+        one, two = _two_part_tt(sound, system)
+    except erfa.ErfaError:
+        # one by one: the message names the line
+        instants = [read_time(words[0], system, f"{where}, line {line}") for line, words in rows]
+        one, two = np.array([i.tt1 for i in instants]), np.array([i.tt2 for i in instants])
+    return np.asarray(((one - epoch.tt1) + (two - epoch.tt2)) * DAY_S)
 
 
 def header(kind: str, version: str, created_utc: str) -> list[str]:

@@ -68,9 +68,18 @@ def state_in_gcrf(
     frame: str, instant: Instant, r_m: FloatArray, v_m_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Position and velocity along GCRF axes; ITRF's velocity gains that of the turning Earth."""
+    return motion_in_gcrf(frame, instant, r_m, v_m_s, np.zeros(3))[:2]
+
+
+def motion_in_gcrf(
+    frame: str, instant: Instant, r_m: FloatArray, v_m_s: FloatArray, a_m_s2: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Position, velocity and acceleration along GCRF axes; those of ITRF gain the turning of the Earth."""
     R = R_gcrf_from(frame, instant)
     if frame == "ITRF":
         # the Earth turns about the pole of the day, up to half an arcsecond from the frame's z axis
         axis = celestial_and_polar(instant)[1] @ np.array([0.0, 0.0, EARTH_RATE_RAD_S])
-        v_m_s = v_m_s + cross(axis, r_m)
-    return R @ r_m, R @ v_m_s
+        carried = cross(axis, r_m)
+        a_m_s2 = a_m_s2 + 2 * cross(axis, v_m_s) + cross(axis, carried)
+        v_m_s = v_m_s + carried
+    return R @ r_m, R @ v_m_s, R @ a_m_s2

@@ -1,4 +1,4 @@
-"""CCSDS orbit ephemeris messages (OEM, 502.0-B): reads a state, writes a flight's."""
+"""CCSDS orbit ephemeris messages (OEM, 502.0-B): reads an ephemeris, writes a flight's."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
+from simulator.world.ephemeris.bodies import BODIES
 from simulator.world.messages.ccsds import Segment, header, read_segments, read_time, stamp
-from simulator.world.messages.ccsds_frames import require_frame, state_in_gcrf
+from simulator.world.messages.ccsds_frames import require_frame
+from simulator.world.messages.ephemeris import Ephemeris, Piece
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,18 +20,112 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
     from simulator.world.time.instant import Instant
 
-_HALF_WINDOW = 4
+_DEFAULT_LINES = 8
+"""Of a Hermite polynomial where the message names no interpolation."""
+_MOST_LINES = 20
 _OF_DATE = ("TEME", "TOD")
 """Frames that a message may freeze at a moment, its REF_FRAME_EPOCH."""
+_WITH_ACCELERATION = 9
+
+
+def read_oem(
+    text: str, where: str, epoch: Instant, *, centre: str = "EARTH", satellite: str | None = None
+) -> Ephemeris:
+    """Read an ephemeris in key = value form.
+
+    Parameters
+    ----------
+    text : the file. where : its name, for messages. epoch : from which times count.
+    centre : body that it must count from. satellite : name or identifier, where there are several.
+
+    Raises
+    ------
+    UserError
+        If the file is not an OEM about that body in a known frame and time system, a key of it is not known, or its
+        lines are out of order.
+    """
+    return ephemeris_of(read_segments(text, where, "OEM"), where, epoch, centre=centre, satellite=satellite)
+
+
+def ephemeris_of(
+    segments: Sequence[Segment], where: str, epoch: Instant, *, centre: str, satellite: str | None
+) -> Ephemeris:
+    """The ephemeris of a message's segments. Parameters and errors are those of `read_oem`."""
+    chosen = one_object(segments, where, satellite)
+    pieces = sorted((_piece(s, epoch, centre) for s in chosen), key=lambda p: p.first_s)
+    return Ephemeris(where=where, epoch=epoch, pieces=pieces)
+
+
+def one_object(segments: Sequence[Segment], where: str, satellite: str | None) -> Sequence[Segment]:
+    """The segments of one object: of the only one, or of that chosen by name or identifier.
+
+    Raises
+    ------
+    UserError
+        If there are several and none is chosen, or the chosen one is not there.
+    """
+    names = [(s.meta.get("OBJECT_NAME", ""), s.meta.get("OBJECT_ID", "")) for s in segments]
+    listed = ", ".join(dict.fromkeys(f"{name} ({number})" for name, number in names[:10]))
+    if satellite is not None:
+        wanted = satellite.strip().upper()
+        chosen = [s for s, n in zip(segments, names, strict=True) if wanted in {x.upper() for x in n}]
+        if not chosen:
+            raise UserError(f"{where} has no object {satellite!r}: it has {listed}")
+        segments, names = chosen, [n for n in names if wanted in {x.upper() for x in n}]
+    if len({number for _, number in names}) > 1:
+        raise UserError(f"{where} has several objects: choose one by key orbit.satellite, of {listed}")
+    return segments
+
+
+def _piece(segment: Segment, epoch: Instant, centre_wanted: str) -> Piece:
+    centre = segment.require("CENTER_NAME").upper()
+    if centre != centre_wanted:
+        other = f', or set orbit.centre to "{centre.lower()}"' if centre.lower() in BODIES else ""
+        raise UserError(f"{segment.where}: CENTER_NAME is {centre}, allowed: {centre_wanted}{other}")
+    frame = require_frame(segment.require("REF_FRAME"), segment.where)
+    system = segment.require("TIME_SYSTEM").upper()
+    times = segment.times_s(epoch)
+    frozen = None
+    if "REF_FRAME_EPOCH" in segment.meta and frame in _OF_DATE:
+        frozen = read_time(segment.meta["REF_FRAME_EPOCH"], system, segment.where)
+    states = segment.numbers(6, (6, _WITH_ACCELERATION)) * 1e3
+    first, last = segment.usable_span_s(times, epoch)
+    method, lines = _interpolation(segment)
+    if len(times) == 1 and method != "HERMITE":
+        method, lines = "HERMITE", 1
+    return Piece(
+        segment=segment,
+        frame=frame,
+        frozen=frozen,
+        times_s=times,
+        states=states,
+        method=method,
+        lines=min(lines, len(times)),
+        first_s=first,
+        last_s=last,
+    )
+
+
+def _interpolation(segment: Segment) -> tuple[str, int]:
+    """Method, and the number of lines that its polynomials go through."""
+    if "INTERPOLATION" not in segment.meta:
+        return "HERMITE", _DEFAULT_LINES
+    method = segment.require_one_of("INTERPOLATION", ("HERMITE", "LAGRANGE", "LINEAR"))
+    if method == "LINEAR":
+        return method, 2
+    text = segment.require("INTERPOLATION_DEGREE")
+    degree = int(text) if text.isascii() and text.isdigit() and len(text) < 4 else 0
+    lines = degree // 2 + 1 if method == "HERMITE" else degree + 1
+    if not degree >= 1 or lines > _MOST_LINES:
+        most = 2 * _MOST_LINES - 1 if method == "HERMITE" else _MOST_LINES - 1
+        raise UserError(f"{segment.where}: INTERPOLATION_DEGREE is {text[:20]}, allowed: 1 to {most}")
+    return method, max(lines, 2)
 
 
 def read_oem_state(
     text: str, where: str, epoch: Instant, centre: str = "EARTH"
 ) -> tuple[FloatArray, FloatArray]:
     """Position [m] and velocity [m s-1] in GCRS at ``epoch``.
-
-    Between lines the state is interpolated by the polynomial through position and velocity of the nearest
-    eight lines (Hermite), whatever the file suggests.
 
     Parameters
     ----------
@@ -39,48 +135,11 @@ def read_oem_state(
     Raises
     ------
     UserError
-        If the file is not an OEM about that body in a known frame and time system, its lines are out of
-        order, or the epoch falls outside every segment or into a gap.
+        As `read_oem`, and if the epoch falls outside every segment or into a gap.
     """
-    spans = []
-    for segment in read_segments(text, where, "OEM"):
-        segment.require_one_of("CENTER_NAME", (centre,))
-        frame = require_frame(segment.require("REF_FRAME"), where)
-        instants = segment.instants()
-        times = np.array([t.minus(epoch) for t in instants])
-        first, last = segment.usable_span(instants)
-        spans.append(f"{first.iso()} to {last.iso()}")
-        if first.minus(epoch) <= 1e-6 and last.minus(epoch) >= -1e-6:
-            # interpolated in the file's own frame, whose velocities are the slopes of its positions
-            r, v = _interpolate(segment, times)
-            if "REF_FRAME_EPOCH" in segment.meta and frame in _OF_DATE:
-                at = read_time(segment.meta["REF_FRAME_EPOCH"], segment.require("TIME_SYSTEM").upper(), where)
-                return state_in_gcrf(frame, at, r, v)
-            return state_in_gcrf(frame, epoch, r, v)
-    raise UserError(f"{where} covers {' and '.join(spans)}, not {epoch.iso()}: choose an epoch within")
-
-
-def _interpolate(segment: Segment, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """State at zero of ``times_s``, in the file's frame."""
-    states = segment.numbers(6) * 1e3
-    nearest = int(np.argmin(np.abs(times_s)))
-    if abs(times_s[nearest]) < 1e-6:
-        return states[nearest, :3], states[nearest, 3:]
-    k = int(np.searchsorted(times_s, 0.0))
-    segment.refuse_gap(times_s, k)
-    near = slice(max(k - _HALF_WINDOW, 0), k + _HALF_WINDOW)
-    return _hermite_at_zero(times_s[near], states[near, :3], states[near, 3:])
-
-
-def _hermite_at_zero(t_s: FloatArray, r_m: FloatArray, v_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Value and slope at 0 of the polynomial with these values and slopes."""
-    scale = float(np.max(np.abs(t_s)))
-    x = t_s / scale
-    powers = np.arange(2 * len(x))
-    values = x[:, None] ** powers
-    slopes = powers * x[:, None] ** np.maximum(powers - 1, 0)
-    rows = np.linalg.solve(np.vstack([values, slopes]), np.vstack([r_m, v_m_s * scale]))
-    return rows[0], rows[1] / scale
+    ephemeris = read_oem(text, where, epoch, centre=centre)
+    ephemeris.require_span(0.0)
+    return ephemeris(0.0)[:2]
 
 
 def write_oem(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import erfa
@@ -9,49 +11,166 @@ import numpy as np
 from sgp4.api import SGP4_ERRORS, Satrec
 
 from simulator.errors import UserError
+from simulator.world.ephemeris.bodies import EARTH
 from simulator.world.ephemeris.earth_orientation import celestial_and_polar
 from simulator.world.time.instant import Instant, without_year_warning
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from simulator.runtime.arrays import FloatArray
 
 _FAR_DAYS = 30.0
 """SGP4 loses a kilometre or more a day; a month from its epoch an element set says little."""
 _LINE = 69
+_DATA_LINE = re.compile(r"[12] [0-9A-Z ][0-9 ]{4}")
 
 
 def state_from_tle(line1: str, line2: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
     """Position [m] and velocity [m s-1] in GCRS at ``epoch``.
 
-    SGP4 speaks of the true equator and mean equinox of date (TEME); the Earth's rotation links it to GCRS:
-    Greenwich mean sidereal time 1982 on one side, IAU 2006 on the other.
-
     Raises
     ------
     UserError
         If a line is malformed, a checksum is wrong, the epoch is more than 30 days away, or SGP4 gives up.
-
-    References
-    ----------
-    Vallado, Crawford, Hujsak & Kelso (2006), Revisiting Spacetrack Report #3, AIAA 2006-6753.
     """
     for number, line in ((1, line1), (2, line2)):
         check_line(line, number)
     if line1[2:7] != line2[2:7]:
         raise UserError(f"the two lines are of satellites {line1[2:7]} and {line2[2:7]}: give lines of one")
-    satellite = Satrec.twoline2rv(line1, line2)
+    try:
+        satellite = Satrec.twoline2rv(line1, line2)
+    except ValueError as error:
+        raise UserError(f"the two-line elements cannot be read: {error}: copy them again") from error
+    return sgp4_state(satellite, epoch, "the two-line elements")
+
+
+def sgp4_state(satellite: Satrec, epoch: Instant, what: str) -> tuple[FloatArray, FloatArray]:
+    """Position [m] and velocity [m s-1] in GCRS at ``epoch``.
+
+    SGP4 speaks of the true equator and mean equinox of date (TEME); the Earth's rotation links it to GCRS:
+    Greenwich mean sidereal time 1982 on one side, IAU 2006 on the other.
+
+    Parameters
+    ----------
+    satellite : mean elements. epoch : at most 30 days from theirs. what : they are called in messages.
+
+    Raises
+    ------
+    UserError
+        If the epoch is too far away, or SGP4 gives up or gives no orbit.
+
+    References
+    ----------
+    Vallado, Crawford, Hujsak & Kelso (2006), Revisiting Spacetrack Report #3, AIAA 2006-6753.
+    """
     utc1, utc2 = epoch.utc
     days = (utc1 - satellite.jdsatepoch) + (utc2 - satellite.jdsatepochF)
-    if abs(days) > _FAR_DAYS:
+    # also not a number
+    if not abs(days) <= _FAR_DAYS:
         raise UserError(
-            f"the two-line elements are {abs(days):.0f} days {'older' if days > 0 else 'newer'} than the epoch, "
+            f"{what} are {abs(days):.0f} days {'older' if days > 0 else 'newer'} than the epoch, "
             f"allowed: at most {_FAR_DAYS:.0f}; take a fresher set or change epoch_utc"
         )
     error, r_km, v_km_s = satellite.sgp4(utc1, utc2)
     if error:
-        raise UserError(f"SGP4 cannot carry the two-line elements to the epoch: {SGP4_ERRORS[error]}")
+        raise UserError(
+            f"SGP4 cannot carry {what} to the epoch: {SGP4_ERRORS[error]}: take a set nearer to it"
+        )
+    problem = EARTH.distance_problem(float(np.linalg.norm(r_km)) * 1e3)
+    if problem or not np.isfinite(v_km_s).all():
+        raise UserError(
+            f"SGP4 carries {what} over {abs(days):.1f} days to a place that "
+            f"{problem or 'is no number'}: take a set nearer "
+            "to the epoch"
+        )
     R = R_eci_from_teme(epoch)
     return R @ np.array(r_km) * 1e3, R @ np.array(v_km_s) * 1e3
+
+
+@dataclass(frozen=True)
+class ElementSet:
+    """Two lines of one satellite, and the name before them where there is one."""
+
+    name: str
+    line1: str
+    line2: str
+
+    @property
+    def number(self) -> str:
+        """Catalogue number, without leading zeros."""
+        return self.line1[2:7].strip().lstrip("0")
+
+
+def read_element_sets(text: str, where: str) -> list[ElementSet]:
+    """Read a file of two-line elements, each set with or without a line for its name, which may begin with ``0``.
+
+    Raises
+    ------
+    UserError
+        If a line is malformed or alone.
+    """
+    sets: list[ElementSet] = []
+    name, first = "", ""
+    for line_number, raw in enumerate(text.splitlines(), start=1):
+        line = raw.rstrip()
+        here = f"{where}, line {line_number}"
+        if not line or line.startswith("#"):
+            continue
+        digit = line[0] if _DATA_LINE.match(line) else ""
+        if first and digit != "2":
+            raise UserError(f"{here}: line 2 of the two-line elements is missing: copy the set again")
+        if digit == "2" and not first:
+            raise UserError(
+                f"{here}: line 1 of the two-line elements is missing before it: copy the set again"
+            )
+        if not digit:
+            if name:
+                raise UserError(
+                    f"{here}: {name[:30]!r} has no two lines after it, is this a file of two-line elements?"
+                )
+            name = line.removeprefix("0 ").strip()
+            continue
+        try:
+            check_line(line, int(digit))
+        except UserError as error:
+            raise UserError(f"{here}: {error}") from error
+        if digit == "1":
+            first = line
+            continue
+        sets.append(ElementSet(name, first, line))
+        name, first = "", ""
+    if first or not sets:
+        raise UserError(f"{where} has no two lines of elements: copy the set again")
+    return sets
+
+
+def is_element_file(text: str) -> bool:
+    """Whether one of the first lines of a text looks like line 1 of two-line elements."""
+    return any(_DATA_LINE.match(line) and line[0] == "1" for line in text.splitlines()[:20])
+
+
+def choose_set(sets: Sequence[ElementSet], satellite: str | None, where: str) -> ElementSet:
+    """The only set, or the one chosen by name or catalogue number.
+
+    Raises
+    ------
+    UserError
+        If there are several and none is chosen, the chosen one is not there, or there are several of it.
+    """
+    listed = ", ".join(f"{s.name or 'without a name'} ({s.number})" for s in sets[:10])
+    listed += f" and {len(sets) - 10} more" if len(sets) > 10 else ""
+    if satellite is not None:
+        wanted = satellite.strip().upper()
+        chosen = [s for s in sets if wanted.lstrip("0") == s.number.upper() or wanted == s.name.upper()]
+        if not chosen:
+            raise UserError(f"{where} has no satellite {satellite!r}: it has {listed}")
+        sets = chosen
+    if len(sets) > 1:
+        raise UserError(
+            f"{where} has {len(sets)} sets of elements: choose one by key orbit.satellite, or keep one, of {listed}"
+        )
+    return sets[0]
 
 
 def R_eci_from_teme(epoch: Instant) -> FloatArray:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from simulator.errors import UserError
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -92,7 +94,7 @@ def integrate(
 
     Raises
     ------
-    ValueError
+    UserError
         If the integrator gives up.
 
     References
@@ -112,7 +114,11 @@ def integrate(
         dense_output=True,
     )
     if not result.success or result.sol is None:
-        raise ValueError(f"the integration from {span_s[0]} to {span_s[1]} s failed: {result.message}")
+        raise UserError(
+            f"the motion cannot be integrated beyond {result.t[-1]:.0f} s after the start, as in a "
+            "fall into a body's centre: "
+            "shorten duration_s, or change the burns or the orbit"
+        )
     steps: list[Any] = list(result.sol.interpolants)
     nested = np.array([s.F for s in steps], float)
     coefficients = np.asarray(np.einsum("kj,skw->sjw", _MONOMIALS, nested), float)

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from simulator.errors import UserError
 from simulator.runtime.arrays import Vec3
 from simulator.runtime.sections import Section
 from simulator.world.constants import (
@@ -50,6 +51,8 @@ _AIR_LAYERS = (
     (1000.0, 3.019e-15, 268.00),
 )
 """Base altitude [km], density there [kg m-3], scale height [km]."""
+_BREAK_UP_M = 80e3
+"""Altitude at which spacecraft that decay break up (ESA Re-entry Guidelines: 75 to 85 km)."""
 
 
 class ForceModel(Protocol):
@@ -204,22 +207,37 @@ class EarthForces:
                 if p is not None:
                     d = d + attraction_difference((r - body).tolist(), p.tolist(), mu)
         if self.forces.drag or self.forces.solar_pressure:
-            own = self._surface_acceleration(self.forces.target, r, v, sun, R)
+            own = self._surface_acceleration(t_s, self.forces.target, r, v, sun, R)
             a = a + own
             if chaser is not None:
-                other = self._surface_acceleration(self.forces.chaser, r + chaser[0], v + chaser[1], sun, R)
+                other = self._surface_acceleration(
+                    t_s, self.forces.chaser, r + chaser[0], v + chaser[1], sun, R
+                )
                 d = d + (other - own)
         return a, d
 
     def _surface_acceleration(
-        self, craft: Surface, r: FloatArray, v: FloatArray, sun: FloatArray, R_itrs_from_eci: FloatArray
+        self,
+        t_s: float,
+        craft: Surface,
+        r: FloatArray,
+        v: FloatArray,
+        sun: FloatArray,
+        R_itrs_from_eci: FloatArray,
     ) -> FloatArray:
         a = np.zeros(3)
         if self.forces.drag:
             # the air turns with the Earth, about the pole of date
             pole = R_itrs_from_eci[2]
             wind = v - self.sky.era_rate_rad_s * np.cross(pole, r)
-            rho = density_kg_m3(geodetic_altitude_m(r, float(pole @ r)))
+            altitude_m = geodetic_altitude_m(r, float(pole @ r))
+            if altitude_m < _BREAK_UP_M:
+                raise UserError(
+                    f"the air has brought a craft down to {_BREAK_UP_M / 1e3:.0f} km {t_s:.0f} s after the "
+                    "start, where it "
+                    "breaks up: shorten duration_s, or start higher"
+                )
+            rho = density_kg_m3(altitude_m)
             factor = craft.push_per_pressure_m2_kg(craft.drag_coefficient)
             a -= 0.5 * rho * factor * float(np.linalg.norm(wind)) * wind
         if self.forces.solar_pressure:

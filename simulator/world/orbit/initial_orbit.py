@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
 
 from simulator.runtime.sections import Degrees, Inclination, Section
 from simulator.world.ephemeris.bodies import BODIES, Body, BodyName
-from simulator.world.orbit.propagation import Elements, state_from_elements
+from simulator.world.orbit.propagation import Elements, elements_from_state, state_from_elements
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
+
+_LEAST_SINE = 1e-3
+"""Of the angle between position and velocity, times the speed's share of the escape's: below it a craft falls."""
 
 
 class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_only=True):
@@ -46,6 +49,11 @@ class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_o
         )
 
     @property
+    def highest_m(self) -> float:
+        """Distance of the orbit's highest point from the centre of the body [m]."""
+        return (self.body.radius_m + self.altitude_km * 1e3) * (1 + self.eccentricity)
+
+    @property
     def lowest_altitude_m(self) -> float:
         """Of the orbit's lowest point, above the body's radius [m]."""
         return (self.body.radius_m + self.altitude_km * 1e3) * (1 - self.eccentricity) - self.body.radius_m
@@ -67,19 +75,57 @@ class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=Tr
         """Position [m] and velocity [m s-1] from the centre of the body, GCRS axes, each (3,)."""
         return np.array(self.r_eci_km) * 1e3, np.array(self.v_eci_km_s) * 1e3
 
+    def problem(self) -> tuple[str, str] | None:
+        """What makes it no orbit: the subject and the end of a sentence; None if it is one."""
+        (r, v), body = self.state(), self.body
+        radius, speed = float(np.linalg.norm(r)), float(np.linalg.norm(v))
+        distance = body.distance_problem(radius)
+        if distance:
+            return "key orbit.r_eci_km", distance
+        escape = float(np.sqrt(2 * body.mu_m3_s2 / radius))
+        # also not a number
+        if not speed < escape:
+            return "key orbit.v_eci_km_s", (
+                f"is {speed / 1e3:.3f} km/s fast, allowed: less than the {escape / 1e3:.3f} km/s that "
+                f"leave {body.title}"
+            )
+        if float(np.linalg.norm(np.cross(r, v))) < _LEAST_SINE * radius * escape:
+            return "key orbit.v_eci_km_s", "points along orbit.r_eci_km, allowed: an orbit, not a fall"
+        e = elements_from_state(r, v, body.mu_m3_s2)
+        altitude = e.semi_major_axis_m * (1 - e.eccentricity) - body.radius_m
+        if altitude < body.lowest_m:
+            return "section [orbit]", (
+                f"has its lowest point {altitude / 1e3:.0f} km high, allowed: at least "
+                f"{body.lowest_m / 1e3:.0f} km above {body.title}"
+            )
+        return None
+
 
 class TleOrbit(Section, tag_field="kind", tag="tle", frozen=True, kw_only=True):
-    """Two-line elements, carried by SGP4 to the scenario's epoch; from there the forces move the target."""
+    """Two-line elements, carried by SGP4 to the scenario's epoch; from there the forces move the target.
 
-    line1: str
-    line2: str
+    Two lines, or a ``file`` of them (a path from the scenario's folder); of several sets the ``satellite`` named.
+    """
+
+    line1: str | None = None
+    line2: str | None = None
+    file: str | None = None
+    satellite: str | None = None
 
 
 class OemOrbit(Section, tag_field="kind", tag="oem", frozen=True, kw_only=True):
-    """A CCSDS orbit ephemeris message (a path from the scenario's folder), read at the scenario's epoch."""
+    """An orbit file (a path from the scenario's folder): CCSDS OEM, OPM or OMM, or two-line elements.
+
+    An OEM is followed between its lines all through the flight; ``motion = "propagate"`` takes its state at the
+    scenario's epoch, from where the forces move the target, as they do from the one state that the other files give.
+    """
 
     centre: BodyName = "earth"
     file: str
+    # unless given: oem for an OEM, propagate for the others
+    motion: Literal["oem", "propagate"] | None = None
+    # name or identifier, of a file with several
+    satellite: str | None = None
 
 
 KnownOrbit = ElementsOrbit | StateOrbit

@@ -175,6 +175,7 @@ def propagate(
     forces: ForceModel,
     relative: tuple[FloatArray, FloatArray] | None = None,
     burns: tuple[Burn, ...] = (),
+    along: Solution | None = None,
 ) -> OrbitTrack:
     """Propagate the target and, when ``relative`` is given, a chaser in free flight beside it.
 
@@ -188,6 +189,7 @@ def propagate(
     forces : what accelerates the two.
     relative : chaser minus target at t = 0, position [m] and velocity [m s-1] along GCRS axes.
     burns : of both craft; the chaser's are for one in free flight.
+    along : the target's states where something else than the forces gives them; only the difference is integrated.
 
     References
     ----------
@@ -199,11 +201,13 @@ def propagate(
     edges = [0.0, *burn_edges_s(burns, 0.0, duration_s), duration_s]
     parts = []
     for start, end in pairwise(edges):
+        if along is not None:
+            y = np.concatenate([along(start)[:6], y[6:]])
         y = _after_impulses(y, start, burns)
         running = tuple(b for b in burns if b.thrusts_throughout(start, end))
         parts.append(
             integrate(
-                _derivative(forces, running, with_chaser=len(y) > _TARGET_ONLY),
+                _derivative(forces, running, along, with_chaser=len(y) > _TARGET_ONLY),
                 y,
                 (start, end),
                 rtol=_RTOL,
@@ -233,7 +237,7 @@ def _after_impulses(y: FloatArray, t_s: float, burns: tuple[Burn, ...]) -> Float
 
 
 def _derivative(
-    forces: ForceModel, running: tuple[Burn, ...], *, with_chaser: bool
+    forces: ForceModel, running: tuple[Burn, ...], along: Solution | None, *, with_chaser: bool
 ) -> Callable[[float, FloatArray], FloatArray]:
     def target_only(t: float, y: FloatArray) -> FloatArray:
         return np.concatenate([y[3:6], forces.target(t, y[:3], y[3:6])])
@@ -242,14 +246,20 @@ def _derivative(
         a, difference = forces.pair(t, y[:3], y[3:6], y[6:9], y[9:12])
         return np.concatenate([y[3:6], a, y[9:12], difference])
 
-    free = both if with_chaser else target_only
+    def beside(t: float, y: FloatArray) -> FloatArray:
+        target = along(t) if along is not None else y
+        _, difference = forces.pair(t, target[:3], target[3:6], y[6:9], y[9:12])
+        return np.concatenate([np.zeros(6), y[9:12], difference])
+
+    free = (both if along is None else beside) if with_chaser else target_only
     if not running:
         return free
 
     def burning(t: float, y: FloatArray) -> FloatArray:
         rate = free(t, y)
         for burn in running:
-            push = eci_from_own_lvlh(burn.acceleration_lvlh_m_s2, y[:3], y[3:6])
+            own = y if along is None else along(t)
+            push = eci_from_own_lvlh(burn.acceleration_lvlh_m_s2, own[:3], own[3:6])
             if burn.craft == "target":
                 rate[3:6] += push
                 push = -push

@@ -48,8 +48,15 @@ def bounded_ellipse(
     cross_track_m: float = 0.0,
     cross_phase_rad: float = 0.0,
     centre_along_track_m: float = 0.0,
+    eccentricity: float = 0.0,
+    true_anomaly_rad: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """LVLH state on the closed 2:1 ellipse: ``x = a cos p``, ``y = y0 - 2 a sin p``, ``z = b cos(p + q)``.
+    """LVLH state on a relative orbit that closes after a revolution of the target.
+
+    On a circular orbit it is the 2:1 ellipse ``x = a cos p``, ``y = y0 - 2 a sin p``, ``z = b cos(p + q)``. On an
+    eccentric one ``p`` advances with the true anomaly ``nu`` and, with ``rho = 1 + e cos(nu)``,
+    ``y = (y0 - (1 + rho) a sin p) / rho`` and ``z = (1 + e) / rho b cos(p + q)``: the solution of the linear equations
+    whose secular term is zero, which is the condition of equal energies to first order.
 
     With the cross-track swing a quarter turn from the radial one (``q = pi / 2`` or ``-pi / 2``) the chaser
     never crosses the target's along-track axis, so that a drift along it does no harm: a safe ellipse.
@@ -61,10 +68,16 @@ def bounded_ellipse(
     References
     ----------
     D'Amico & Montenbruck (2006), Proximity operations of formation-flying spacecraft using an
-    eccentricity/inclination vector separation, J. Guidance 29(3).
+    eccentricity/inclination vector separation, J. Guidance 29(3). Yamanaka & Ankersen (2002), New state transition
+    matrix for relative motion on an arbitrary elliptical orbit, J. Guidance 25(1): the in-plane solution without its
+    integral J.
     """
-    n, p, pq = n_rad_s, phase_rad, phase_rad + cross_phase_rad
-    a, b = radial_m, cross_track_m
-    position = np.array([a * np.cos(p), centre_along_track_m - 2 * a * np.sin(p), b * np.cos(pq)])
-    velocity = n * np.array([-a * np.sin(p), -2 * a * np.cos(p), -b * np.sin(pq)])
-    return position, velocity
+    e, p, pq = eccentricity, phase_rad, phase_rad + cross_phase_rad
+    a, b, y0 = radial_m, cross_track_m * (1 + e), centre_along_track_m
+    rho = 1 + e * np.cos(true_anomaly_rad)
+    rate = n_rad_s * rho**2 / (1 - e * e) ** 1.5
+    rho_rate = -e * np.sin(true_anomaly_rad) * rate
+    y, z = (y0 - (1 + rho) * a * np.sin(p)) / rho, b * np.cos(pq) / rho
+    y_rate = -((1 + rho) * a * np.cos(p) * rate + rho_rate * (a * np.sin(p) + y)) / rho
+    z_rate = -(b * np.sin(pq) * rate + rho_rate * z) / rho
+    return np.array([a * np.cos(p), y, z]), np.array([-a * np.sin(p) * rate, y_rate, z_rate])

@@ -1,0 +1,17 @@
+"""URLs as they may be printed: without passwords and tokens."""
+
+from __future__ import annotations
+
+import re
+
+_USER = re.compile(r"(?<=://)(?:[^/\s:@'\"]*:(?!\d+(?:[/\s'\",;]|$))[^\s'\"]*|[^/\s'\"]*)@")
+"""Up to the last @ before the path, or of a word whose password has slashes of its own."""
+_QUERY = re.compile(r"(\b[a-zA-Z][\w+.-]*://[^\s'\"?#]*)([?#][^\s'\"]*)")
+_VALUE = re.compile(r"(?<=[?&#;])(?!(?:baud|rtscts|datagram)=)([^=&;#]*)=[^&;#]*")
+"""Of a query, but for the settings of links to boards."""
+
+
+def without_secrets(text: str) -> str:
+    """Return a URL, or a sentence with URLs in it, without user names, passwords and the values of queries."""
+    hidden = _USER.sub("***@", text)
+    return _QUERY.sub(lambda match: match[1] + _VALUE.sub(r"\1=***", match[2]), hidden)

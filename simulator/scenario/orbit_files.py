@@ -1,0 +1,208 @@
+"""Orbit files of a scenario: what kind a file is, and the ephemeris or the state that it gives."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import decode_text
+from simulator.world.ephemeris.bodies import BODIES, BodyName
+from simulator.world.messages.ccsds import Segment, first_line, read_segments
+from simulator.world.messages.ccsds_frames import state_in_gcrf
+from simulator.world.messages.ephemeris import ROUNDING_S, Ephemeris
+from simulator.world.messages.ndm_xml import read_ndm
+from simulator.world.messages.oem import ephemeris_of, one_object
+from simulator.world.messages.omm import read_csv_objects, read_json_objects, satellite_of
+from simulator.world.messages.state_message import OrbitParameters, is_state_message, read_fields, read_opm
+from simulator.world.messages.tle import (
+    choose_set,
+    is_element_file,
+    read_element_sets,
+    sgp4_state,
+    state_from_tle,
+)
+from simulator.world.orbit.propagation import Elements, state_from_elements
+from simulator.world.relative.yamanaka_ankersen import true_anomaly_after
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray
+    from simulator.world.time.instant import Instant
+
+    State = tuple[FloatArray, FloatArray]
+
+log = logging.getLogger(__name__)
+
+_BINARY = (
+    (b"DAF/SPK", "an SPK kernel (.bsp)", "write an OEM of it with SPICE's spk2oem or GMAT"),
+    (b"NAIF/DAF", "an SPICE kernel", "write an OEM of it with SPICE's spk2oem or GMAT"),
+    (b"DAF/", "a SPICE kernel", "write an OEM of the SPK with SPICE's spk2oem or GMAT"),
+    (b"\x1f\x8b", "compressed by gzip", "unpack it"),
+    (b"PK\x03\x04", "a zip archive", "unpack it"),
+    (b"\x28\xb5\x2f\xfd", "compressed by zstd", "unpack it"),
+)
+_TEXT = (
+    ("stk.v.", "an STK ephemeris (.e), which GMAT writes too", "export it as a CCSDS OEM"),
+    ("#a", "an SP3 orbit file", "convert it to a CCSDS OEM"),
+    ("#b", "an SP3 orbit file", "convert it to a CCSDS OEM"),
+    ("#c", "an SP3 orbit file", "convert it to a CCSDS OEM"),
+    ("#d", "an SP3 orbit file", "convert it to a CCSDS OEM"),
+    ("H1 CPF", "a CPF laser-ranging prediction", "convert it to a CCSDS OEM"),
+    ("h1 cpf", "a CPF laser-ranging prediction", "convert it to a CCSDS OEM"),
+    ("CCSDS_OCM_VERS", "a CCSDS OCM", "export it as an OEM"),
+    ("CCSDS_AEM_VERS", "a CCSDS AEM, an attitude", "name it by attitude.aem_file"),
+    ("CCSDS_APM_VERS", "a CCSDS APM, an attitude", "give an OEM"),
+    ("CCSDS_TDM_VERS", "a CCSDS TDM, tracking data", "give an OEM"),
+    ("CCSDS_CDM_VERS", "a CCSDS CDM, a conjunction", "give an OEM"),
+    ("<!DOCTYPE", "a web page or XML with a DTD", "download the file itself"),
+    ("<html", "a web page", "download the file itself"),
+    ("DAFETF NAIF", "an SPK kernel in transfer form (.xsp)", "write an OEM of it with SPICE's spk2oem"),
+    ("<> ", "a vector covariance message (VCM)", "convert it to a CCSDS OEM or OPM"),
+    ("*****", "Horizons' text", "set its format to OEM, or write an OEM of its vectors"),
+    ("API VERSION", "Horizons' text", "write a CCSDS OEM of its vectors"),
+)
+_WITHIN = (
+    ("$$SOE", "Horizons' text", "write a CCSDS OEM of its vectors"),
+    ("BEGIN Ephemeris", "an STK ephemeris (.e)", "export it as a CCSDS OEM"),
+    ("RINEX VERSION", "a RINEX file", "convert it to a CCSDS OEM"),
+)
+_SAME_ORBIT = 0.01
+"""Share of the distance by which a state and elements of one orbit may differ, rounded as they are."""
+READ = "CCSDS OEM, OPM and OMM (key = value or XML), OMM as JSON or CSV, and two-line elements"
+
+
+def read_orbit_file(
+    data: bytes, where: str, epoch: Instant, *, centre: BodyName = "earth", satellite: str | None = None
+) -> Ephemeris | State:
+    """Read an orbit file: an ephemeris, or position [m] and velocity [m s-1] in GCRS at the epoch.
+
+    Parameters
+    ----------
+    data : of the file. where : its name, for messages. epoch : from which times count.
+    centre : body that it must count from. satellite : name or number, where there are several.
+
+    Raises
+    ------
+    UserError
+        If it is another file, which is named; or has a mistake.
+    """
+    text = _text_of(data, where)
+    start = first_line(text)
+    if start.startswith("CCSDS_OEM_VERS"):
+        return _checked(
+            ephemeris_of(
+                read_segments(text, where, "OEM"), where, epoch, centre=centre.upper(), satellite=satellite
+            ),
+            centre,
+        )
+    if start.startswith("<"):
+        kind, segments = read_ndm(text, where)
+        if kind == "oem":
+            return _checked(
+                ephemeris_of(segments, where, epoch, centre=centre.upper(), satellite=satellite), centre
+            )
+        chosen = _one(segments, where, satellite)
+        return _opm_state(chosen, epoch, centre) if kind == "opm" else _omm_state(chosen, epoch, centre)
+    if is_state_message(text, "OPM"):
+        return _opm_state(read_fields(text, where, "OPM"), epoch, centre)
+    if is_state_message(text, "OMM"):
+        return _omm_state(read_fields(text, where, "OMM"), epoch, centre)
+    if start.startswith(("{", "[")):
+        return _omm_state(_one(read_json_objects(text, where), where, satellite), epoch, centre)
+    if "MEAN_MOTION" in start and "," in start:
+        return _omm_state(_one(read_csv_objects(text, where), where, satellite), epoch, centre)
+    if is_element_file(text):
+        _require_earth(centre, where, "two-line elements are")
+        found = choose_set(read_element_sets(text, where), satellite, where)
+        return state_from_tle(found.line1, found.line2, epoch)
+    lower = start.upper()
+    hint = " (its keys must be in capitals)" if lower.startswith("CCSDS_") else ""
+    raise UserError(f"{where} is no orbit file that is known{hint}: read are {READ}")
+
+
+def _text_of(data: bytes, where: str) -> str:
+    """The text of a file that is none of the known others."""
+    for mark, what, remedy in _BINARY:
+        if data.startswith(mark):
+            raise UserError(f"{where} is {what}: {remedy}")
+    text = decode_text(data, where)
+    start = first_line(text)
+    if not start:
+        raise UserError(f"{where} is empty: read are {READ}")
+    for mark, what, remedy in (*_TEXT, *_WITHIN):
+        if start.startswith(mark) or ((mark, what, remedy) in _WITHIN and mark in text[:100_000]):
+            raise UserError(f"{where} is {what}, which is not read: {remedy}")
+    return text
+
+
+def _one(segments: list[Segment], where: str, satellite: str | None) -> Segment:
+    """The only object, or the one chosen."""
+    numbered = [
+        s
+        for s in segments
+        if satellite and s.meta.get("NORAD_CAT_ID", "").lstrip("0") == satellite.lstrip("0")
+    ]
+    chosen = numbered or one_object(segments, where, satellite)
+    if len(chosen) > 1:
+        raise UserError(
+            f"{where} has {len(chosen)} sets of elements of one object: keep the one nearest to the epoch"
+        )
+    return chosen[0]
+
+
+def _checked(ephemeris: Ephemeris, centre: BodyName) -> Ephemeris:
+    ephemeris.refuse_impossible(BODIES[centre])
+    return ephemeris
+
+
+def _require_earth(centre: BodyName, where: str, what: str) -> None:
+    if centre != "earth":
+        raise UserError(f"{where}: {what} about the Earth, and orbit.centre is {centre}: remove the key")
+
+
+def _omm_state(segment: Segment, epoch: Instant, centre: BodyName) -> State:
+    _require_earth(centre, segment.where, "mean elements for SGP4 are")
+    return sgp4_state(satellite_of(segment), epoch, f"the mean elements of {segment.where}")
+
+
+def _opm_state(segment: Segment, epoch: Instant, centre: BodyName) -> State:
+    opm, where = read_opm(segment), segment.where
+    body = BODIES[centre]
+    if opm.centre != centre.upper():
+        raise UserError(f"{where}: CENTER_NAME is {opm.centre}, allowed: {centre.upper()} (orbit.centre)")
+    if abs(opm.epoch.minus(epoch)) > ROUNDING_S:
+        raise UserError(
+            f"{where} has the state of {opm.epoch.iso()}, and the scenario starts at {epoch.iso()}: set epoch_utc to "
+            "the state's, or give an OEM"
+        )
+    r, v = opm.state or _state_of_elements(opm, body.mu_m3_s2)
+    if opm.state is not None and opm.elements is not None:
+        other = _state_of_elements(opm, body.mu_m3_s2)[0]
+        if float(np.linalg.norm(other - r)) > _SAME_ORBIT * float(np.linalg.norm(r)):
+            raise UserError(
+                f"{where}: the Keplerian elements put the craft {np.linalg.norm(other - r) / 1e3:.0f} km from X, Y, Z: "
+                "remove those that are wrong"
+            )
+    if opm.unused:
+        log.warning("%s has %s: not used", where, ", ".join(opm.unused))
+    return state_in_gcrf(opm.frame, opm.frozen, r, v)
+
+
+def _state_of_elements(opm: OrbitParameters, mu_m3_s2: float) -> State:
+    assert opm.elements is not None  # noqa: S101 - an OPM has one of the two
+    (a, e, i, node, argp, anomaly), mean, gm = opm.elements
+    mu = gm or mu_m3_s2
+    orbit = Elements(
+        semi_major_axis_m=a,
+        eccentricity=e,
+        inclination_rad=i,
+        raan_rad=node,
+        argument_of_perigee_rad=argp,
+        true_anomaly_rad=0.0 if mean else anomaly,
+    )
+    if mean:
+        orbit = replace(orbit, true_anomaly_rad=true_anomaly_after(orbit, anomaly / np.sqrt(mu / a**3), mu))
+    return state_from_elements(orbit, mu)

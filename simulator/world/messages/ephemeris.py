@@ -1,0 +1,199 @@
+"""Ephemeris of an orbit message: the interpolation that its segments name, in their frames, turned into GCRS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.world.messages.ccsds_frames import motion_in_gcrf
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.runtime.arrays import FloatArray
+    from simulator.world.ephemeris.bodies import Body
+    from simulator.world.messages.ccsds import Segment
+    from simulator.world.time.instant import Instant
+
+ROUNDING_S = 1e-6
+"""Times this far outside a span are taken for rounding."""
+_METRES_FASTER = 100.0
+"""Times the circular speed, from which velocities are taken for metres per second."""
+_SHORT_RAD = 0.5
+"""Angle travelled between two lines up to which the chord tells the velocity."""
+_CHORD_SHARE = 0.02
+"""Of the circular speed: what a burn or rounding may make velocities differ from the chord."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Piece:
+    """A segment's lines as functions of time, in the segment's own frame.
+
+    Parameters
+    ----------
+    segment : for messages. frame : of the lines. frozen : moment at which a frame of date is held, if it is.
+    times_s : (n,) of the lines. states : (n, 6) position [m] and velocity [m s-1].
+    method : HERMITE, LAGRANGE or LINEAR. lines : number of lines that a polynomial goes through.
+    first_s, last_s : span in which the message allows interpolation.
+    """
+
+    segment: Segment
+    frame: str
+    frozen: Instant | None
+    times_s: FloatArray
+    states: FloatArray
+    method: str
+    lines: int
+    first_s: float
+    last_s: float
+    _polynomials: dict[int, FloatArray] = field(default_factory=dict, init=False)
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position [m], velocity [m s-1] and acceleration [m s-2] in the segment's frame.
+
+        Hermite's polynomial has the positions and velocities of the lines as its values and slopes, and the velocity is
+        its slope. By Lagrange and linearly, positions and velocities are interpolated each by themselves.
+        """
+        t, n = self.times_s, len(self.times_s)
+        k = min(max(int(np.searchsorted(t, t_s, side="right")), 1), n - 1) if n > 1 else 0
+        if self.method == "LINEAR":
+            slope = (self.states[k] - self.states[k - 1]) / (t[k] - t[k - 1])
+            y = self.states[k - 1] + slope * (t_s - t[k - 1])
+            return y[:3], y[3:], slope[3:]
+        lines = min(self.lines, n)
+        # an odd number of lines is centred on the nearest one
+        nearest = k if lines % 2 == 0 or n == 1 else k - int(t_s - t[k - 1] < t[k] - t_s)
+        first = min(max(nearest - lines // 2, 0), n - lines)
+        middle, half = (t[max(k - 1, 0)] + t[k]) / 2, (t[k] - t[k - 1]) / 2 if n > 1 else 1.0
+        if k not in self._polynomials:
+            self._polynomials[k] = self._coefficients(slice(first, first + lines), middle, half)
+        coefficients = self._polynomials[k]
+        j, x = np.arange(len(coefficients)), (t_s - middle) / half
+        powers = x**j
+        value, slope = powers @ coefficients, (j[1:] * powers[:-1]) @ coefficients[1:] / half
+        if self.method != "HERMITE":
+            return value[:3], value[3:], slope[3:]
+        return value, slope, (j[2:] * j[1:-1] * powers[:-2]) @ coefficients[2:] / half**2
+
+    def _coefficients(self, near: slice, middle_s: float, half_s: float) -> FloatArray:
+        """Coefficients of the polynomial through some lines, of powers of the time from the middle of an interval.
+
+        Over the interval the terms of high order are small, so that nothing is lost in their sum.
+        """
+        from scipy.interpolate import KroghInterpolator  # noqa: PLC0415 - slow to import: maps are begun before
+
+        t, states = self.times_s[near], self.states[near]
+        if self.method == "HERMITE":
+            # a point that is there twice is its value, then its slope
+            t, states = np.repeat(t, 2), states.reshape(-1, 3)
+        slopes = KroghInterpolator(t, states).derivatives(middle_s)
+        j = np.arange(len(slopes))
+        terms = half_s**j / np.cumprod(np.maximum(j, 1.0))
+        return np.asarray(slopes * terms[:, None])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Ephemeris:
+    """Position, velocity and acceleration of a craft over time, in GCRS from the body that it circles.
+
+    Parameters
+    ----------
+    where : file, for messages. epoch : from which times count. pieces : in the order of their first moments.
+    """
+
+    where: str
+    epoch: Instant
+    pieces: Sequence[Piece]
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position [m], velocity [m s-1] and acceleration [m s-2]; a segment holds from its first moment on."""
+        begun = [p for p in self.pieces if p.first_s <= t_s]
+        # of those that overlap the later one; in a gap, and before and after all, the nearest edge counts for rounding
+        piece = next((p for p in reversed(begun) if t_s <= p.last_s), begun[-1] if begun else self.pieces[0])
+        return motion_in_gcrf(piece.frame, piece.frozen or self.epoch.plus(t_s), *piece(t_s))
+
+    @property
+    def end_s(self) -> float:
+        """How far it goes on from the epoch without a gap between segments [s]."""
+        reach = 0.0
+        for piece in self.pieces:
+            if piece.first_s <= reach + ROUNDING_S:
+                reach = max(reach, piece.last_s)
+        return reach
+
+    def require_span(self, duration_s: float) -> None:
+        """Check that the message covers a span from its epoch on.
+
+        Raises
+        ------
+        UserError
+            If it does not, or lines are missing within.
+        """
+        starts = any(p.first_s <= ROUNDING_S and p.last_s >= -ROUNDING_S for p in self.pieces)
+        if not starts or self.end_s < duration_s - ROUNDING_S:
+            spans = " and ".join(
+                f"{self.epoch.plus(p.first_s).iso()} to {self.epoch.plus(p.last_s).iso()}"
+                for p in self.pieces
+            )
+            asked = self.epoch.iso() + (f" to {self.epoch.plus(duration_s).iso()}" if duration_s else "")
+            raise UserError(
+                f"{self.where} covers {spans}, not {asked}: choose an epoch and a duration within"
+            )
+        for piece in self.pieces:
+            t = piece.times_s
+            inside = (t[1:] > ROUNDING_S) & (t[:-1] < max(duration_s - ROUNDING_S, -ROUNDING_S))
+            for k in np.flatnonzero(inside):
+                piece.segment.refuse_gap(t, int(k) + 1)
+
+    def refuse_impossible(self, body: Body) -> None:
+        """Look for lines that can be no orbit about a body.
+
+        Raises
+        ------
+        UserError
+            If values are of other units, below the surface or beyond reach, or velocities are not of the positions.
+        """
+        for piece in self.pieces:
+            _refuse_impossible(piece, body)
+
+    @property
+    def interpolation(self) -> str:
+        """How the lines are interpolated, in a few words."""
+        ways = {_words(p) for p in self.pieces}
+        return " and ".join(sorted(ways))
+
+
+def _refuse_impossible(piece: Piece, body: Body) -> None:
+    segment, r, v = piece.segment, piece.states[:, :3], piece.states[:, 3:]
+    radii, circular = np.linalg.norm(r, axis=1), np.sqrt(body.mu_m3_s2 / np.linalg.norm(r, axis=1))
+    start = f"{segment.where}, line {segment.rows[0][0]}"
+    if body.radius_m < float(np.median(radii)) / 1e3 < body.reach_m < float(np.median(radii)):
+        raise UserError(
+            f"{start}: the values look like metres, and CCSDS has km and km/s: divide them by 1000"
+        )
+    for (line, _), distance in zip(segment.rows, radii.tolist(), strict=True):
+        problem = body.distance_problem(distance)
+        if problem:
+            raise UserError(f"{segment.where}, line {line}: the position {problem}")
+    if float(np.median(np.linalg.norm(v, axis=1) / circular)) > _METRES_FASTER:
+        raise UserError(f"{start}: the velocities look like m/s, and CCSDS has km/s: divide them by 1000")
+    steps = np.diff(piece.times_s)
+    off = np.linalg.norm(np.diff(r, axis=0) / steps[:, None] - (v[1:] + v[:-1]) / 2, axis=1)
+    angle = steps * (circular / radii)[:-1]
+    wrong = np.flatnonzero((angle < _SHORT_RAD) & (off > circular[:-1] * (_CHORD_SHARE + angle**2)))
+    if len(wrong):
+        k = int(wrong[0])
+        raise UserError(
+            f"{segment.where}, line {segment.rows[k + 1][0]}: the velocities are {off[k]:.4g} m/s from those that the "
+            "positions move with: look at their units, axes and frame"
+        )
+
+
+def _words(piece: Piece) -> str:
+    if piece.method == "LINEAR":
+        return "linear"
+    degree = 2 * piece.lines - 1 if piece.method == "HERMITE" else piece.lines - 1
+    return f"{piece.method.capitalize()} of degree {degree}"

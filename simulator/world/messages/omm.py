@@ -1,0 +1,162 @@
+"""Orbit mean-elements messages (OMM, CCSDS 502.0-B): as key = value lines, XML, JSON and CSV, for SGP4."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from typing import Any
+
+import numpy as np
+from sgp4.api import WGS72, Satrec
+
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import refuse_deep
+from simulator.world.messages.ccsds import HEADER_KEYS, Segment, read_time, refuse_unknown_key
+from simulator.world.messages.state_message import KEYS, value_of
+
+_CATALOGUE_KEYS = (
+    *(
+        "CCSDS_OMM_VERS",
+        "SEMIMAJOR_AXIS",
+        "PERIOD",
+        "APOAPSIS",
+        "PERIAPSIS",
+        "OBJECT_TYPE",
+        "RCS_SIZE",
+        "RCSVALUE",
+    ),
+    *(
+        "COUNTRY_CODE",
+        "LAUNCH_DATE",
+        "SITE",
+        "DECAY_DATE",
+        "DECAYED",
+        "FILE",
+        "GP_ID",
+        "TLE_LINE0",
+        "TLE_LINE1",
+    ),
+    *("TLE_LINE2", "ORIGINATOR", "CREATION_DATE", "COMMENT"),
+)
+"""What catalogues on the web add to the keys of the standard."""
+_THEORIES = ("SGP4", "SGP/SGP4", "SGP")
+_FIXED = {
+    "CENTER_NAME": ("EARTH",),
+    "REF_FRAME": ("TEME",),
+    "TIME_SYSTEM": ("UTC",),
+    "MEAN_ELEMENT_THEORY": _THEORIES,
+}
+_MINUTES_A_DAY = 1440.0
+MOST_CHARACTERS = 30_000_000
+"""Of JSON or CSV, which take many times as much memory: twice the whole catalogue."""
+_SGP4_EPOCH_JD = 2433281.5
+"""31 December 1949, from which SGP4 counts days."""
+_LARGEST_NUMBER = 339_999
+"""Of a catalogue number that SGP4's record can hold; it has no part in the motion."""
+
+
+def read_json_objects(text: str, where: str) -> list[Segment]:
+    """Objects of a JSON list, or the one object.
+
+    Raises
+    ------
+    UserError
+        If it is not that, or has an unknown key.
+    """
+    _refuse_long(text, where)
+    refuse_deep(text.encode(), where)
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{where} is not valid JSON: {error}: download it again") from error
+    rows = document if isinstance(document, list) else [document]
+    if not rows or not all(isinstance(row, dict) for row in rows):
+        raise UserError(f"{where} is JSON, but no list of mean elements (OMM): download it again")
+    return [_segment(row, where) for row in rows]
+
+
+def read_csv_objects(text: str, where: str) -> list[Segment]:
+    """Objects of a table whose first line has the keys. Raises as `read_json_objects`."""
+    _refuse_long(text, where)
+    try:
+        found: list[dict[Any, Any]] = list(csv.DictReader(io.StringIO(text), skipinitialspace=True))
+    except csv.Error as error:
+        raise UserError(f"{where} is no table of mean elements: {error}: download it again") from error
+    if not found or any(None in row or None in row.values() for row in found):
+        raise UserError(
+            f"{where} has no elements, or a line with more or fewer columns than the first: download it again"
+        )
+    return [_segment(row, where) for row in found]
+
+
+def _refuse_long(text: str, where: str) -> None:
+    if len(text) > MOST_CHARACTERS:
+        raise UserError(
+            f"{where} has {len(text):,} characters of mean elements, at most {MOST_CHARACTERS:,} are read: keep the "
+            "satellites that you need"
+        )
+
+
+def _segment(row: dict[str, Any], where: str) -> Segment:
+    segment = Segment(where)
+    for key, value in row.items():
+        refuse_unknown_key(key, (*KEYS["OMM"], *HEADER_KEYS, *_CATALOGUE_KEYS), where)
+        if isinstance(value, dict | list | bool):
+            raise UserError(f"{where}: key {key} is no number or text: download the file again")
+        if value is not None and value != "":
+            segment.meta[key] = str(value)
+    return segment
+
+
+def satellite_of(segment: Segment) -> Satrec:
+    """The satellite of an OMM, ready for SGP4.
+
+    Parameters
+    ----------
+    segment : keys of the message.
+
+    Raises
+    ------
+    UserError
+        If a key is missing, or the elements are for another theory, frame or body.
+    """
+    for key, allowed in _FIXED.items():
+        if key in segment.meta:
+            segment.require_one_of(key, allowed)
+    if float(segment.meta.get("EPHEMERIS_TYPE", "0") or 0) not in {0.0, 2.0}:
+        raise UserError(
+            f"{segment.where}: EPHEMERIS_TYPE is {segment.meta['EPHEMERIS_TYPE'][:20]}, allowed: 0 or "
+            "2, which are for SGP4"
+        )
+    epoch = read_time(segment.require("EPOCH"), "UTC", f"{segment.where}: EPOCH")
+    utc1, utc2 = epoch.utc
+    keys = (
+        "ECCENTRICITY",
+        "ARG_OF_PERICENTER",
+        "INCLINATION",
+        "MEAN_ANOMALY",
+        "RA_OF_ASC_NODE",
+        "MEAN_MOTION",
+    )
+    e, argp, i, anomaly, node, motion = (value_of(segment, key) for key in keys)
+    if not (0 <= e < 1 and 0 < motion < 20):
+        raise UserError(
+            f"{segment.where}: ECCENTRICITY is {e:g} and MEAN_MOTION {motion:g} rev/day, allowed: 0 to 1 and 0 to 20"
+        )
+    name = segment.meta.get("NORAD_CAT_ID", "0")
+    catalogue = int(name) if name.isascii() and name.isdigit() and len(name) < 10 else 0
+    satellite = Satrec()
+    satellite.sgp4init(
+        WGS72,
+        "i",
+        catalogue if catalogue <= _LARGEST_NUMBER else 0,
+        (utc1 - _SGP4_EPOCH_JD) + utc2,
+        value_of(segment, "BSTAR"),
+        *(0.0, 0.0),  # derivatives of the mean motion, which have no part in SGP4
+        e,
+        *np.radians([argp, i, anomaly]).tolist(),
+        motion * 2 * np.pi / _MINUTES_A_DAY,
+        float(np.radians(node)),
+    )
+    return satellite

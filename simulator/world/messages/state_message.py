@@ -1,0 +1,188 @@
+"""CCSDS messages of one set of elements: orbit parameters (OPM) and mean elements (OMM) as key = value lines."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.world.messages.ccsds import (
+    HEADER_KEYS,
+    TIME_SYSTEMS,
+    Segment,
+    first_line,
+    number,
+    read_time,
+    refuse_unknown_key,
+)
+from simulator.world.messages.ccsds_frames import require_frame
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray
+    from simulator.world.time.instant import Instant
+
+_AXES = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+_ELEMENTS = ("SEMI_MAJOR_AXIS", "ECCENTRICITY", "INCLINATION", "RA_OF_ASC_NODE", "ARG_OF_PERICENTER")
+_OBJECT = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "REF_FRAME_EPOCH", "TIME_SYSTEM", "EPOCH")
+_CRAFT = ("MASS", "SOLAR_RAD_AREA", "SOLAR_RAD_COEFF", "DRAG_AREA", "DRAG_COEFF")
+COVARIANCE = (
+    "COV_REF_FRAME",
+    *(f"C{a}_{b}" for k, a in enumerate(_AXES) for b in _AXES[: k + 1]),
+)
+_MANOEUVRE = (
+    *(
+        "MAN_EPOCH_IGNITION",
+        "MAN_DURATION",
+        "MAN_DELTA_MASS",
+        "MAN_REF_FRAME",
+        "MAN_DV_1",
+        "MAN_DV_2",
+        "MAN_DV_3",
+    ),
+)
+KEYS = {
+    "OPM": (*_OBJECT, *_AXES, *_ELEMENTS, "TRUE_ANOMALY", "MEAN_ANOMALY", "GM", *_CRAFT),
+    "OMM": (
+        *(*_OBJECT, "MEAN_ELEMENT_THEORY", "MEAN_MOTION", *_ELEMENTS, "MEAN_ANOMALY", "GM", *_CRAFT),
+        *("EPHEMERIS_TYPE", "CLASSIFICATION_TYPE", "NORAD_CAT_ID", "ELEMENT_SET_NO", "REV_AT_EPOCH", "BSTAR"),
+        *("BTERM", "AGOM", "MEAN_MOTION_DOT", "MEAN_MOTION_DDOT"),
+    ),
+}
+"""CCSDS 502.0-B-3, tables 3-1 to 3-3 and 4-1 to 4-3."""
+_UNIT = re.compile(r"(.*?)\s*\[([^\]]*)\]")
+_UNITS = {
+    **dict.fromkeys((*_AXES[:3], "SEMI_MAJOR_AXIS"), "km"),
+    **dict.fromkeys(_AXES[3:], "km/s"),
+    **dict.fromkeys(
+        ("INCLINATION", "RA_OF_ASC_NODE", "ARG_OF_PERICENTER", "TRUE_ANOMALY", "MEAN_ANOMALY"), "deg"
+    ),
+    "GM": "km**3/s**2",
+    "MEAN_MOTION": "rev/day",
+}
+
+
+def read_fields(text: str, where: str, kind: str) -> Segment:
+    """Keys of an OPM or OMM in key = value form; the ignition of each manoeuvre is a row.
+
+    Raises
+    ------
+    UserError
+        If a line or a key is not understood.
+    """
+    segment = Segment(where)
+    for line_number, raw in enumerate(text.splitlines(), start=1):
+        line, here = raw.strip(), f"{where}, line {line_number}"
+        if not line or line.startswith("COMMENT"):
+            continue
+        key, equals, value = (part.strip() for part in line.partition("="))
+        if not equals:
+            raise UserError(f"{here}: {line[:60]!r} is not of the form KEY = value")
+        if key.startswith("USER_DEFINED_"):
+            continue
+        known = (*HEADER_KEYS, f"CCSDS_{kind}_VERS", *KEYS[kind], *COVARIANCE, *_MANOEUVRE)
+        refuse_unknown_key(key, known, here)
+        if key == "MAN_EPOCH_IGNITION":
+            segment.rows.append((line_number, [value]))
+        elif key not in _MANOEUVRE:
+            segment.set_once(key, value, here)
+    return segment
+
+
+def value_of(segment: Segment, key: str) -> float:
+    """A number of a message, whose unit, where it is named, is the standard's.
+
+    Raises
+    ------
+    UserError
+        If it is not there, no number, or in another unit.
+    """
+    text = segment.require(key)
+    match = _UNIT.fullmatch(text)
+    if match is not None:
+        text, unit, wanted = match[1], match[2].strip(), _UNITS.get(key)
+        if wanted is not None and unit.lower() != wanted:
+            raise UserError(f"{segment.where}: {key} is in {unit[:20]}, allowed: {wanted}")
+    return number(text, f"{segment.where}: {key}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrbitParameters:
+    """The state of an OPM.
+
+    Parameters
+    ----------
+    frame : of its values. epoch : of the state. r_m, v_m_s : (3,) or None where there are elements alone.
+    elements : SEMI_MAJOR_AXIS [m], ECCENTRICITY, INCLINATION, RA_OF_ASC_NODE, ARG_OF_PERICENTER, anomaly [rad]
+        and whether it is the mean one, gravitational parameter [m3 s-2]; None where there are none.
+    unused : what else the message has. frozen : moment at which a frame of date is held, or the epoch.
+    """
+
+    frame: str
+    centre: str
+    epoch: Instant
+    frozen: Instant
+    state: tuple[FloatArray, FloatArray] | None
+    elements: tuple[list[float], bool, float] | None
+    unused: tuple[str, ...]
+
+
+def read_opm(segment: Segment) -> OrbitParameters:
+    """The state of an OPM's keys.
+
+    Raises
+    ------
+    UserError
+        If one is missing or not understood.
+    """
+    where = segment.where
+    system = segment.require_one_of("TIME_SYSTEM", TIME_SYSTEMS)
+    frame = require_frame(segment.require("REF_FRAME"), where)
+    epoch = read_time(segment.require("EPOCH"), system, f"{where}: EPOCH")
+    frozen = epoch
+    if "REF_FRAME_EPOCH" in segment.meta:
+        frozen = read_time(segment.meta["REF_FRAME_EPOCH"], system, f"{where}: REF_FRAME_EPOCH")
+    state = elements = None
+    if any(key in segment.meta for key in _AXES) or "SEMI_MAJOR_AXIS" not in segment.meta:
+        values = np.array([value_of(segment, key) for key in _AXES]) * 1e3
+        state = (values[:3], values[3:])
+    if "SEMI_MAJOR_AXIS" in segment.meta:
+        a_km, e, *angles = (value_of(segment, key) for key in _ELEMENTS)
+        if not (a_km > 0 and 0 <= e < 1):
+            raise UserError(
+                f"{where}: SEMI_MAJOR_AXIS is {a_km:g} and ECCENTRICITY {e:g}, allowed: a closed orbit"
+            )
+        mean = "MEAN_ANOMALY" in segment.meta
+        anomaly = value_of(segment, "MEAN_ANOMALY" if mean else "TRUE_ANOMALY")
+        elements = (
+            [a_km * 1e3, e, *np.radians([*angles, anomaly]).tolist()],
+            mean,
+            value_of(segment, "GM") * 1e9 if "GM" in segment.meta else 0.0,
+        )
+    return OrbitParameters(
+        frame=frame,
+        centre=segment.require("CENTER_NAME").upper(),
+        epoch=epoch,
+        frozen=frozen,
+        state=state,
+        elements=elements,
+        unused=tuple(
+            what
+            for what, there in (
+                ("manoeuvres (write them as [[burns]])", bool(segment.rows)),
+                ("a covariance", any(key in segment.meta for key in COVARIANCE)),
+                (
+                    "mass and areas (write them as [forces.target])",
+                    any(key in segment.meta for key in _CRAFT),
+                ),
+            )
+            if there
+        ),
+    )
+
+
+def is_state_message(text: str, kind: str) -> bool:
+    """Whether a text is an OPM or OMM in key = value form."""
+    return first_line(text).startswith(f"CCSDS_{kind}_VERS")

@@ -1,0 +1,190 @@
+"""Craft that follow ephemerides: the target's track, and a chaser beside it in free flight or by its own file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.world.orbit.dense_output import DenseOutput, integrate
+from simulator.world.orbit.propagation import OrbitTrack, Solution, propagate
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray
+    from simulator.world.orbit.burns import Burn
+    from simulator.world.orbit.forces import ForceModel
+
+_LOOK_EVERY_S = 60.0
+_THRUST_M_S2 = 2e-3
+"""Mean acceleration beside the force model's that is taken for a burn: ten times the Earth's gravity anomalies in low
+orbit, a tenth of what reboosts a station."""
+
+
+class Ephemeris(Protocol):
+    """A craft's motion over time, from the centre of the body that it circles, GCRS axes."""
+
+    @property
+    def where(self) -> str:
+        """Its file, for messages."""
+        ...
+
+    @property
+    def end_s(self) -> float:
+        """How far it goes without a gap."""
+        ...
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position [m], velocity [m s-1] and acceleration [m s-2]."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedCraft:
+    """One craft by its ephemeris and, after its end, by the forces.
+
+    Parameters
+    ----------
+    ephemeris : to ``end_s``. tail : [r, v] from there; None where the ephemeris goes as far as the flight.
+    """
+
+    ephemeris: Ephemeris
+    end_s: float
+    tail: DenseOutput | None
+
+    def __call__(self, t_s: float) -> FloatArray:
+        """Position and velocity (6,)."""
+        if self.tail is not None and t_s > self.end_s:
+            return self.tail(t_s)
+        return np.concatenate(self.ephemeris(t_s)[:2])
+
+    def rate(self, t_s: float) -> FloatArray:
+        """Velocity and acceleration (6,)."""
+        if self.tail is not None and t_s > self.end_s:
+            return self.tail.rate(t_s)
+        return np.concatenate(self.ephemeris(t_s)[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class CraftPair:
+    """The target and, beside it, the chaser.
+
+    Parameters
+    ----------
+    target : [r, v, ...]. chaser : [r, v] from the same centre; or None.
+    apart : [..., rho, rho'] of a chaser in free flight.
+    """
+
+    target: Solution
+    chaser: Solution | None = None
+    apart: Solution | None = None
+
+    def __call__(self, t_s: float) -> FloatArray:
+        """The state (6,) or, with a chaser, (12,)."""
+        return self._joined(
+            self.target(t_s)[:6], self.chaser and self.chaser(t_s), self.apart and self.apart(t_s)
+        )
+
+    def rate(self, t_s: float) -> FloatArray:
+        """Its derivative."""
+        return self._joined(
+            self.target.rate(t_s)[:6],
+            self.chaser and self.chaser.rate(t_s),
+            self.apart and self.apart.rate(t_s),
+        )
+
+    @staticmethod
+    def _joined(target: FloatArray, chaser: FloatArray | None, apart: FloatArray | None) -> FloatArray:
+        if chaser is not None:
+            return np.concatenate([target, chaser - target])
+        return target if apart is None else np.concatenate([target, apart[6:]])
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedTrack(OrbitTrack):
+    """A target that follows an ephemeris, with its burns and all that acted on it."""
+
+    def acceleration(self, t_s: float) -> FloatArray:
+        """Acceleration of the target in GCRS: the slope of the velocity that the ephemeris has [m s-2]."""
+        return self.solution.rate(t_s)[3:6]
+
+
+def followed_craft(ephemeris: Ephemeris, duration_s: float, forces: ForceModel) -> FollowedCraft:
+    """A craft that follows an ephemeris to its end, and flies by the forces on to ``duration_s``."""
+    tail, end_s = None, ephemeris.end_s
+    if duration_s > end_s:
+        tail = integrate(
+            lambda t, y: np.concatenate([y[3:], forces.target(t, y[:3], y[3:])]),
+            np.concatenate(ephemeris(end_s)[:2]),
+            (end_s, duration_s),
+            rtol=1e-12,
+            atol=1e-7,
+            max_step_s=60.0,
+        )
+    return FollowedCraft(ephemeris, end_s, tail)
+
+
+def follow(
+    target: FollowedCraft,
+    duration_s: float,
+    forces: ForceModel,
+    relative: tuple[FloatArray, FloatArray] | None = None,
+    burns: tuple[Burn, ...] = (),
+) -> FollowedTrack:
+    """The track of a followed target and, when ``relative`` is given, of a chaser in free flight beside it.
+
+    What the ephemeris has beyond the forces of the scenario (higher harmonics, the air of the day) acts on both craft
+    alike: only the difference of the forces between the two moves them apart.
+
+    Parameters
+    ----------
+    target : the followed one. duration_s : span [s]. forces : what pulls the craft apart.
+    relative : chaser minus target at t = 0, along GCRS axes. burns : of the chaser.
+
+    Raises
+    ------
+    UserError
+        If the target fires its engines while the chaser flies freely.
+    """
+    apart = None
+    if relative is not None:
+        refuse_thrust(target, duration_s, forces)
+        y = target(0.0)
+        apart = propagate(y[:3], y[3:], duration_s, forces, relative, burns, along=target).solution
+    return FollowedTrack(forces, duration_s, CraftPair(target, apart=apart))
+
+
+def refuse_thrust(target: FollowedCraft, duration_s: float, forces: ForceModel) -> None:
+    """Look for burns in an ephemeris: changes of velocity that the forces do not make.
+
+    Raises
+    ------
+    UserError
+        If there is one.
+    """
+    edges = np.linspace(0.0, min(duration_s, target.end_s), max(int(duration_s / _LOOK_EVERY_S) + 1, 2))
+    for a, b in pairwise(edges.tolist()):
+        times = (a, (a + b) / 2, b)
+        states = [target(t) for t in times]
+        pulls = np.array(
+            [
+                # a file of a textbook's point mass is no burning one either
+                (forces.target(t, y[:3], y[3:]), -forces.mu_m3_s2 * y[:3] / np.linalg.norm(y[:3]) ** 3)
+                for t, y in zip(times, states, strict=True)
+            ]
+        )
+        given = (
+            states[2][3:] - states[0][3:] - (b - a) / 6 * np.array([1.0, 4.0, 1.0]) @ pulls.transpose(1, 0, 2)
+        )
+        size = float(np.linalg.norm(given, axis=1).min())
+        if size > _THRUST_M_S2 * (b - a):
+            raise UserError(
+                f"{target.ephemeris.where} changes the target's velocity by {size:.3g} m/s beside gravity "
+                f"between {a:.0f} "
+                f"and {b:.0f} s, and a chaser in free flight or under thrusters is not flown beside a burning target: "
+                'give orbit.motion = "propagate" with [[burns]], the chaser its own file by mode "oem", or the forces '
+                "that "
+                "the file was made with"
+            )
