@@ -73,7 +73,7 @@ def _orbit(
         case _:
             return orbit
     if not isinstance(found, tuple):
-        if motion != "propagate":
+        if isinstance(orbit, OemOrbit) and motion != "propagate":
             found.require_span(duration_s)
             return msgspec.structs.replace(orbit, file=str((folder / name).resolve()), motion="oem")
         found.require_span(0.0)
@@ -116,7 +116,8 @@ def chaser_ephemeris(scenario: Scenario) -> Ephemeris | None:
     chaser = scenario.chaser
     if not isinstance(chaser, FollowedChaser):
         return None
-    epoch, centre = Instant.from_utc(scenario.epoch_utc), getattr(scenario.orbit, "centre", "earth")
+    epoch = Instant.from_utc(scenario.epoch_utc)
+    centre: BodyName = getattr(scenario.orbit, "centre", "earth")
     found = _orbit_file(Path(chaser.file), "chaser.file", epoch, centre, chaser.satellite)
     if isinstance(found, tuple):
         raise UserError(

@@ -125,9 +125,9 @@ def read_orbit_file(
 
 def _text_of(data: bytes, where: str) -> str:
     """The text of a file that is none of the known others."""
-    for mark, what, remedy in _BINARY:
-        if data.startswith(mark):
-            raise UserError(f"{where} is {what}: {remedy}")
+    for magic, kind, way_out in _BINARY:
+        if data.startswith(magic):
+            raise UserError(f"{where} is {kind}: {way_out}")
     text = decode_text(data, where)
     start = first_line(text)
     if not start:

@@ -84,15 +84,17 @@ class CraftPair:
     def __call__(self, t_s: float) -> FloatArray:
         """The state (6,) or, with a chaser, (12,)."""
         return self._joined(
-            self.target(t_s)[:6], self.chaser and self.chaser(t_s), self.apart and self.apart(t_s)
+            self.target(t_s)[:6],
+            None if self.chaser is None else self.chaser(t_s),
+            None if self.apart is None else self.apart(t_s),
         )
 
     def rate(self, t_s: float) -> FloatArray:
         """Its derivative."""
         return self._joined(
             self.target.rate(t_s)[:6],
-            self.chaser and self.chaser.rate(t_s),
-            self.apart and self.apart.rate(t_s),
+            None if self.chaser is None else self.chaser.rate(t_s),
+            None if self.apart is None else self.apart.rate(t_s),
         )
 
     @staticmethod
