@@ -18,7 +18,7 @@ from simulator.camera.detector.sensor import Detector, Sensor
 from simulator.camera.lens.camera_model import Camera
 from simulator.errors import UserError
 from simulator.runtime.sections import Section
-from simulator.runtime.untrusted_files import read_regular
+from simulator.runtime.untrusted_files import decode_text, read_regular
 
 MOST_KERNEL_BYTES = 100_000_000
 
@@ -159,7 +159,7 @@ def _read_kernel(path: Path) -> NDArray[Any]:
         return picture / picture.sum(dtype=float)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # an empty file is told of by its shape
-        return np.loadtxt(io.BytesIO(data), delimiter=_delimiter(path), ndmin=2)
+        return np.loadtxt(io.StringIO(decode_text(data, str(path))), delimiter=_delimiter(path), ndmin=2)
 
 
 def _delimiter(path: Path) -> str | None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.runtime.arrays import quat, vec3
-from simulator.runtime.untrusted_files import read_regular
+from simulator.runtime.untrusted_files import decode_text, read_regular
 from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.frames.pose import Pose
 from simulator.world.frames.rotation import matrix_from_quat
@@ -43,11 +43,11 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
         If the file cannot be read, lacks a column, has no row, or a number is wrong: file, line, column, what to do.
     """
     try:
-        text = read_regular(path, MOST_BYTES).decode("utf-8-sig")
+        text = decode_text(read_regular(path, MOST_BYTES), str(path))
         reader = csv.DictReader(io.StringIO(text, newline=""))
         rows = list(reader)
         header = [name.strip() for name in reader.fieldnames or ()]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except (OSError, csv.Error) as error:
         raise UserError(f"cannot read poses {path}: {error}; give a CSV file with a header line") from error
     missing = [name for name in COLUMNS if name not in header]
     if missing:

@@ -15,7 +15,7 @@ import msgspec
 
 from simulator.camera.lens.files_native import CameraFile
 from simulator.errors import UserError
-from simulator.runtime.untrusted_files import MOST_DEEP, refuse_deep
+from simulator.runtime.untrusted_files import MOST_DEEP, decode_text, refuse_deep
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -43,10 +43,7 @@ def read_raw(content: bytes, where: str) -> dict[str, Any]:
     UserError
         If it is neither, or holds no table.
     """
-    try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise UserError(f"{where} is not UTF-8 text: give a camera file in JSON or YAML") from error
+    text = decode_text(content, where)
     if text.lstrip().startswith(("{", "[")):
         refuse_deep(content, where)
         try:
