@@ -15,7 +15,7 @@ from simulator.runtime.untrusted_files import (
     refuse_not_finite,
 )
 
-MOST_TOML_BYTES = 1 << 20  # a hundred times the longest built-in file
+MOST_TOML_BYTES = 1_000_000  # a hundred times the longest built-in file
 MOST_DOTS = 16
 # a.b.c = 1 nests as brackets do, and tomllib's time grows with the square of the number of dots
 _DOTTED = re.compile(
@@ -38,11 +38,11 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
     Raises
     ------
     UserError
-        If it is longer than 1 MiB, nested too deeply, not UTF-8, not TOML, or holds NaN or infinity.
+        If it is longer than 1 MB, nested too deeply, not UTF-8, not TOML, or holds NaN or infinity.
     """
     if len(content) > MOST_TOML_BYTES:
         raise UserError(
-            f"{where} is longer than {MOST_TOML_BYTES >> 20} MiB, which no such file is; shorten it"
+            f"{where} is longer than {MOST_TOML_BYTES / 1e6:g} MB, which no such file is; shorten it"
         )
     text = decode_text(content, where)
     refuse_deep(content, where, skip=TOML_TEXT)

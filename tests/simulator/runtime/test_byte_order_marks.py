@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from simulator.camera.lens.files import read_camera_file
-from simulator.camera.lens.files_foreign import written
+from simulator.camera.lens.formats.registry import camera_text
 from simulator.camera.sections import OpticsSection
 from simulator.dataset.card import decode_card
 from simulator.dataset.formats.posed_pictures import read_csv, read_json
@@ -26,9 +26,9 @@ TEXTS = {
     "recipe.toml": (load_recipe, recipe_text("eval-black")),
     "vary.toml": (load_vary, "[craft]\n"),
     "faults.toml": (read_faults, "seed = 3\n"),
-    "camera.json": (read_camera_file, written(CAMERA, "native", "x")),
-    "camera.yaml": (read_camera_file, written(CAMERA, "ros", "x")),
-    "opencv.yaml": (read_camera_file, written(CAMERA, "opencv", "x")),
+    "camera.json": (read_camera_file, camera_text(CAMERA, "native", "x")),
+    "camera.yaml": (read_camera_file, camera_text(CAMERA, "ros", "x")),
+    "opencv.yaml": (read_camera_file, camera_text(CAMERA, "opencv", "x")),
     "poses.csv": (read_poses, "q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m\n1,0,0,0,0,0,9\n"),
     "list.csv": (lambda path: read_csv(path, ["a"]), "a,b\n1,2\n"),
     "kernel.csv": (

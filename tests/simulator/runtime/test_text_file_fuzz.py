@@ -14,9 +14,9 @@ import pytest
 from mutations import changed_json, changed_text
 
 from hil.board.svd import CameraIntrinsics
-from simulator.camera.lens import files_foreign
 from simulator.camera.lens.files import list_cameras, parse_camera, read_camera_file
-from simulator.camera.lens.files_foreign import FORMATS, written
+from simulator.camera.lens.formats import document
+from simulator.camera.lens.formats.registry import WRITTEN, camera_text
 from simulator.dataset import card as cards
 from simulator.dataset.card import CardTarget, DatasetCard, card_to_json, describe_machine, read_card
 from simulator.errors import UserError
@@ -109,9 +109,9 @@ def camera_texts():
     for name in list_cameras():
         camera = read_camera_file(name)
         yield files("assets").joinpath("cameras", f"{name}.json").read_bytes()
-        for form in FORMATS:
+        for form in WRITTEN:
             try:
-                yield written(camera, form, name).encode()
+                yield camera_text(camera, form, name).encode()
             except UserError:
                 continue  # a lens that the format does not know
     yield b'{"focal_length_mm": 12.0, "pixel_pitch_um": 5.5, "width_px": 1024, "height_px": 1024}'
@@ -119,7 +119,7 @@ def camera_texts():
 
 def test_cameras_of_every_format():
     rng, texts = np.random.default_rng(2), list(camera_texts())
-    assert len(texts) > 4 * len(FORMATS)
+    assert len(texts) > 4 * len(WRITTEN)
     done = []
     for _ in range(600):
         data = changed_text(texts[int(rng.integers(len(texts)))], rng)
@@ -246,7 +246,7 @@ def test_brackets_in_strings_and_comments_nest_nothing_and_hide_nothing():
 def test_a_parser_that_nests_too_deep_all_the_same_is_told_in_a_sentence(tmp_path, monkeypatch):
     (tmp_path / "dataset.json").write_bytes(b"[" * 100_000)
     (tmp_path / "a.toml").write_bytes(b"a = " + b"[" * 20_000)
-    for module in (cards, truths, toml_file, files_foreign):
+    for module in (cards, truths, toml_file, document):
         monkeypatch.setattr(module, "refuse_deep", lambda *_, **__: None)
     for reader in (
         lambda: read_card(tmp_path),
