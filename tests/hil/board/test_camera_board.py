@@ -316,5 +316,5 @@ def test_a_camera_file_of_another_program_is_refused_by_its_key(tmp_path):
     path.write_bytes(json.dumps(CAMERA).encode("utf-8-sig"))
     assert read_camera(str(path)) == CAMERA
     path.write_text(json.dumps({**CAMERA, "dist_coeffs": [-0.3, 0.1, 0, 0, 0]}))
-    with pytest.raises(LinkError, match="'dist_coeffs'.*--export"):
+    with pytest.raises(LinkError, match=r"'dist_coeffs'.*--export"):
         read_camera(str(path))

@@ -8,6 +8,7 @@ import msgspec
 
 from simulator.camera.lens.distortion import COEFFICIENT_COUNTS, DistortionModel
 from simulator.camera.lens.files_native import CameraFile
+from simulator.camera.lens.formats.document import plain_name
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -19,32 +20,9 @@ _RECALIBRATE = (
     "calibrate with radial and tangential terms (cv2.calibrateCamera, Kalibr's pinhole-radtan) or with the equidistant "
     "fish-eye (cv2.fisheye.calibrate, Kalibr's pinhole-equi)"
 )
-_NAMES: dict[str, DistortionModel] = dict.fromkeys(
-    (
-        "plumbbob",
-        "rationalpolynomial",
-        "rational",
-        "radtan",
-        "radialtangential",
-        "brownconrady",
-        "brown",
-        "opencv",
-        "standard",
-    ),
-    "brown_conrady",
-) | dict.fromkeys(
-    (
-        "equidistant",
-        "equi",
-        "fisheye",
-        "opencvfisheye",
-        "kannalabrandt",
-        "kannalabrandt4",
-        "kannalabrandt8",
-        "kb4",
-    ),
-    "kannala_brandt",
-)
+# names of the models in other programs' files, without _, - and blanks
+_BROWN = "plumbbob rationalpolynomial rational radtan radialtangential brownconrady brown opencv standard"
+_FISHEYE = "equidistant equi fisheye opencvfisheye kannalabrandt kannalabrandt4 kannalabrandt8 kb4"
 _NEUTRAL = ("", "pinhole", "perspective")
 
 
@@ -62,13 +40,15 @@ def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionMo
     """
     found: dict[DistortionModel, str] = {}
     for key, value in names:
-        plain = str(value or "").lower().replace("_", "").replace("-", "").replace(" ", "")
+        plain = plain_name(value or "")
         if plain in _NEUTRAL:
             continue
         if plain == "none":
             found["none"] = key
-        elif plain in _NAMES:
-            found[_NAMES[plain]] = key
+        elif plain in _BROWN.split():
+            found["brown_conrady"] = key
+        elif plain in _FISHEYE.split():
+            found["kannala_brandt"] = key
         else:
             place = f"{keys.where}: key {keys.path}{key}"
             raise not_drawn(

@@ -85,7 +85,7 @@ def read_ros(document: Document, where: str) -> CameraFile:
         If a key is not known, a lens is not drawn, or the image is binned or cropped.
     """
     keys = Keys(document.table, where, "ROS camera_info")
-    keys.ignore("header", "translation", "rotation", "distortion_model_name")
+    keys.ignore("header", "translation rotation" if document.syntax == "ini" else "")
     keys.allow("binning_x", 0, 1, so=_CROPPED)
     keys.allow("binning_y", 0, 1, so=_CROPPED)
     return _read(keys, _rectified_note(keys))

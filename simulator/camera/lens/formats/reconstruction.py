@@ -31,22 +31,9 @@ _COLMAP_MODELS: dict[str, tuple[DistortionModel, str, str]] = {
     "RADIAL_FISHEYE": ("kannala_brandt", "f cx cy k1 k2", "k1 k2 0 0"),
 }
 _NERF_LENS = (
-    "camera_model",
-    "fl_x",
-    "fl_y",
-    "cx",
-    "cy",
-    "w",
-    "h",
-    "k1",
-    "k2",
-    "k3",
-    "k4",
-    "p1",
-    "p2",
-    "is_fisheye",
+    *("camera_model", "fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k2", "k3", "k4", "p1", "p2", "is_fisheye"),
+    *("camera_angle_x", "camera_angle_y", "sk_x", "sk_y"),
 )
-_NERF_LENS += ("camera_angle_x", "camera_angle_y", "sk_x", "sk_y")
 _NERF_SCENE = """
     frames aabb_scale aabb scale offset ply_file_path applied_transform applied_scale orientation_override
     integer_depth_scale depth_unit_scale_factor enable_depth_loading from_na train_filenames val_filenames
