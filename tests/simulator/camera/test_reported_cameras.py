@@ -407,6 +407,13 @@ READ = {
         "width: 640\nheight: 480\nK: 600 0 320 0 601 240\n  0 0 1\ndist: -0.3, 0.1, 0.001, 0.0005, 0.02\n",
         FIVE,
     ),
+    "tables of names": (
+        (
+            f"camera_matrix: {{fx: 600, fy: 601, cx: 320, cy: 240}}\ndist_coeffs: {D}\n"
+            "resolution: {width: 640, height: 480}\n"
+        ),
+        FIVE,
+    ),
     "leading zeros are decimal": (f"width: 0640\nheight: 0480\nK: {K}\nD: {D}\n", FIVE),
     "thirteen zeros of the tilted model": (f"width: 640\nheight: 480\nK: {K}\nD: [{'0, ' * 13}0]\n", ()),
     "opencv's fish-eye": (
@@ -613,7 +620,6 @@ REFUSED = {
         ORB_SLAM_2.replace("Camera.width: 640\n", ""),
         "lacks the key Camera.width",
     ),
-    "orb-slam scaled": (ORB_SLAM_2 + "Camera.newWidth: 320\n", "newWidth is 320"),
     "kalibr without image size": (KALIBR.replace("  resolution: [640, 480]\n", ""), "resolution"),
     "nerf without image size": (json.dumps(without(NERF, "w")), "lacks w and h"),
     "nerf that disagrees": (json.dumps(NERF | {"fl_x": 700}), "delete one"),
@@ -710,6 +716,9 @@ def test_of_a_rig_the_first_camera_is_taken_and_said():
     two["value0"]["intrinsics"] *= 2
     assert "first of 2" in parse_camera(json.dumps(two).encode(), "x").notes
     assert "first" in parse_camera(ORB_SLAM_3.encode(), "x").notes
+    scaled = parse_camera((ORB_SLAM_3 + "Camera.newWidth: 320\nCamera.newHeight: 240\n").encode(), "x")
+    assert "before the program scales" in scaled.notes
+    assert scaled.width_px == 640
 
 
 def test_a_stereo_pair_s_rectification_is_said_to_be_left_out():
@@ -720,6 +729,14 @@ def test_a_stereo_pair_s_rectification_is_said_to_be_left_out():
     assert "raw" in camera.notes
     zeros = MESSAGE + "r: [0, 0, 0, 0, 0, 0, 0, 0, 0]\np: [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]\n"
     assert parse_camera(zeros.encode(), "x").notes == ""
+
+
+def test_four_coefficients_without_a_model_are_said_to_be_no_fish_eye_s():
+    text = f"width: 640\nheight: 480\nK: {K}\nD: [-0.3, 0.1, 0.001, 0.0005]\n"
+    camera = parse_camera(text.encode(), "x")
+    check(camera, PLAIN, "brown_conrady", FIVE[:4])
+    assert "fisheye_model: 1" in camera.notes
+    assert parse_camera(f"{text}fisheye_model: 0\n".encode(), "x").notes == ""
 
 
 def test_nerf_without_a_principal_point_looks_through_the_middle():

@@ -114,13 +114,19 @@ class Keys:
         return None if value is None else flat_numbers(value, self._at(*names))
 
     def matrix(self, *names: str) -> Matrix | None:
-        """Return fx, fy, cx, cy of a 3 x 3 camera matrix; None if it is missing.
+        """Return fx, fy, cx, cy of a 3 x 3 camera matrix, or of a table of them; None if it is missing.
 
         Raises
         ------
         UserError
             If it is no camera matrix, or has a skew.
         """
+        name = self.find(*names)
+        if name and isinstance(self._table[name], dict) and "fx" in self._table[name]:
+            inner = self.inner(name)
+            fx, fy, cx, cy = (inner.number(key) for key in ("fx", "fy", "cx", "cy"))
+            inner.done()
+            return fx, fy, cx, cy
         m = self.numbers(*names)
         return None if m is None else camera_matrix(m, self._at(*names))
 

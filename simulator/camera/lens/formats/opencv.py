@@ -92,9 +92,7 @@ def read_ros(document: Document, where: str) -> CameraFile:
 
 
 def _read(keys: Keys, notes: list[str]) -> CameraFile:
-    size = keys.numbers(*_SIZE) or [keys.count(*_WIDTH), keys.count(*_HEIGHT)]
-    if len(size) != 2:
-        raise keys.error(f"has an image size of {len(size)} numbers, width and height are needed")
+    size = _image_size(keys)
     matrix = keys.matrix(*MATRIX)
     if matrix is None:
         raise keys.error("lacks the camera matrix; add it")
@@ -110,8 +108,23 @@ def _read(keys: Keys, notes: list[str]) -> CameraFile:
     keys.ignore(_REPORT, prefixes=_REPORT_PREFIXES)
     if model is None:
         model = "brown_conrady" if coefficients else "none"
+        if len(coefficients or ()) == 4 and not any(map(keys.find, _FISHEYE)):
+            notes.append("the 4 coefficients were read as k1 k2 p1 p2; of a fish-eye, add fisheye_model: 1")
     name = keys.get("camera_name", "name")
     return camera_file(keys, size, matrix, model, coefficients, name=str(name or ""), notes=notes)
+
+
+def _image_size(keys: Keys) -> list[float]:
+    name = keys.find(*_SIZE)
+    if name and isinstance(keys.get(name), dict):
+        inner = keys.inner(name)
+        size: list[float] = [inner.count("width"), inner.count("height")]
+        inner.done()
+        return size
+    size = keys.numbers(*_SIZE) or [keys.count(*_WIDTH), keys.count(*_HEIGHT)]
+    if len(size) != 2:
+        raise keys.error(f"has an image size of {len(size)} numbers, width and height are needed")
+    return size
 
 
 def _check_roi(keys: Keys, size: list[float]) -> None:
@@ -142,13 +155,12 @@ def _rectified_note(keys: Keys) -> list[str]:
             raise keys.error("has a rectification matrix that is no rotation; calibrate again or delete it")
         differs |= not np.allclose(R.reshape(3, 3), np.eye(3), atol=1e-9)
     if projection is not None and any(projection):
-        K = keys.numbers(*MATRIX)
         if len(projection) != 12:
             raise keys.error(f"has a projection matrix of {len(projection)} numbers, 3 x 4 are needed")
-        P = np.array(projection).reshape(3, 4)
-        differs |= (
-            K is not None and len(K) == 9 and not np.allclose(P[:, :3].ravel(), K, rtol=1e-6, atol=1e-6)
-        )
+        P = np.array(projection).reshape(3, 4)[:, :3]
+        if (matrix := keys.matrix(*MATRIX)) is not None:
+            fx, fy, cx, cy = matrix
+            differs |= not np.allclose(P, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], rtol=1e-6, atol=1e-6)
     if not differs:
         return []
     return ["rectification and projection matrix belong to a rectified image; drawn is the raw one"]
@@ -161,7 +173,7 @@ def write_opencv(camera: CameraFile, where: str) -> str:  # noqa: ARG001 - a wri
     return (
         "%YAML:1.0\n---\n"
         f"image_width: {camera.width_px}\nimage_height: {camera.height_px}\n"
-        + (f"fisheye_model: {int(fisheye)}\n" if fisheye else "")
+        f"fisheye_model: {int(fisheye)}\n"
         + _opencv_matrix("camera_matrix", 3, 3, matrix_of(camera))
         + _opencv_matrix("distortion_coefficients", len(padded), 1, padded)
     )

@@ -71,17 +71,16 @@ def read_orb(document: Document, where: str) -> CameraFile:
         keys.count("Camera.width", "Camera.cols", "Camera1.width"),
         keys.count("Camera.height", "Camera.rows", "Camera1.height"),
     ]
-    so = "the program scales its images: use a calibration of the scaled ones"
-    keys.allow("Camera.newWidth", size[0], so=so)
-    keys.allow("Camera.newHeight", size[1], so=so)
-    keys.allow("Camera.imageScale", 1, so=so)
+    notes = []
+    scaled = [keys.get(f"Camera.{key}") for key in ("newWidth", "newHeight", "imageScale")]
+    if any(value not in (None, 1) for value in scaled):
+        notes.append("this is the camera before the program scales its images")
     model, coefficients = _orb_lens(keys, plain)
     keys.ignore(_ORB_CAMERA, prefixes=_ORB_OTHERS)
-    notes = []
     if any(str(name).startswith("LEFT.") for name in table):
-        notes = ["drawn are the images that the program rectified (Camera.*), not those of LEFT.K"]
+        notes.append("drawn are the images that the program rectified (Camera.*), not those of LEFT.K")
     elif any(str(name).startswith("Camera2.") for name in table):
-        notes = ["of two cameras the first was taken"]
+        notes.append("of two cameras the first was taken")
     return camera_file(
         keys, size, intrinsics, model, coefficients, name=str(keys.get("Camera.name") or ""), notes=notes
     )
