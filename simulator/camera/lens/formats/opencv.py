@@ -160,7 +160,9 @@ def _rectified_note(keys: Keys) -> list[str]:
         P = np.array(projection).reshape(3, 4)[:, :3]
         if (matrix := keys.matrix(*MATRIX)) is not None:
             fx, fy, cx, cy = matrix
-            differs |= not np.allclose(P, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], rtol=1e-6, atol=1e-6)
+            differs |= not np.allclose(
+                P, np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), rtol=1e-6, atol=1e-6
+            )
     if not differs:
         return []
     return ["rectification and projection matrix belong to a rectified image; drawn is the raw one"]
