@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from mutations import changed_json, changed_text
 
 from simulator.camera.lens.files import parse_camera, read_camera_file
 from simulator.camera.lens.formats.registry import CAMERA_FORMATS, camera_text
@@ -751,6 +752,22 @@ def test_an_ideal_fish_eye_is_no_pinhole():
     expected, _ = cv2.fisheye.projectPoints(points[None], np.zeros(3), np.zeros(3), camera.K, np.zeros(4))
     assert camera.project(points) == pytest.approx(expected[0], abs=1e-6)
     assert camera.unproject(expected[0]) == pytest.approx(points[:, :2], abs=1e-9)
+
+
+def test_files_changed_at_random_are_read_or_refused_in_a_sentence():
+    rng, texts = np.random.default_rng(5), [text.encode() for text, _ in (*READ.values(), *REFUSED.values())]
+    for _ in range(600):
+        text = texts[int(rng.integers(len(texts)))]
+        try:
+            data = changed_json(json.loads(text), rng)
+        except ValueError:  # a sample that is no JSON
+            data = changed_text(text, rng)
+        said = ""
+        try:
+            parse_camera(data, "x").camera("x")
+        except UserError as error:
+            said = str(error)
+        assert "\n" not in said, data
 
 
 def test_every_format_is_known_by_its_files():

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from simulator.camera.lens.formats.keys import Keys
+from simulator.camera.lens.formats.keys import Keys, flat_numbers
 from simulator.camera.lens.formats.lens import camera_file, named_model, not_drawn
 from simulator.camera.lens.formats.yaml_text import yaml_text
 from simulator.errors import UserError
@@ -136,13 +136,13 @@ def read_basalt(document: Document, where: str) -> CameraFile:
     """
     top = Keys(document.table, where, "a Basalt calibration")
     rig = top.inner("value0") if top.find("value0") else top
-    top_is_rig = rig is top
-    listed = rig.get("intrinsics")
-    size = rig.get("resolution")
+    listed, sizes = rig.get("intrinsics"), rig.get("resolution")
     rig.ignore(_BASALT_RIG)
-    for keys in (rig,) if top_is_rig else (rig, top):
-        keys.done()
-    if not isinstance(size, list) or not size or not isinstance(size[0], list) or len(size[0]) != 2:
+    rig.done()
+    if rig is not top:
+        top.done()
+    size = flat_numbers(sizes, f"{where}: key resolution") if sizes else []
+    if len(size) < 2:
         raise rig.error("lacks the resolution [[width, height]] of its cameras; add it")
     camera = Keys(listed[0], where, "a Basalt calibration", "intrinsics[0].")
     kind = str(camera.get("camera_type"))
@@ -158,4 +158,4 @@ def read_basalt(document: Document, where: str) -> CameraFile:
     notes = (
         [f"the first of {count} cameras was taken; keep one in the file to take another"] if count > 1 else []
     )
-    return camera_file(lens, size[0], intrinsics, model, coefficients, notes=notes)
+    return camera_file(lens, size[:2], intrinsics, model, coefficients, notes=notes)

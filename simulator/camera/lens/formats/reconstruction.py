@@ -156,7 +156,7 @@ def _nerf_focal_px(keys: Keys, length: str, angle: str, count: int) -> float | N
     by_angle = count / (2 * math.tan(angle_rad / 2))
     if by_length is None:
         return by_angle
-    if abs(by_length / by_angle - 1) > _AGREE:
+    if abs(by_length - by_angle) > _AGREE * abs(by_length):
         raise UserError(
             f"{keys.where}: key {length} is {by_length:g} px, by {angle} it is {by_angle:g} px; delete one"
         )
