@@ -415,6 +415,7 @@ READ = {
         ),
         FIVE,
     ),
+    "a separator at the end": (VINS + "---\n", FIVE[:4]),
     "leading zeros are decimal": (f"width: 0640\nheight: 0480\nK: {K}\nD: {D}\n", FIVE),
     "thirteen zeros of the tilted model": (f"width: 640\nheight: 480\nK: {K}\nD: [{'0, ' * 13}0]\n", ()),
     "opencv's fish-eye": (
@@ -655,6 +656,14 @@ REFUSED = {
     "speed, f below 0 beside its matrix": (
         '{"Nu": 640, "Nv": 480, "fx": -0.01, "cameraMatrix": KKK}'.replace("KKK", K),
         "fx is -0.01",
+    ),
+    "speed, another centre": (
+        '{"Nu": 640, "Nv": 480, "ccx": 300, "cameraMatrix": KKK}'.replace("KKK", K),
+        "320, 240 px, the other keys say 600, 601, 300, 240",
+    ),
+    "radtan of eight": (
+        KALIBR.replace("equidistant", "radtan").replace("-0.001]", "-0.001, 0, 0, 0.1, 0]"),
+        "radtan takes",
     ),
     "speed, matrix of another": (
         '{"Nu": 640, "Nv": 480, "fx": 0.01, "fy": 0.01, "ppx": 1e-5, "ppy": 1e-5, "cameraMatrix": KKK}'.replace(

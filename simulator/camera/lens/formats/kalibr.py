@@ -84,6 +84,8 @@ def _read_one(keys: Keys, name: str, notes: list[str]) -> CameraFile:
         raise keys.error(
             "has coefficients of a distortion, but no distortion_model; add it: radtan or equidistant"
         )
+    if model == "brown_conrady" and len(coefficients or ()) > 5:
+        raise keys.error(f"has {len(coefficients or ())} coefficients, radtan takes k1 k2 p1 p2 [k3]")
     keys.ignore(_RIG, _SENSOR)
     return camera_file(keys, size, intrinsics, model or "none", coefficients, name=name, notes=notes)
 

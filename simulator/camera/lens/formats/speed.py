@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.lens.formats.keys import Keys
+from simulator.camera.lens.formats.keys import Keys, Matrix
 from simulator.camera.lens.formats.lens import camera_file
 from simulator.camera.lens.formats.opencv import matrix_of
 from simulator.errors import UserError
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from simulator.camera.lens.formats.document import Document
 
 _PITCH_UM = 5.86
+_CENTRE_PX = 1.0  # of matrix and ccx, ccy: some sets count from corners
 _AGREE = 2e-3  # of lengths and matrix: the sets round them
 
 
@@ -42,15 +43,8 @@ def read_speed(document: Document, where: str) -> CameraFile:
     by_length = _by_length(keys, width, height)
     if matrix is None and by_length is None:
         raise keys.error("lacks cameraMatrix, or fx, fy, ppx, ppy; add them")
-    if (
-        matrix is not None
-        and by_length is not None
-        and not np.allclose(matrix[:2], by_length[:2], rtol=_AGREE)
-    ):
-        raise UserError(
-            f"{where}: cameraMatrix has {matrix[0]:g} and {matrix[1]:g} px, fx / ppx and fy / ppy are "
-            f"{by_length[0]:g} and {by_length[1]:g} px; delete the wrong ones"
-        )
+    if matrix is not None:
+        _refuse_disagreement(keys, matrix, by_length)
     pitch = None
     if keys.find("ppx") and keys.find("ppy"):
         across, down = (round(keys.number(name) * 1e6, 6) for name in ("ppx", "ppy"))
@@ -67,7 +61,7 @@ def read_speed(document: Document, where: str) -> CameraFile:
     )
 
 
-def _by_length(keys: Keys, width: int, height: int) -> tuple[float, float, float, float] | None:
+def _by_length(keys: Keys, width: int, height: int) -> Matrix | None:
     """Return fx, fy, cx, cy by the lengths on the detector, if there are both."""
     lengths = {name: keys.number(name) for name in ("fx", "fy", "ppx", "ppy") if keys.find(name)}
     for name, length in lengths.items():
@@ -77,6 +71,19 @@ def _by_length(keys: Keys, width: int, height: int) -> tuple[float, float, float
     if len(lengths) < 4:
         return None
     return lengths["fx"] / lengths["ppx"], lengths["fy"] / lengths["ppy"], cx, cy
+
+
+def _refuse_disagreement(keys: Keys, matrix: Matrix, by_length: Matrix | None) -> None:
+    given = [keys.number(name, default=there) for name, there in zip(("ccx", "ccy"), matrix[2:], strict=True)]
+    values = [*(by_length or matrix)[:2], *given]
+    if not (
+        np.allclose(matrix[:2], values[:2], rtol=_AGREE)
+        and np.allclose(matrix[2:], given, rtol=0, atol=_CENTRE_PX)
+    ):
+        raise UserError(
+            f"{keys.where}: cameraMatrix has fx, fy, cx, cy {', '.join(f'{v:g}' for v in matrix)} px, the other keys "
+            f"say {', '.join(f'{v:g}' for v in values)} px; delete the wrong ones"
+        )
 
 
 def write_speed(camera: CameraFile, where: str) -> str:

@@ -58,7 +58,10 @@ def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
                 if document is not None:
                     break
         next(events)  # the end of the document
-        several = not isinstance(next(events), yaml.StreamEndEvent)
+        # a separator at the end of the file begins an empty document
+        several = (
+            isinstance(next(events), yaml.DocumentStartEvent) and getattr(next(events), "value", None) != ""
+        )
     except StopIteration:
         several = False
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
