@@ -433,6 +433,12 @@ READ = {
     "vins fish-eye": (VINS_FISHEYE, FISHEYE),
     "orb-slam 2": (ORB_SLAM_2, FIVE),
     "orb-slam 3": (ORB_SLAM_3, FISHEYE),
+    "orb-slam 3, rectified": (
+        "\n".join(line for line in ORB_SLAM_3.splitlines() if ".k" not in line).replace(
+            "KannalaBrandt8", "Rectified"
+        ),
+        (),
+    ),
     "stella_vslam": (STELLA, FIVE),
     "basalt": (json.dumps(BASALT), FISHEYE),
     "colmap": (
@@ -657,19 +663,9 @@ REFUSED = {
         '{"Nu": 640, "Nv": 480, "fx": -0.01, "cameraMatrix": KKK}'.replace("KKK", K),
         "fx is -0.01",
     ),
-    "speed, another centre": (
-        '{"Nu": 640, "Nv": 480, "ccx": 300, "cameraMatrix": KKK}'.replace("KKK", K),
-        "320, 240 px, the other keys say 600, 601, 300, 240",
-    ),
     "radtan of eight": (
         KALIBR.replace("equidistant", "radtan").replace("-0.001]", "-0.001, 0, 0, 0.1, 0]"),
         "radtan takes",
-    ),
-    "speed, matrix of another": (
-        '{"Nu": 640, "Nv": 480, "fx": 0.01, "fy": 0.01, "ppx": 1e-5, "ppy": 1e-5, "cameraMatrix": KKK}'.replace(
-            "KKK", K
-        ),
-        "delete the wrong ones",
     ),
     # text
     "sexagesimal": (f"width: 10:40\nheight: 480\nK: {K}\n", "'10:40', a number is needed"),
@@ -739,6 +735,50 @@ def test_a_stereo_pair_s_rectification_is_said_to_be_left_out():
     assert "raw" in camera.notes
     zeros = MESSAGE + "r: [0, 0, 0, 0, 0, 0, 0, 0, 0]\np: [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]\n"
     assert parse_camera(zeros.encode(), "x").notes == ""
+
+
+@pytest.mark.parametrize(
+    ("line", "model", "coefficients"),
+    [
+        ("SIMPLE_PINHOLE 640 480 600 320.5 240.5", "none", ()),
+        ("PINHOLE 640 480 600 600 320.5 240.5", "none", ()),
+        ("SIMPLE_RADIAL 640 480 600 320.5 240.5 -0.1", "brown_conrady", (-0.1, 0, 0, 0)),
+        ("RADIAL 640 480 600 320.5 240.5 -0.1 0.02", "brown_conrady", (-0.1, 0.02, 0, 0)),
+        ("OPENCV 640 480 600 600 320.5 240.5 -0.1 0.02 1e-3 2e-3", "brown_conrady", (-0.1, 0.02, 1e-3, 2e-3)),
+        ("SIMPLE_RADIAL_FISHEYE 640 480 600 320.5 240.5 0.1", "kannala_brandt", (0.1, 0, 0, 0)),
+        ("RADIAL_FISHEYE 640 480 600 320.5 240.5 0.1 0.02", "kannala_brandt", (0.1, 0.02, 0, 0)),
+        ("RADIAL_FISHEYE 640 480 600 320.5 240.5 0 0", "kannala_brandt", (0, 0, 0, 0)),
+    ],
+)
+def test_each_model_of_colmap(line, model, coefficients):
+    check(
+        parse_camera(f"# cameras\n7 {line}\n".encode(), "x"),
+        (640, 480, 600, 600, 320, 240),
+        model,
+        coefficients,
+    )
+
+
+def test_of_speed_s_keys_the_matrix_is_taken_and_what_contradicts_it_said():
+    table = {
+        "Nu": 640,
+        "Nv": 480,
+        "fx": 6e-3,
+        "fy": 6.01e-3,
+        "ppx": 1e-5,
+        "ppy": 1e-5,
+        "ccx": 320,
+        "ccy": 240,
+    }
+    table |= {"cameraMatrix": json.loads(K), "fx_px": 600.0, "fy_px": 601.0}
+    camera = parse_camera(json.dumps(table).encode(), "x")
+    check(camera, PLAIN, "none")
+    assert camera.pixel_pitch_um == (10, 10)
+    assert camera.notes == ""
+    for change in ({"fx": 7e-3}, {"ccx": 300}, {"fy_px": 700.0}):
+        other = parse_camera(json.dumps(table | change).encode(), "x")
+        check(other, PLAIN, "none")
+        assert "cameraMatrix was taken" in other.notes
 
 
 def test_four_coefficients_without_a_model_are_said_to_be_no_fish_eye_s():

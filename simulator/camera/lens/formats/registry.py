@@ -46,10 +46,10 @@ class CameraFormat:
 
 
 CAMERA_FORMATS = (
+    CameraFormat("speed", "SPEED's camera.json", speed.is_speed, speed.read_speed, speed.write_speed),
     CameraFormat(
         "native", "CAMERA.json or a data sheet", native.is_native, native.read_native, native.write_native
     ),
-    CameraFormat("speed", "SPEED's camera.json", speed.is_speed, speed.read_speed, speed.write_speed),
     CameraFormat("matlab", "MATLAB cameraParameters as JSON", matlab.is_matlab, matlab.read_matlab),
     CameraFormat("basalt", "Basalt calibration.json", kalibr.is_basalt, kalibr.read_basalt),
     CameraFormat(

@@ -43,14 +43,25 @@ def read_speed(document: Document, where: str) -> CameraFile:
     by_length = _by_length(keys, width, height)
     if matrix is None and by_length is None:
         raise keys.error("lacks cameraMatrix, or fx, fy, ppx, ppy; add them")
-    if matrix is not None:
-        _refuse_disagreement(keys, matrix, by_length)
+    notes = [] if matrix is None else _disagreement(keys, matrix, by_length)
     pitch = None
     if keys.find("ppx") and keys.find("ppy"):
         across, down = (round(keys.number(name) * 1e6, 6) for name in ("ppx", "ppy"))
         pitch = (across, down)
     found = keys.numbers("distCoeffs")
-    keys.ignore("name", "notes", "comment", "horizontalFOV", "verticalFOV", "fov_x", "fov_y", "fpx", "fpy")
+    keys.ignore(
+        "fx_px",
+        "fy_px",
+        "name",
+        "notes",
+        "comment",
+        "horizontalFOV",
+        "verticalFOV",
+        "fov_x",
+        "fov_y",
+        "fpx",
+        "fpy",
+    )
     return camera_file(
         keys,
         (width, height),
@@ -58,6 +69,7 @@ def read_speed(document: Document, where: str) -> CameraFile:
         "brown_conrady" if found is not None else "none",
         found,
         pixel_pitch_um=pitch,
+        notes=notes,
     )
 
 
@@ -73,17 +85,25 @@ def _by_length(keys: Keys, width: int, height: int) -> Matrix | None:
     return lengths["fx"] / lengths["ppx"], lengths["fy"] / lengths["ppy"], cx, cy
 
 
-def _refuse_disagreement(keys: Keys, matrix: Matrix, by_length: Matrix | None) -> None:
-    given = [keys.number(name, default=there) for name, there in zip(("ccx", "ccy"), matrix[2:], strict=True)]
-    values = [*(by_length or matrix)[:2], *given]
-    if not (
-        np.allclose(matrix[:2], values[:2], rtol=_AGREE)
-        and np.allclose(matrix[2:], given, rtol=0, atol=_CENTRE_PX)
-    ):
-        raise UserError(
-            f"{keys.where}: cameraMatrix has fx, fy, cx, cy {', '.join(f'{v:g}' for v in matrix)} px, the other keys "
-            f"say {', '.join(f'{v:g}' for v in values)} px; delete the wrong ones"
+def _disagreement(keys: Keys, matrix: Matrix, by_length: Matrix | None) -> list[str]:
+    """Return a note if other keys contradict the matrix, which the sets' own programs use."""
+    values = [
+        *(by_length or matrix)[:2],
+        *(keys.number(name, default=there) for name, there in zip(("ccx", "ccy"), matrix[2:], strict=True)),
+    ]
+    in_px = [
+        keys.number(name, default=there) for name, there in zip(("fx_px", "fy_px"), matrix[:2], strict=True)
+    ]
+    alike = np.allclose(matrix[2:], values[2:], rtol=0, atol=_CENTRE_PX)
+    if alike and all(np.allclose(matrix[:2], focal, rtol=_AGREE) for focal in (values[:2], in_px)):
+        return []
+    focal = in_px if values[:2] == list(matrix[:2]) else values[:2]
+    return [
+        (
+            f"cameraMatrix was taken, with fx, fy, cx, cy {', '.join(f'{v:g}' for v in matrix)} px; the other keys say "
+            f"{', '.join(f'{v:g}' for v in (*focal, *values[2:]))} px"
         )
+    ]
 
 
 def write_speed(camera: CameraFile, where: str) -> str:
