@@ -132,7 +132,16 @@ class OpticsSection(Section, frozen=True, kw_only=True):
             table = _read_kernel(path)
             if table.dtype.kind not in "fiu":
                 raise ValueError(f"it holds values of type {table.dtype}")
-        except (OSError, ValueError, EOFError, MemoryError, TypeError, SyntaxError, cv2.error) as error:
+        except (
+            UserError,
+            OSError,
+            ValueError,
+            EOFError,
+            MemoryError,
+            TypeError,
+            SyntaxError,
+            cv2.error,
+        ) as error:
             raise UserError(
                 f"{where}: key optics.kernel_file: {path} cannot be read as a table of numbers ({error})"
             ) from error
