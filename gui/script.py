@@ -71,7 +71,7 @@ class Script:
             raise UserError(f"cannot read the script {path}: {error.strerror}") from error
         if len(data) > LARGEST_BYTES:
             raise UserError(f"the script {path} is larger than {LARGEST_BYTES // 1_000_000} MB")
-        return Script.of(data.decode("utf-8", errors="replace"), table, str(path))
+        return Script.of(data.decode("utf-8-sig", errors="replace"), table, str(path))
 
     @staticmethod
     def of(text: str, table: CommandTable, where: str = "script") -> Script:

@@ -16,7 +16,7 @@ from rich.text import Text
 from flyaround.commands.scenario_argument import load_flown, refuse_recipe
 from flyaround.commands.terminal import say, terminal
 from simulator.camera.lens.files import list_cameras, load_camera, read_camera_file
-from simulator.camera.lens.files_foreign import FORMATS, written
+from simulator.camera.lens.formats.registry import CAMERA_FORMATS, WRITTEN, camera_text
 from simulator.contact_sheets.scenario_sheet import write_contact_sheets
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder, write_atomic
@@ -165,9 +165,7 @@ def scenarios(
 def cameras(
     camera: Annotated[
         str | None,
-        typer.Argument(
-            help="Built-in name or a file: CAMERA.json, data sheet, SPEED JSON, OpenCV, ROS or Kalibr YAML."
-        ),
+        typer.Argument(help=f"Built-in name or a file: {', '.join(form.title for form in CAMERA_FORMATS)}."),
     ] = None,
     export: Annotated[
         Path | None,
@@ -175,7 +173,7 @@ def cameras(
     ] = None,
     form: Annotated[
         str | None,
-        typer.Option("--format", help=f"Of the written file: {', '.join(FORMATS)} (default native)."),
+        typer.Option("--format", help=f"Of the written file: {', '.join(WRITTEN)} (default native)."),
     ] = None,
     width_px: Annotated[
         int | None, typer.Option("--width", help="Refuse a camera whose image is not so wide, in pixels.")
@@ -202,7 +200,9 @@ def cameras(
                 f"{wanted[0]} x {wanted[1]}; calibrate at that size, or use [sensor] roi_px and binning"
             )
         if export is not None:
-            write_atomic(export, written(found, form or "native", camera).encode())
+            write_atomic(export, camera_text(found, form or "native", camera).encode())
+        if found.notes and camera not in list_cameras():
+            say(f"{camera}: {found.notes}", stderr=True)
         rows = {found.name or Path(camera).stem: model}
     if as_json:
         typer.echo(msgspec.json.encode(rows).decode())

@@ -36,7 +36,7 @@ def render(
             "--output",
             "-o",
             help=".png image, .npy raw numbers, .exr radiance; truth goes to .json beside it. "
-            "Earlier ones of that name are replaced. With --poses also a folder.",
+            "Earlier ones of that name are replaced. With --poses also a folder, which is made if need be.",
         ),
     ] = Path("frame.png"),
     time_s: Annotated[
@@ -147,8 +147,7 @@ def _render_poses(
     from simulator.loop import open_frames, run_frames, whole_frame  # noqa: PLC0415 - the same
 
     plan = PosePlan(scene, target, read_poses(poses))
-    # a folder takes them under the name that a single picture has by default
-    sink = NumberedPictures(output / "frame.png" if output.is_dir() else output, plan.n_frames)
+    sink = NumberedPictures(output, plan.n_frames)
     with (
         progress_bar("render", quiet=as_json) as progress,
         open_frames(whole_frame, device_index=gpu, prefetched=prefetched, target=target) as producer,

@@ -8,7 +8,7 @@ from pathlib import Path
 from gui.flight.text_lines import line_of
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
-from simulator.scenario.load import MOST_BYTES, list_scenarios, load_scenario, parse_scenario
+from simulator.scenario.load import list_scenarios, load_scenario, parse_scenario
 from simulator.scenario.scenario import Scenario
 from simulator.scenario.show import show_scenario
 
@@ -42,7 +42,7 @@ class ScenarioDraft:
         else:
             load_scenario(name_or_path)  # says what is wrong with the name
             path = Path(name_or_path)
-            text, folder = path.read_text("utf-8"), path.parent
+            text, folder = path.read_text("utf-8-sig"), path.parent
         self.text, self.folder, self.problem, self.changed = text, folder, "", False
         self.name = Path(name_or_path).stem
 
@@ -56,8 +56,6 @@ class ScenarioDraft:
         """
         try:
             content = self.text.encode()
-            if len(content) > MOST_BYTES:
-                raise UserError(f"the text is larger than {MOST_BYTES // 1_000_000} MB")
             scenario = parse_scenario(content, "this scenario", self.name or "edited", self.folder)
         except UserError as error:
             line = line_of(str(error), self.text)

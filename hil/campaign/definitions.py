@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -15,7 +14,8 @@ from hil.campaign.quantities import QUANTITIES
 from hil.host.link_process.ipc import Compression, PixelFormatName
 from hil.host.pose_link import PoseLink
 from simulator.errors import UserError, near_names
-from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_dotted, refuse_not_finite
+from simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
+from simulator.runtime.untrusted_files import read_regular
 from simulator.runtime.validation_errors import explain
 from simulator.scenario.faults import NO_FAULTS, Faults, check_times, read_faults
 from simulator.scenario.load import load_scenario
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from simulator.scenario.scenario import Scenario
 
-MOST_BYTES = 1_000_000
 MOST_RUNS = 20_000
 Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9._-]*$", min_length=1, max_length=60)]
 Seed = Annotated[int, msgspec.Meta(ge=0, le=2**31 - 1)]
@@ -176,16 +175,9 @@ def campaign_json_schema() -> dict[str, Any]:
 
 def _parse(path: Path) -> Campaign:
     try:
-        data = read_regular(path, MOST_BYTES)
+        document = parse_toml(read_regular(path, MOST_TOML_BYTES), str(path))
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): name a campaign file") from error
-    refuse_deep(data, str(path), toml=True)
-    refuse_dotted(data, str(path))
-    try:
-        document = tomllib.loads(data.decode())
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"{path} is no TOML file: {error}") from error
-    refuse_not_finite(document, str(path))
     try:
         return msgspec.convert(document, Campaign)
     except msgspec.ValidationError as error:

@@ -14,6 +14,7 @@ from hil.corner_code import BLOCK_COLUMNS, BLOCK_ROWS, CodePlace
 from hil.display.patterns import LEVELS, PERIOD_PX, SHIFTS, half_period_bits
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
+from simulator.runtime.untrusted_files import without_mark
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -103,7 +104,7 @@ def read_calibration(path: Path) -> DisplayCalibration:
         If it is no calibration of this version.
     """
     try:
-        found = msgspec.json.decode(path.read_bytes(), type=DisplayCalibration)
+        found = msgspec.json.decode(without_mark(path.read_bytes(), str(path)), type=DisplayCalibration)
     except (OSError, msgspec.MsgspecError) as error:
         raise UserError(
             f"{path} is no calibration that flyaround hil display-calibrate wrote: {error}"

@@ -18,7 +18,7 @@ from simulator.camera.detector.sensor import Detector, Sensor
 from simulator.camera.lens.camera_model import Camera
 from simulator.errors import UserError
 from simulator.runtime.sections import Section
-from simulator.runtime.untrusted_files import read_regular
+from simulator.runtime.untrusted_files import decode_text, read_regular
 
 MOST_KERNEL_BYTES = 100_000_000
 
@@ -132,7 +132,16 @@ class OpticsSection(Section, frozen=True, kw_only=True):
             table = _read_kernel(path)
             if table.dtype.kind not in "fiu":
                 raise ValueError(f"it holds values of type {table.dtype}")
-        except (OSError, ValueError, EOFError, MemoryError, TypeError, SyntaxError, cv2.error) as error:
+        except (
+            UserError,
+            OSError,
+            ValueError,
+            EOFError,
+            MemoryError,
+            TypeError,
+            SyntaxError,
+            cv2.error,
+        ) as error:
             raise UserError(
                 f"{where}: key optics.kernel_file: {path} cannot be read as a table of numbers ({error})"
             ) from error
@@ -159,7 +168,7 @@ def _read_kernel(path: Path) -> NDArray[Any]:
         return picture / picture.sum(dtype=float)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # an empty file is told of by its shape
-        return np.loadtxt(io.BytesIO(data), delimiter=_delimiter(path), ndmin=2)
+        return np.loadtxt(io.StringIO(decode_text(data, str(path))), delimiter=_delimiter(path), ndmin=2)
 
 
 def _delimiter(path: Path) -> str | None:

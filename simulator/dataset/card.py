@@ -14,7 +14,7 @@ from simulator.camera.lens.camera_model import Camera
 from simulator.dataset.record_fields import RECORD_FIELDS
 from simulator.errors import UserError
 from simulator.labels.part_classes import PartClass
-from simulator.runtime.untrusted_files import read_regular, refuse_deep
+from simulator.runtime.untrusted_files import read_regular, refuse_deep, without_mark
 
 CARD_NAME = "dataset.json"
 MOST_BYTES = 64_000_000  # of a card: with every frame of a large set in quarantine
@@ -168,6 +168,7 @@ def decode_card(data: bytes, where: str) -> DatasetCard:
     UserError
         If it is damaged.
     """
+    data = without_mark(data, where)
     refuse_deep(data, where)
     try:
         return msgspec.json.decode(data, type=DatasetCard)

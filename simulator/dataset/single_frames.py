@@ -14,7 +14,7 @@ from simulator.dataset.formats.native import encode_png, write_layers
 from simulator.errors import UserError
 from simulator.labels.truth import truth_to_json
 from simulator.loop import FrameRequest, open_frames, whole_frame
-from simulator.runtime.files import write_atomic
+from simulator.runtime.files import empty_folder, write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -146,7 +146,10 @@ class NumberedPictures:
 
     Parameters
     ----------
-    path : OUT with its ending. n_frames : how many there will be.
+    path : Path
+        OUT with its ending. A name without one is a folder, made if it does not exist, of frame-000000.png and so on.
+    n_frames : int
+        Number of frames.
 
     Raises
     ------
@@ -155,8 +158,11 @@ class NumberedPictures:
     """
 
     def __init__(self, path: Path, n_frames: int) -> None:
-        self._path = path
         self.written: list[tuple[Path, Path]] = []
+        in_folder = path.is_dir() or not path.suffix
+        if not in_folder and not (path.suffix in SUFFIXES and path.parent.is_dir()):
+            check_picture_path(path)  # refuses what the user typed, not a numbered file
+        self._path = empty_folder(path, resume=True) / "frame.png" if in_folder else path
         for k in range(n_frames):
             check_picture_path(self._numbered(k))
 

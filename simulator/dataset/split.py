@@ -11,7 +11,7 @@ import msgspec
 
 from simulator.dataset.formats.labelled_frame import SPLITS
 from simulator.errors import UserError
-from simulator.runtime.untrusted_files import read_regular, refuse_deep
+from simulator.runtime.untrusted_files import read_regular, refuse_deep, without_mark
 
 if TYPE_CHECKING:
     from simulator.dataset.formats.labelled_frame import LabelledFrame
@@ -144,7 +144,7 @@ def read_split(folder: Path) -> dict[int, str]:
     if not path.exists():
         return {}
     try:
-        data = read_regular(path, MOST_BYTES)
+        data = without_mark(read_regular(path, MOST_BYTES), str(path))
         refuse_deep(data, str(path))
         return msgspec.json.decode(data, type=SplitFile).by_frame()
     except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:

@@ -10,7 +10,7 @@ import msgspec
 from simulator.camera.lens.camera_model import Camera
 from simulator.errors import UserError
 from simulator.runtime.arrays import Quat, Vec3
-from simulator.runtime.untrusted_files import read_regular, refuse_deep
+from simulator.runtime.untrusted_files import read_regular, refuse_deep, without_mark
 from simulator.scene.limits import scene_problem
 from simulator.scene.state import SceneState
 
@@ -166,7 +166,7 @@ def read_record_bytes(path: Path) -> bytes:
         If it cannot be read or is no record's text.
     """
     try:
-        data = read_regular(path, MOST_BYTES)
+        data = without_mark(read_regular(path, MOST_BYTES), str(path))
     except OSError as error:
         raise UserError(
             f"cannot read truth {path}: {error.strerror or error}; give a .json written by render or capture"

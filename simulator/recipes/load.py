@@ -13,9 +13,10 @@ from simulator.recipes.checks import check_recipe
 from simulator.recipes.file import Recipe
 from simulator.recipes.vary_file import check_vary
 from simulator.runtime.plugins import plugins
+from simulator.runtime.toml_file import MOST_TOML_BYTES
 from simulator.runtime.untrusted_files import find_beside, read_regular
 from simulator.runtime.validation_errors import explain
-from simulator.scenario.load import MOST_BYTES, check_detector, resolve_camera, toml_table
+from simulator.scenario.load import check_detector, resolve_camera, toml_table
 from simulator.scenario.show import annotated_text
 from simulator.targets.library import list_targets
 
@@ -41,7 +42,7 @@ def is_recipe(name_or_path: str) -> bool:
         return True
     path = Path(name_or_path)
     try:
-        return path.is_file() and b"flyaround.recipe" in read_regular(path, MOST_BYTES)
+        return path.is_file() and b"flyaround.recipe" in read_regular(path, MOST_TOML_BYTES)
     except (OSError, UserError):
         return False
 
@@ -90,7 +91,7 @@ def load_recipe(name_or_path: str | Path) -> Recipe:
         try:
             if not path.is_file():
                 raise UserError(_no_such_recipe(text))
-            content = read_regular(path, MOST_BYTES)
+            content = read_regular(path, MOST_TOML_BYTES)
         except OSError as error:
             raise UserError(f"{text} cannot be read: {error.strerror or error}; check the path") from error
     raw = _with_base(toml_table(content, where), where, folder)
@@ -170,7 +171,7 @@ def _bases(raw: dict[str, Any], where: str, folder: Path) -> Iterator[dict[str, 
         else:
             path = find_beside(folder / Path(where).name, name, "base")
             try:
-                content = read_regular(path, MOST_BYTES)
+                content = read_regular(path, MOST_TOML_BYTES)
             except OSError as error:
                 raise UserError(
                     f"{where}: key base: {path} cannot be read: {error.strerror or error}; name one of "

@@ -10,9 +10,10 @@ from msgspec import Meta
 
 from simulator.errors import UserError
 from simulator.runtime.sections import Section
+from simulator.runtime.toml_file import MOST_TOML_BYTES
 from simulator.runtime.untrusted_files import read_regular
 from simulator.runtime.validation_errors import explain
-from simulator.scenario.load import MOST_BYTES, toml_table
+from simulator.scenario.load import toml_table
 from simulator.scene.environments import EnvironmentName
 from simulator.scene.illumination.area_light import DIFFUSE_DEG, MOST_LIGHTS
 
@@ -126,7 +127,7 @@ def load_vary(path: str | Path) -> Vary:
     """
     where = str(path)
     try:
-        raw = toml_table(read_regular(Path(path), MOST_BYTES), where)
+        raw = toml_table(read_regular(Path(path), MOST_TOML_BYTES), where)
     except OSError as error:
         raise UserError(
             f"--vary {where} cannot be read: {error.strerror or error}; give a TOML file of ranges"

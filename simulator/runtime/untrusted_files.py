@@ -6,6 +6,7 @@ the depth of a text is measured before it is parsed.
 
 from __future__ import annotations
 
+import codecs
 import math
 import os
 import re
@@ -21,16 +22,21 @@ from simulator.errors import UserError
 MOST_DEEP = 64
 _OPENING, _CLOSING = (np.isin(np.arange(256), list(kind)) for kind in (b"[{", b"]}"))
 # strings, even without an end, and comments: brackets in them nest nothing; no byte is looked at twice
-_JSON_TEXT = re.compile(rb'"(?:[^"\\]++|\\.?)*+"?+', re.DOTALL)
-_TOML_TEXT = re.compile(
+JSON_TEXT = re.compile(rb'"(?:[^"\\]++|\\.?)*+"?+', re.DOTALL)
+TOML_TEXT = re.compile(
     rb'"""(?:[^"\\]++|\\[\s\S]?|"(?!""))*+(?:"{3,5}+)?'
     rb"|'''(?:[^']++|'(?!''))*+(?:'{3,5}+)?"
     rb'|"(?:[^"\\\n]++|\\[^\n]?)*+"?'
     rb"|'[^'\n]*+'?"
     rb"|#[^\n]*+"
 )
-# a.b.c = 1 in TOML nests as well, and a long one takes the square of its length
-_DOTTED = re.compile(rb"""(?<![\w\-."'])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){17}""")
+# a byte-order mark of UTF-32 starts with that of UTF-16
+_MARKS = (
+    (codecs.BOM_UTF32_LE, "UTF-32"),
+    (codecs.BOM_UTF32_BE, "UTF-32"),
+    (codecs.BOM_UTF16_LE, "UTF-16"),
+    (codecs.BOM_UTF16_BE, "UTF-16"),
+)
 
 
 def read_regular(path: Path, most_bytes: int) -> bytes:
@@ -140,37 +146,56 @@ def _size(n_bytes: int) -> str:
     return f"{n_bytes / 2**20:,.1f} MB" if n_bytes < 2**30 else f"{n_bytes / 2**30:,.1f} GB"
 
 
-def refuse_deep(data: bytes, where: str, *, toml: bool = False) -> None:
-    """Look for brackets nested too deeply, in JSON or TOML, before the text is parsed.
-
-    Parameters
-    ----------
-    toml : whether strings and comments are TOML's; else they are JSON's.
+def without_mark(data: bytes, where: str) -> bytes:
+    """Return a text file's bytes without the byte-order mark that Windows' editors put before UTF-8.
 
     Raises
     ------
     UserError
-        If there are more than 64 open at once, not counting those in strings.
+        If the text is UTF-16 or UTF-32, which the message says.
     """
-    numbers = np.frombuffer((_TOML_TEXT if toml else _JSON_TEXT).sub(b"", data), np.uint8)
+    for mark, encoding in _MARKS:
+        if data.startswith(mark):
+            raise UserError(f"{where} is {encoding} text: save it as UTF-8")
+    if len(data) > 1 and b"\0" in data[:2] and any(data[:2]):  # PowerShell may leave the mark out
+        raise UserError(f"{where} looks like UTF-16 text: save it as UTF-8")
+    return data.removeprefix(codecs.BOM_UTF8)
+
+
+def decode_text(data: bytes, where: str) -> str:
+    """Decode a text file as UTF-8, with or without a byte-order mark.
+
+    Raises
+    ------
+    UserError
+        If it is in another encoding.
+    """
+    try:
+        return without_mark(data, where).decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise UserError(f"{where} is not UTF-8 text (line {line}): save it as UTF-8") from error
+
+
+def refuse_deep(data: bytes, where: str, skip: re.Pattern[bytes] = JSON_TEXT) -> None:
+    """Raise if brackets are nested too deeply, before the text is parsed.
+
+    Parameters
+    ----------
+    skip : strings and comments of the language, whose brackets do not count.
+
+    Raises
+    ------
+    UserError
+        If more than 64 are open at once.
+    """
+    numbers = np.frombuffer(skip.sub(b"", data), np.uint8)
     steps = _OPENING[numbers].astype(np.int8)
     steps -= _CLOSING[numbers]
     if np.cumsum(steps, dtype=np.int32).max(initial=0) > MOST_DEEP:
         raise UserError(
             f"{where} nests more than {MOST_DEEP} brackets in each other, which no such file does"
         )
-
-
-def refuse_dotted(data: bytes, where: str) -> None:
-    """Look for a key of TOML that leads through too many tables, before the text is parsed.
-
-    Raises
-    ------
-    UserError
-        If one has more than 16 dots.
-    """
-    if _DOTTED.search(data):
-        raise UserError(f"{where} has a key of more than 16 dots, which no such file has")
 
 
 def refuse_not_finite(value: Any, where: str, key: str = "") -> None:  # noqa: ANN401 - a document is anything

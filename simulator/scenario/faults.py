@@ -9,19 +9,18 @@ and the frame's number alone, so that a run in lockstep meets the same faults ag
 from __future__ import annotations
 
 import math
-import tomllib
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
 
 from simulator.errors import UserError
-from simulator.runtime.untrusted_files import read_regular, refuse_not_finite
+from simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
+from simulator.runtime.untrusted_files import read_regular
 from simulator.runtime.validation_errors import explain
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-MOST_BYTES = 1 << 20
 MOST_FAULTS = 1000
 
 Time = Annotated[float, msgspec.Meta(ge=0, le=1e6)]
@@ -211,12 +210,9 @@ def read_faults(path: Path) -> Faults:
         If there is none, or it has a mistake: key, value given and what is allowed.
     """
     try:
-        document = tomllib.loads(read_regular(path, MOST_BYTES).decode())
+        document = parse_toml(read_regular(path, MOST_TOML_BYTES), str(path))
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): name a faults file") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise UserError(f"{path} is no TOML file: {error}") from error
-    refuse_not_finite(document, str(path))
     try:
         faults = msgspec.convert(document, Faults)
     except msgspec.ValidationError as error:

@@ -12,7 +12,7 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.runtime.arrays import quat, vec3
-from simulator.runtime.untrusted_files import read_regular
+from simulator.runtime.untrusted_files import decode_text, read_regular
 from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.frames.pose import Pose
 from simulator.world.frames.rotation import matrix_from_quat
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 MOST_BYTES = 200_000_000  # of a list: a million poses
 COLUMNS = ("q_w", "q_x", "q_y", "q_z", "t_x_m", "t_y_m", "t_z_m")
 NEAREST_M, FARTHEST_M = 0.01, 1e6
+_BEYOND = "cells beyond the header"
 
 
 def read_poses(path: Path) -> tuple[Pose, ...]:
@@ -43,15 +44,18 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
         If the file cannot be read, lacks a column, has no row, or a number is wrong: file, line, column, what to do.
     """
     try:
-        text = read_regular(path, MOST_BYTES).decode("utf-8-sig")
-        reader = csv.DictReader(io.StringIO(text, newline=""))
+        text = decode_text(read_regular(path, MOST_BYTES), str(path))
+        reader = csv.DictReader(io.StringIO(text, newline=""), restkey=_BEYOND)
         rows = list(reader)
         header = [name.strip() for name in reader.fieldnames or ()]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except (OSError, csv.Error) as error:
         raise UserError(f"cannot read poses {path}: {error}; give a CSV file with a header line") from error
     missing = [name for name in COLUMNS if name not in header]
     if missing:
         raise UserError(f"{path} lacks the column {missing[0]}; its first line must name {','.join(COLUMNS)}")
+    twice = next((name for name in COLUMNS if header.count(name) > 1), None)
+    if twice is not None:
+        raise UserError(f"{path} has the column {twice} twice; delete one")
     if not rows:
         raise UserError(f"{path} has no poses; give a line for each picture below the header")
     return tuple(_pose(path, line, row) for line, row in enumerate(rows, start=2))
@@ -59,6 +63,10 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
 
 def _pose(path: Path, line: int, row: dict[str, str]) -> Pose:
     values = []
+    if any(cell.strip() for cell in row.get(_BEYOND, ())):  # decimal commas leave some
+        raise UserError(
+            f"{path} line {line} has more cells than the first line; write numbers with a decimal point"
+        )
     cells = {(name or "").strip(): text for name, text in row.items()}
     for name in COLUMNS:
         try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import re
-import tomllib
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ import msgspec
 from msgspec import inspect as mi
 
 from simulator.errors import UserError, near_names
+from simulator.runtime.toml_file import parse_toml
 from simulator.runtime.validation_errors import alternatives, describe_all
 from simulator.scenario.load import list_scenarios
 from simulator.scenario.scenario import Scenario
@@ -55,7 +55,7 @@ def annotated_text(text: str, root: type[msgspec.Struct], head: Sequence[str]) -
     ----------
     root : type of the file. head : comment lines that come first.
     """
-    raw = tomllib.loads(text)
+    raw = parse_toml(text.encode(), "the file shown")
     top = _struct_type(mi.type_info(root), raw)
     lines = [*head, ""]
     for path, block in _text_by_section(text):

@@ -56,12 +56,36 @@ def test_a_record_never_replaces_a_file_that_is_none(
 
 
 def test_poses_go_to_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    poses, out = tmp_path / "poses.csv", tmp_path / "out"
+    poses, out = tmp_path / "poses.csv", tmp_path / "new" / "out"
     poses.write_text("q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m\n1,0,0,0,0,0,9\n")
-    assert "has no ending" in _fails(capsys, "render", SCENARIO, "--poses", poses, "-o", out)
-    out.mkdir()
-    assert run(["render", SCENARIO, "--poses", str(poses), "-o", str(out), "--quality", "draft"]) == 0
-    assert {p.name for p in out.iterdir()} == {"frame-000000.png", "frame-000000.json"}
+    command = ["render", SCENARIO, "--poses", str(poses), "-o", str(out), "--quality", "draft"]
+    assert run(command) == 0
+    files = {p.name for p in out.iterdir()}
+    assert files == {"frame-000000.png", "frame-000000.json"}
+    assert run(command) == 0  # into the folder that is there now
+    assert {p.name for p in out.iterdir()} == files
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("none/a.png", "none does not exist"),
+        ("a.jpg", "a.jpg"),
+        ("out.v2", "out.v2"),
+        ("taken", "taken is a file, not a folder"),
+        ("mine.csv", "mine.csv"),
+    ],
+)
+def test_a_refused_place_of_poses_is_named_as_typed(
+    name: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = tmp_path / "poses.csv"
+    poses.write_text("q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m\n1,0,0,0,0,0,9\n")
+    (tmp_path / "taken").write_text("keep")
+    said = _fails(capsys, "render", SCENARIO, "--poses", poses, "-o", tmp_path / name)
+    assert says in said
+    assert "000000" not in said
+    assert {p.name for p in tmp_path.iterdir()} == {"poses.csv", "taken"}
 
 
 def test_the_public_functions_take_text_for_a_path(full: Path) -> None:

@@ -62,11 +62,18 @@ def test_each_row_becomes_a_picture(tmp_path):
         ([(0, 0, 0, 0, 0, 0, 5)], COLUMNS, "must be one"),
         ([(1, 0, 0, 0, 0, 0, 0)], COLUMNS, "allowed"),
         ([POSES[0][:4]], COLUMNS, "t_x_m is None"),
+        ([("1", "0", "0", "0", "0", "5", "0", "8", "5")], COLUMNS, "line 2 has more cells"),
+        ([(*POSES[0], 1.0)], (*COLUMNS, "q_w"), "column q_w twice"),
     ],
 )
 def test_mistakes_are_named(tmp_path, rows, header, message):
     with pytest.raises(UserError, match=message):
         read_poses(_write(tmp_path / "poses.csv", rows, header))
+
+
+def test_an_empty_cell_at_the_end_of_a_line_is_none(tmp_path):
+    plain = read_poses(_write(tmp_path / "plain.csv", POSES))
+    assert read_poses(_write(tmp_path / "comma.csv", [(*row, "") for row in POSES])) == plain
 
 
 def test_a_missing_file_is_named(tmp_path):

@@ -102,6 +102,12 @@ def test_a_script_that_cannot_be_read_is_told(table: CommandTable, tmp_path: Pat
         Script.read(large, table)
 
 
+def test_a_script_may_begin_with_a_byte_order_mark(table: CommandTable, tmp_path: Path) -> None:
+    path = tmp_path / "windows.script"
+    path.write_bytes("0.9 time.pause\r\n".encode("utf-8-sig"))
+    assert Script.read(path, table) == Script.of("0.9 time.pause\n", table)
+
+
 def test_a_log_played_again_flies_the_same_flight(table: CommandTable) -> None:
     # uneven turns of the loop, keys and commands at odd times
     console = console_of(table)

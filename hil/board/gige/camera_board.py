@@ -22,6 +22,10 @@ logger = logging.getLogger(__name__)
 
 # of a camera file: thousands of times what one takes
 MOST_CAMERA_BYTES = 10_000_000
+_CAMERA_KEYS = {
+    *("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "distortion"),
+    *("pixel_pitch_um", "name", "notes"),
+}
 # how often the answer line is looked at while no picture comes [s]
 LOOK_S = 0.5
 # a stream that brings nothing is begun anew so often before the camera counts as gone
@@ -203,13 +207,19 @@ def read_camera(path: str) -> Dict[str, Any]:
         If it cannot be read or is none.
     """
     try:
-        camera = json.loads(read_bounded(path, MOST_CAMERA_BYTES).decode("utf-8"))
+        camera = json.loads(read_bounded(path, MOST_CAMERA_BYTES).decode("utf-8-sig"))
     except (OSError, ValueError, RecursionError) as error:
         raise LinkError(
             f"camera {path} cannot be used ({error}): give the camera object of a truth record"
         ) from error
     if not isinstance(camera, dict):
         raise LinkError(f"camera {path} is no JSON object: give the camera object of a truth record")
+    odd = sorted(set(camera) - _CAMERA_KEYS)
+    if odd:
+        raise LinkError(
+            f"camera {path} has the key {odd[0]!r}, which a board does not know: flyaround cameras {path} --export"
+            " CAMERA.json writes one that it does"
+        )
     return camera
 
 

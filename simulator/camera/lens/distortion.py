@@ -49,8 +49,8 @@ class Distortion:
 
     @property
     def is_none(self) -> bool:
-        """Whether the lens draws straight lines straight."""
-        return self.model == "none" or not any(self.coefficients)
+        """True if the lens draws straight lines straight; a fish-eye does not, even if all its coefficients are 0."""
+        return self.model != "kannala_brandt" and not any(self.coefficients)
 
 
 def distort(distortion: Distortion, xy: FloatArray) -> FloatArray:

@@ -5,15 +5,12 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
-import msgspec
-
 from simulator.camera.lens.camera_model import Camera
-from simulator.camera.lens.files_foreign import read_raw, recognised
 from simulator.camera.lens.files_native import CameraFile, DistortionSection
-from simulator.camera.lens.intrinsics import LensFile
+from simulator.camera.lens.formats.document import parse_document
+from simulator.camera.lens.formats.registry import read_camera_document
 from simulator.errors import UserError, near_names
 from simulator.runtime.untrusted_files import read_regular
-from simulator.runtime.validation_errors import explain
 
 __all__ = [
     "CameraFile",
@@ -24,7 +21,6 @@ __all__ = [
     "read_camera_file",
 ]
 MOST_BYTES = 4_000_000  # of a camera file: a calibration may have its points with it
-_DATA_SHEET = {"focal_length_mm", "pixel_pitch_um", "sensor_size_mm", "aperture_angle_deg"}
 
 
 def list_cameras() -> tuple[str, ...]:
@@ -70,28 +66,14 @@ def read_camera_file(name_or_path: str | Path, folder: Path | None = None) -> Ca
 
 
 def parse_camera(content: bytes, where: str) -> CameraFile:
-    """A camera from the text of a file: CAMERA.json, a data sheet's keys, SPEED's JSON, OpenCV, ROS or Kalibr YAML.
+    """Read a camera from the text of a file in any of `CAMERA_FORMATS`.
 
     Raises
     ------
     UserError
         If the text is none of these or has a mistake; ``where`` names the file.
     """
-    raw = read_raw(content, where)
-    # a truth record holds the camera as one of its objects; its file is accepted as it is
-    if isinstance(raw.get("camera"), dict):
-        raw = raw["camera"]
-    foreign = recognised(raw)
-    if foreign is not None:
-        return foreign(raw, where)
-    kind: type[CameraFile | LensFile] = (
-        LensFile if _DATA_SHEET.intersection(raw) and "fx_px" not in raw else CameraFile
-    )
-    try:
-        found = msgspec.convert(raw, kind)
-    except msgspec.ValidationError as error:
-        raise UserError(f"{where}: {explain(str(error), raw, kind)}") from error
-    return found.solved(where) if isinstance(found, LensFile) else found
+    return read_camera_document(parse_document(content, where), where)
 
 
 def _no_such_camera(text: str) -> str:

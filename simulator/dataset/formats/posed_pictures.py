@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from simulator.camera.lens.files import parse_camera
 from simulator.errors import UserError
-from simulator.runtime.untrusted_files import find_beside, read_regular, refuse_deep
+from simulator.runtime.untrusted_files import decode_text, find_beside, read_regular, refuse_deep
 from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def read_csv(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
         If it cannot be read, or lacks one of the columns.
     """
     try:
-        text = read_regular(path, MOST_BYTES).decode("utf-8-sig")
+        text = decode_text(read_regular(path, MOST_BYTES), str(path))
         reader = csv.DictReader(io.StringIO(text, newline=""), skipinitialspace=True)
         rows = [
             {(name or "").strip(): (cell or "").strip() for name, cell in row.items() if name is not None}
@@ -94,7 +94,7 @@ def read_csv(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
         header = [name.strip() for name in reader.fieldnames or ()]
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror or error}; check the data set") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+    except csv.Error as error:
         raise UserError(f"{path} is not a CSV file: {error}; check the data set") from error
     missing = [name for name in columns if name not in header]
     if missing:

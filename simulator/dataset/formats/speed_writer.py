@@ -19,8 +19,8 @@ import cv2
 import msgspec
 import numpy as np
 
-from simulator.camera.lens.files_foreign import written
 from simulator.camera.lens.files_native import CameraFile
+from simulator.camera.lens.formats.registry import camera_text
 from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, fisheye_problem
 from simulator.dataset.formats.speed_reader import POSITION, QUATERNION, read_speed, read_speedplus
 
@@ -89,7 +89,7 @@ class SpeedWriter:
 def speed_camera(camera: Camera) -> dict[str, Any]:
     """``camera.json`` of SPEED+, and of SPEED with its focal lengths in pixels beside."""
     known = msgspec.convert(msgspec.to_builtins(camera), CameraFile)
-    table: dict[str, Any] = json.loads(written(known, "speed", "camera"))
+    table: dict[str, Any] = json.loads(camera_text(known, "speed", "camera"))
     return table | {"fx_px": camera.fx_px, "fy_px": camera.fy_px}
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.runtime.arrays import quat, vec3
-from simulator.runtime.untrusted_files import read_regular
+from simulator.runtime.untrusted_files import decode_text, read_regular
 from simulator.world.ephemeris.bodies import EARTH
 from simulator.world.frames.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
 from simulator.world.guidance.chaser import Chaser
@@ -103,7 +103,9 @@ class Recording:
         """
         try:
             data = read_regular(path, MOST_BYTES)
-            arrays = _from_lines(data.decode("ascii")) if path.suffix == CSV_SUFFIX else _from_npz(data)
+            arrays = (
+                _from_lines(decode_text(data, str(path))) if path.suffix == CSV_SUFFIX else _from_npz(data)
+            )
         except OSError as error:
             raise UserError(f"recording {path} cannot be read: {error.strerror or error}") from error
         except _DAMAGED as error:
@@ -228,7 +230,9 @@ def _from_npz(data: bytes) -> dict[str, FloatArray]:
 
 def _from_lines(text: str) -> dict[str, FloatArray]:
     """Arrays of `csv_header` and the whole lines after it. ValueError if they are not that."""
-    first, *rows = text.split("\n")[:-1]  # what comes after the last line's end was not finished
+    first, *rows = text.replace("\r\n", "\n").split("\n")[
+        :-1
+    ]  # what comes after the last line's end was not finished
     if first + "\n" != csv_header():
         raise ValueError("its first line does not name the numbers of a flight")
     return _columns(np.array([row.split(",") for row in rows], float).reshape(-1, NUMBERS))

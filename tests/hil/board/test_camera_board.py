@@ -24,7 +24,7 @@ from flyaround.__main__ import run
 from hil.board.__main__ import main
 from hil.board.gige import aravis
 from hil.board.gige.camera import CameraSettings, GigeCamera, _BlockCount, grey_image, parse_roi
-from hil.board.gige.camera_board import CameraBoardOptions, camera_of_part, run_camera_board
+from hil.board.gige.camera_board import CameraBoardOptions, camera_of_part, read_camera, run_camera_board
 from hil.link.errors import LinkError
 from hil.link.packets.enums import PixelFormat
 from hil.link.packets.messages import Hello
@@ -306,3 +306,15 @@ def test_the_principal_point_of_a_part():
     part = camera_of_part(CAMERA, parse_roi("10,20,30,40"))
     assert (part["width_px"], part["height_px"], part["cx_px"], part["cy_px"]) == (30, 40, 53.5, 27.5)
     assert math.isclose(part["fx_px"], CAMERA["fx_px"])
+
+
+# --- the camera's file --------------------------------------------------------------------------
+
+
+def test_a_camera_file_of_another_program_is_refused_by_its_key(tmp_path):
+    path = tmp_path / "camera.json"
+    path.write_bytes(json.dumps(CAMERA).encode("utf-8-sig"))
+    assert read_camera(str(path)) == CAMERA
+    path.write_text(json.dumps({**CAMERA, "dist_coeffs": [-0.3, 0.1, 0, 0, 0]}))
+    with pytest.raises(LinkError, match=r"'dist_coeffs'.*--export"):
+        read_camera(str(path))

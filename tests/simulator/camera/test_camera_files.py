@@ -15,8 +15,8 @@ from simulator.camera.detector.limits import optics_problem, sensor_problem
 from simulator.camera.detector.optics import Optics
 from simulator.camera.detector.presets import sensor_preset
 from simulator.camera.lens.files import parse_camera, read_camera_file
-from simulator.camera.lens.files_foreign import FORMATS, written
 from simulator.camera.lens.files_native import CameraFile, DistortionSection
+from simulator.camera.lens.formats.registry import WRITTEN, camera_text
 from simulator.camera.sections import OpticsSection
 from simulator.errors import UserError
 from simulator.scenario.load import load_scenario
@@ -45,7 +45,7 @@ FISHEYE = msgspec.structs.replace(
 PLAIN = msgspec.structs.replace(BROWN, distortion=DistortionSection())
 
 
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("form", WRITTEN)
 @pytest.mark.parametrize(
     "camera", [PLAIN, BROWN, FIVE, EIGHT, FISHEYE], ids=["plain", "brown", "five", "eight", "fisheye"]
 )
@@ -54,9 +54,9 @@ def test_a_camera_survives_every_format_that_can_hold_it(camera, form):
     fisheye = camera is FISHEYE
     if (form == "kalibr" and count > 4) or (form == "speed" and fisheye):
         with pytest.raises(UserError, match="write opencv"):
-            written(camera, form, "x")
+            camera_text(camera, form, "x")
         return
-    back = parse_camera(written(camera, form, "x").encode(), "x")
+    back = parse_camera(camera_text(camera, form, "x").encode(), "x")
     assert (back.width_px, back.height_px) == (1920, 1200)
     for name in ("fx_px", "fy_px", "cx_px", "cy_px"):
         assert getattr(back, name) == getattr(camera, name)
@@ -77,7 +77,7 @@ def test_what_opencv_writes_is_read(tmp_path):
     storage.release()
     assert read_camera_file(path).distortion == FIVE.distortion
     # and OpenCV reads what this project writes
-    path.write_text(written(FIVE, "opencv", "x"))
+    path.write_text(camera_text(FIVE, "opencv", "x"))
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     assert storage.getNode("camera_matrix").mat()[0, 2] == 960.25
     assert storage.getNode("distortion_coefficients").mat().ravel().tolist() == list(
@@ -120,7 +120,7 @@ def test_what_ros_writes_is_read():
 @pytest.mark.parametrize("camera", [PLAIN, FIVE, EIGHT, FISHEYE], ids=["plain", "five", "eight", "fisheye"])
 def test_ros_s_own_program_reads_and_rewrites_what_is_written(camera, tmp_path):
     ours, theirs = tmp_path / "ours.yaml", tmp_path / "theirs.yaml"
-    ours.write_text(written(camera, "ros", "x"))
+    ours.write_text(camera_text(camera, "ros", "x"))
     subprocess.run([ROS_CONVERT, ours, theirs], check=True, capture_output=True)
     assert read_camera_file(theirs) == read_camera_file(ours)
 
@@ -161,7 +161,7 @@ def test_the_pitch_of_a_camera_s_file_is_the_sensor_s(tmp_path):
     path.write_text(json.dumps(sheet))
     camera = read_camera_file(path)
     assert camera.pixel_pitch_um == (4.0, 8.0)
-    assert parse_camera(written(camera, "speed", "x").encode(), "x").pixel_pitch_um == (4.0, 8.0)
+    assert parse_camera(camera_text(camera, "speed", "x").encode(), "x").pixel_pitch_um == (4.0, 8.0)
     scenario = msgspec.structs.replace(load_scenario("tango-space-10m"), camera=camera)
     assert scenario.sensor_model.pixel_pitch_x_m == pytest.approx(4e-6)
     assert scenario.sensor_model.pixel_pitch_y_m == pytest.approx(8e-6)
@@ -267,7 +267,7 @@ def test_a_mistake_in_a_foreign_file_is_one_sentence(text, says):
 def test_a_lens_that_folds_is_refused_from_a_file():
     folding = msgspec.structs.replace(PLAIN, distortion=DistortionSection("brown_conrady", (-25.0, 0, 0, 0)))
     with pytest.raises(UserError, match="folds back inside the image"):
-        parse_camera(written(folding, "ros", "x").encode(), "x").camera("x")
+        parse_camera(camera_text(folding, "ros", "x").encode(), "x").camera("x")
 
 
 @pytest.mark.parametrize(
@@ -324,7 +324,7 @@ def test_a_measured_psf_is_read_from_numbers_text_and_pictures(tmp_path):
 @pytest.mark.parametrize("camera", [PLAIN, BROWN, EIGHT, FISHEYE])
 @pytest.mark.parametrize("form", ["ros", "opencv"])
 def test_matrices_have_as_many_numbers_as_rows_and_columns_say(camera, form):
-    text = written(camera, form, "x").replace("%YAML:1.0\n---\n", "").replace("!!opencv-matrix", "")
+    text = camera_text(camera, form, "x").replace("%YAML:1.0\n---\n", "").replace("!!opencv-matrix", "")
     matrices = {k: m for k, m in yaml.safe_load(text).items() if isinstance(m, dict)}
     assert len(matrices) == (4 if form == "ros" else 2)
     for name, matrix in matrices.items():

@@ -11,6 +11,11 @@ import numpy as np
 from hil.board.errors import BoardModelError
 
 Array = np.ndarray
+_COEFFICIENT_COUNTS: Dict[str, Tuple[int, ...]] = {
+    "none": (0,),
+    "brown_conrady": (4, 5, 8),
+    "kannala_brandt": (4,),
+}
 
 
 @dataclass(frozen=True)
@@ -38,8 +43,14 @@ class CameraIntrinsics:
             raise BoardModelError("camera: focal lengths must be positive and every number finite")
         if self.width_px < 1 or self.height_px < 1:
             raise BoardModelError("camera: width and height must be at least one pixel")
-        if self.distortion_model not in ("none", "brown_conrady", "kannala_brandt"):
+        counts = _COEFFICIENT_COUNTS.get(self.distortion_model)
+        if counts is None:
             raise BoardModelError(f"camera: unknown distortion model {self.distortion_model!r}")
+        if len(self.distortion) not in counts:
+            allowed = " or ".join(map(str, counts))
+            raise BoardModelError(
+                f"camera: {len(self.distortion)} coefficients, {self.distortion_model} takes {allowed}"
+            )
 
     @staticmethod
     def from_dict(data: Dict[str, Any]) -> CameraIntrinsics:
@@ -69,8 +80,8 @@ class CameraIntrinsics:
 
     @property
     def distorted(self) -> bool:
-        """Whether the lens bends straight lines."""
-        return self.distortion_model != "none" and any(self.distortion)
+        """True if the lens bends straight lines; a fish-eye does, even if all its coefficients are 0."""
+        return self.distortion_model == "kannala_brandt" or any(self.distortion)
 
     @cached_property
     def pinhole(self) -> CameraIntrinsics:
@@ -79,7 +90,7 @@ class CameraIntrinsics:
 
     def distort(self, x: Array, y: Array) -> Tuple[Array, Array]:
         """Normalised coordinates after the lens, OpenCV's two models."""
-        if self.distortion_model == "none" or not self.distortion:
+        if self.distortion_model == "none":
             return x, y
         k = np.zeros(8)
         k[: len(self.distortion[:8])] = self.distortion[:8]

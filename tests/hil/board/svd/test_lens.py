@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from drawn_craft import CAMERA, NOISE_DN, Craft
 
-from hil.board.svd import make_estimator
+from hil.board.errors import BoardModelError
+from hil.board.svd import CameraIntrinsics, make_estimator
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import undistorted_rays
 from hil.evaluate.pose_errors import frame_errors
@@ -49,3 +50,24 @@ def test_a_craft_far_off_the_axis_is_found_through_the_lens(
     assert errors[0][1] < 0.01
     assert errors[0][2] < 1.0
     assert errors[1][0] > 3 * errors[0][0]
+
+
+NUMBERS = {"width_px": 640, "height_px": 480, "fx_px": 300.0, "fy_px": 301.0, "cx_px": 320.0, "cy_px": 240.0}
+
+
+def test_an_ideal_fish_eye_bends():
+    lens = {"model": "kannala_brandt", "coefficients": [0.0] * 4}
+    camera = CameraIntrinsics.from_dict({**NUMBERS, "distortion": lens})
+    points = np.array([[0.4, 0.1, 1.0], [-0.5, 0.7, 1.0]])
+    K = np.array([[300.0, 0, 320], [0, 301, 240], [0, 0, 1]])
+    expected, _ = cv2.fisheye.projectPoints(points[None], np.zeros(3), np.zeros(3), K, np.zeros(4))
+    assert camera.distorted
+    assert camera.pixels(points) == pytest.approx(expected[0], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("model", "count"), [("kannala_brandt", 0), ("brown_conrady", 0), ("brown_conrady", 3), ("none", 4)]
+)
+def test_a_lens_has_its_coefficients(model, count):
+    with pytest.raises(BoardModelError, match=f"{count} coefficients"):
+        CameraIntrinsics.from_dict({**NUMBERS, "distortion": {"model": model, "coefficients": [0.0] * count}})

@@ -1,0 +1,170 @@
+"""The text of a camera file as a table: JSON, YAML, OpenCV's XML, ROS's INI, COLMAP's list."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+from simulator.camera.lens.formats.xml_text import parse_xml
+from simulator.camera.lens.formats.yaml_text import NUMBER, parse_yaml, scalar
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import decode_text, refuse_deep
+
+Syntax = Literal["json", "yaml", "xml", "ini", "colmap"]
+_LINK = re.compile(r"[_\- ]")
+LARGEST = 10**300
+_BINARY = (
+    (b"v/1\x01", "an OpenEXR picture"),
+    (b"\x89PNG", "a PNG picture"),
+    (b"\xff\xd8\xff", "a JPEG picture"),
+    (b"II*\0", "a TIFF picture"),
+    (b"MM\0*", "a TIFF picture"),
+    (b"\x93NUMPY", "a NumPy array: write its numbers as JSON, with .tolist()"),
+    (b"PK\x03\x04", "a zip archive, as NumPy's .npz: write its arrays as JSON, with .tolist()"),
+    (b"MATLAB", "a .mat file: write jsonencode(toStruct(cameraParams)) as text"),
+    (b"\x89HDF", "an HDF5 or .mat file: write jsonencode(toStruct(cameraParams)) as text"),
+    (b"\x80\x03", "a Python pickle, which is not opened: write the numbers as JSON"),
+    (b"\x80\x04", "a Python pickle, which is not opened: write the numbers as JSON"),
+    (b"glTF", "a glTF mesh"),
+    (b"%PDF", "a PDF"),
+)
+_COLMAP_LINE = re.compile(r"\s*\d+\s+[A-Z][A-Z0-9_]+\s+\d+\s+\d+\s+[-+.\d]")
+# the lists that NumPy prints have no commas
+_BARE_LIST = re.compile(rf"\[\s*+({NUMBER}(?:\s++{NUMBER})++)\s*+\]")
+_BARE_ROWS = re.compile(r"(?<=[\d.]\])\s*(?=\[)|(?<=[\d.] \])\s*(?=\[)")
+
+
+@dataclass(frozen=True, eq=False)
+class Document:
+    """A parsed camera file.
+
+    Parameters
+    ----------
+    table : dict
+        Its top level.
+    syntax : str
+        Syntax of the text.
+    several : bool
+        True if the text holds further YAML documents, which are not parsed.
+    """
+
+    table: dict[str, Any]
+    syntax: Syntax
+    several: bool = False
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """Keys of the table in their plain spelling (`plain_name`)."""
+        return frozenset(map(plain_name, self.table))
+
+
+def plain_name(key: object) -> str:
+    """Return a key without case, ``_``, ``-`` and blanks: programs spell one in many ways."""
+    return _LINK.sub("", str(key).lower())
+
+
+def parse_document(content: bytes, where: str) -> Document:
+    """Parse the text of a camera file; every number in it is finite.
+
+    Parameters
+    ----------
+    content : bytes of the file.
+    where : name of the file, for messages.
+
+    Raises
+    ------
+    UserError
+        If it is binary, too long or too deep, has a key twice, or has none of the syntaxes.
+    """
+    for magic, kind in _BINARY:
+        if content.startswith(magic):
+            raise UserError(f"{where} is no camera file but {kind}")
+    text = decode_text(content, where)
+    if "\0" in text:
+        raise UserError(f"{where} is not text: give a camera file, for example JSON or YAML")
+    document = _parsed(text, content, where)
+    _refuse_not_finite(document.table, where, "")
+    return document
+
+
+def _parsed(text: str, content: bytes, where: str) -> Document:
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if lines and all(_COLMAP_LINE.match(line) for line in lines):
+        return Document({"cameras": [line.split() for line in lines]}, "colmap")
+    if any(line.strip() == "camera matrix" for line in lines):
+        return Document(_parse_ini(lines, where), "ini")
+    start = text.lstrip()
+    if start.startswith("<"):
+        return Document(parse_xml(text, where), "xml")
+    text = _BARE_ROWS.sub(", ", _BARE_LIST.sub(_with_commas, text))
+    several = False
+    # a printed Python dictionary is YAML, not JSON
+    if start.startswith("{") and not start.startswith("{'"):
+        syntax: Syntax = "json"
+        table = _parse_json(text, content, where)
+    else:
+        syntax = "yaml"
+        table, several = parse_yaml(text, where)
+    if not isinstance(table, dict):
+        raise UserError(f"{where} is not JSON or YAML with a table of keys: give a camera file")
+    return Document(table, syntax, several)
+
+
+def _with_commas(match: re.Match[str]) -> str:
+    return f"[{', '.join(match[1].split())}]"
+
+
+def _parse_json(text: str, content: bytes, where: str) -> Any:  # noqa: ANN401 - any JSON value
+    def table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for key, value in pairs:
+            if key in found:
+                raise UserError(f"{where} has the key {key} twice in one table; delete one")
+            found[key] = value
+        return found
+
+    refuse_deep(content, where)
+    try:
+        return json.loads(text, object_pairs_hook=table)
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{where} is not JSON: {error}") from error
+
+
+def _parse_ini(lines: list[str], where: str) -> dict[str, Any]:
+    """Parse ROS's INI calibration: a word line names the numbers on the lines below it."""
+    words: dict[str, list[str]] = {}
+    camera, name = "", ""
+    for line in (line.strip() for line in lines if not line.lstrip().startswith(";")):
+        if line.startswith("["):
+            section = line.strip("[]")
+            if section not in ("image", "externals"):
+                if camera:
+                    raise UserError(f"{where} holds several cameras, the second is {section}; keep one")
+                camera = section
+        elif re.fullmatch(rf"{NUMBER}(?:\s++{NUMBER})*+", line):
+            words.setdefault(name, []).append(line)
+        elif line in words:
+            raise UserError(f"{where} has the key {line} twice; delete one")
+        else:
+            name = line
+            words[name] = []
+    return {"camera_name": camera} | {
+        key: scalar(values[0]) if len(values) == 1 else " ".join(values) for key, values in words.items()
+    }
+
+
+def _refuse_not_finite(value: Any, where: str, key: str) -> None:  # noqa: ANN401 - a value of JSON is anything
+    if isinstance(value, dict):
+        for k, v in value.items():
+            _refuse_not_finite(v, where, f"{key}.{k}" if key else str(k))
+    elif isinstance(value, list):
+        for v in value:
+            _refuse_not_finite(v, where, key)
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise UserError(f"{where}: key {key} is {value}, a finite number is needed")
+    elif isinstance(value, int) and abs(value) > LARGEST:
+        raise UserError(f"{where}: key {key} has {len(str(value))} digits, a number up to 1e300 is needed")

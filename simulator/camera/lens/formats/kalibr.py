@@ -1,0 +1,163 @@
+"""Cameras of visual-inertial calibration: Kalibr's camchain and EuRoC's sensor.yaml, Basalt's JSON.
+
+Pixel (0, 0) is the centre of the top-left pixel; coefficients are in OpenCV's order.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from simulator.camera.lens.formats.keys import Keys, flat_numbers
+from simulator.camera.lens.formats.lens import camera_file, named_model, not_drawn
+from simulator.camera.lens.formats.yaml_text import yaml_text
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from simulator.camera.lens.distortion import DistortionModel
+    from simulator.camera.lens.files_native import CameraFile
+    from simulator.camera.lens.formats.document import Document
+
+_RIG = """
+    T_cn_cnm1 T_cam_imu T_imu_cam T_BS timeshift_cam_imu cam_overlaps overlaps
+"""
+_SENSOR = """
+    sensor_type comment rate_hz rostopic topic label name id camera_id line_delay
+"""
+_BASALT_RIG = """
+    T_imu_cam T_i_c vignette calib_accel_bias calib_gyro_bias imu_update_rate comment accel_noise_std
+    gyro_noise_std accel_bias_std gyro_bias_std cam_time_offset_ns view_offset T_mocap_world T_imu_marker
+    mocap_time_offset_ns mocap_to_imu_offset_ns
+"""
+_BASALT_MODELS: dict[str, tuple[DistortionModel, tuple[str, ...]]] = {
+    "pinhole": ("none", ()),
+    "kb4": ("kannala_brandt", ("k1", "k2", "k3", "k4")),
+    "pinhole-radtan8": ("brown_conrady", ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),
+    "radtan8": ("brown_conrady", ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),
+}
+
+
+def is_kalibr(document: Document) -> bool:
+    """Return True for a camchain, or a table of one of its cameras."""
+    table = document.table
+    return (isinstance(table.get("intrinsics"), list) and not is_basalt(document)) or bool(_cameras(table))
+
+
+def _cameras(table: dict[str, Any]) -> dict[str, Any]:
+    return {k: v for k, v in table.items() if isinstance(v, dict) and "intrinsics" in v and k != "value0"}
+
+
+def read_kalibr(document: Document, where: str) -> CameraFile:
+    """Read the first camera of a camchain, or EuRoC's sensor.yaml.
+
+    Raises
+    ------
+    UserError
+        If a key is not known, or the lens is not drawn.
+    """
+    cameras = _cameras(document.table)
+    if not cameras:
+        return _read_one(Keys(document.table, where, "EuRoC's sensor.yaml"), "", [])
+    chain = Keys(document.table, where, "a Kalibr camchain")
+    for other in cameras:
+        chain.get(other)
+    chain.done()
+    name = next(iter(cameras))
+    others = ", ".join(list(cameras)[1:])
+    notes = (
+        [f"{name} was taken of {name}, {others}; keep one camera in the file to take another"]
+        if others
+        else []
+    )
+    return _read_one(chain.inner(name), name, notes)
+
+
+def _read_one(keys: Keys, name: str, notes: list[str]) -> CameraFile:
+    kind = keys.get("camera_model")
+    if str(kind or "pinhole").lower() != "pinhole":
+        raise not_drawn(f"{keys.where}: key {keys.path}camera_model", kind, "pinhole")
+    model = named_model([("distortion_model", keys.get("distortion_model"))], keys)
+    size, intrinsics = keys.numbers("resolution"), keys.numbers("intrinsics")
+    if size is None or intrinsics is None or len(size) != 2 or len(intrinsics) != 4:
+        raise keys.error("needs resolution [width, height] and intrinsics [fx, fy, cx, cy]")
+    coefficients = keys.numbers("distortion_coeffs", "distortion_coefficients")
+    if model is None and coefficients:
+        raise keys.error(
+            "has coefficients of a distortion, but no distortion_model; add it: radtan or equidistant"
+        )
+    if model == "brown_conrady" and len(coefficients or ()) > 5:
+        raise keys.error(f"has {len(coefficients or ())} coefficients, radtan takes k1 k2 p1 p2 [k3]")
+    keys.ignore(_RIG, _SENSOR)
+    return camera_file(keys, size, intrinsics, model or "none", coefficients, name=name, notes=notes)
+
+
+def write_kalibr(camera: CameraFile, where: str) -> str:
+    """Write a camchain of one camera.
+
+    Raises
+    ------
+    UserError
+        If the lens has more coefficients than Kalibr's.
+    """
+    coefficients = list(camera.distortion.coefficients)
+    if len(coefficients) > 4 and any(coefficients[4:]):
+        raise UserError(
+            f"{where}: Kalibr's radtan lens has k1 k2 p1 p2 only, this one has {len(coefficients)} coefficients; write "
+            "opencv or ros"
+        )
+    table = {
+        "cam0": {
+            "camera_model": "pinhole",
+            "intrinsics": [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px],
+            "distortion_model": "equidistant" if camera.distortion.model == "kannala_brandt" else "radtan",
+            "distortion_coeffs": (coefficients or [0.0] * 4)[:4],
+            "resolution": [camera.width_px, camera.height_px],
+        }
+    }
+    return yaml_text(table)
+
+
+def is_basalt(document: Document) -> bool:
+    """Return True for Basalt's calibration.json."""
+    table = document.table.get("value0", document.table)
+    listed = table.get("intrinsics") if isinstance(table, dict) else None
+    return (
+        isinstance(listed, list)
+        and bool(listed)
+        and isinstance(listed[0], dict)
+        and "camera_type" in listed[0]
+    )
+
+
+def read_basalt(document: Document, where: str) -> CameraFile:
+    """Read the first camera of Basalt's calibration.json.
+
+    Raises
+    ------
+    UserError
+        If a key is not known, or the lens is not drawn.
+    """
+    top = Keys(document.table, where, "a Basalt calibration")
+    rig = top.inner("value0") if top.find("value0") else top
+    listed, sizes = rig.get("intrinsics"), rig.get("resolution")
+    rig.ignore(_BASALT_RIG)
+    rig.done()
+    if rig is not top:
+        top.done()
+    size = flat_numbers(sizes, f"{where}: key resolution") if sizes else []
+    if len(size) < 2:
+        raise rig.error("lacks the resolution [[width, height]] of its cameras; add it")
+    camera = Keys(listed[0], where, "a Basalt calibration", "intrinsics[0].")
+    kind = str(camera.get("camera_type"))
+    if kind not in _BASALT_MODELS:
+        raise not_drawn(f"{where}: key intrinsics[0].camera_type", kind, ", ".join(_BASALT_MODELS))
+    model, names = _BASALT_MODELS[kind]
+    lens = camera.inner("intrinsics")
+    camera.done()
+    intrinsics = [lens.number(name) for name in ("fx", "fy", "cx", "cy")]
+    coefficients = [lens.number(name) for name in names]
+    lens.ignore("rpmax")
+    count = len(listed)
+    notes = (
+        [f"the first of {count} cameras was taken; keep one in the file to take another"] if count > 1 else []
+    )
+    return camera_file(lens, size[:2], intrinsics, model, coefficients, notes=notes)

@@ -1,0 +1,249 @@
+"""Strict reading of a camera file's table: a key is used, named as harmless, or the file is refused."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from simulator.camera.lens.formats.document import plain_name
+from simulator.camera.lens.formats.yaml_text import NUMBER
+from simulator.errors import UserError, near_names
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+Matrix = tuple[float, float, float, float]
+"""fx, fy, cx, cy [px]."""
+_MATRIX_KEYS = {"rows", "cols", "dt", "data", "type_id", "sizes"}  # OpenCV's
+_NUMBER = re.compile(NUMBER)
+_ROUNDED = 1e-9  # relative to fx: a skew that is only the last digits of a product of matrices
+
+
+class Keys:
+    """Keys of one table, each to be read or named before `done`.
+
+    Names are compared without case, ``_``, ``-`` and blanks: programs spell one key as camera_matrix, Camera_Matrix
+    and cameraMatrix.
+
+    Parameters
+    ----------
+    table : dict
+        The table.
+    where : str
+        Name of the file, for messages.
+    form : str
+        What the format is called in messages, for example "ROS calibration".
+    path : str
+        Key of the table within the file, with its dot.
+    """
+
+    def __init__(self, table: Any, where: str, form: str, path: str = "") -> None:  # noqa: ANN401 - any value
+        self.where, self.form, self.path = where, form, path
+        if not isinstance(table, dict):
+            raise UserError(f"{where}: key {path.rstrip('.')} is {_short(table)}, a table of keys is needed")
+        self._names: dict[str, str] = {}
+        for name in table:
+            plain = plain_name(name)
+            if plain in self._names:
+                raise UserError(
+                    f"{where} has the keys {self._names[plain]} and {name}, which say the same; delete one"
+                )
+            self._names[plain] = name
+        self._table = table
+        self._unread = dict.fromkeys(self._names)
+        self._asked: list[str] = []
+
+    def find(self, *names: str) -> str:
+        """Return the one of several spellings that the table has, as the file spells it; empty if it has none.
+
+        Raises
+        ------
+        UserError
+            If it has two.
+        """
+        self._asked.append(names[0])
+        there = [plain for plain in dict.fromkeys(map(plain_name, names)) if plain in self._names]
+        if len(there) > 1:
+            first, second = (self._names[plain] for plain in there[:2])
+            raise UserError(f"{self.where} has the keys {first} and {second}, which say the same; delete one")
+        if not there:
+            return ""
+        self._unread.pop(there[0], None)
+        return self._names[there[0]]
+
+    def get(self, *names: str) -> Any:  # noqa: ANN401 - any value
+        """Return the value of the one spelling that is there, or None."""
+        name = self.find(*names)
+        return self._table[name] if name else None
+
+    def number(self, *names: str, default: float | None = None) -> float:
+        """Return a number.
+
+        Raises
+        ------
+        UserError
+            If it is missing and has no default, or is no number.
+        """
+        value = self.get(*names)
+        if value is None and default is not None:
+            return default
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            if value is None:
+                raise self.error(f"lacks the key {names[0]}; add it")
+            raise UserError(f"{self._at(*names)} is {_short(value)}, a number is needed")
+        return float(value)
+
+    def count(self, *names: str) -> int:
+        """Return a whole number. Raises as `number` does."""
+        value = self.number(*names)
+        if value != int(value):
+            raise UserError(f"{self._at(*names)} is {value:g}, a whole number of pixels is needed")
+        return int(value)
+
+    def numbers(self, *names: str) -> list[float] | None:
+        """Return a flat list of numbers out of nested lists, OpenCV's matrix or text; None if it is missing.
+
+        Raises
+        ------
+        UserError
+            If it holds anything but numbers, or not rows times columns of them.
+        """
+        value = self.get(*names)
+        if value is None and self.find(*names):
+            raise UserError(f"{self._at(*names)} is empty, numbers are needed; add them or delete the key")
+        return None if value is None else flat_numbers(value, self._at(*names))
+
+    def matrix(self, *names: str) -> Matrix | None:
+        """Return fx, fy, cx, cy of a 3 x 3 camera matrix, or of a table of them; None if it is missing.
+
+        Raises
+        ------
+        UserError
+            If it is no camera matrix, or has a skew.
+        """
+        name = self.find(*names)
+        if name and isinstance(self._table[name], dict) and "fx" in self._table[name]:
+            inner = self.inner(name)
+            fx, fy, cx, cy = (inner.number(key) for key in ("fx", "fy", "cx", "cy"))
+            inner.done()
+            return fx, fy, cx, cy
+        m = self.numbers(*names)
+        return None if m is None else camera_matrix(m, self._at(*names))
+
+    def inner(self, name: str) -> Keys:
+        """Return the keys of a table within this one, which must be there."""
+        return Keys(self.get(name), self.where, self.form, f"{self.path}{self.find(name) or name}.")
+
+    def ignore(self, *names: str, prefixes: str = "") -> None:
+        """Name keys that do not change the lens, several in one text, or all that begin with one of ``prefixes``."""
+        starts = tuple(map(plain_name, prefixes.split()))
+        plain = {plain_name(word) for name in names for word in name.split()}
+        self._unread = {
+            key: None for key in self._unread if key not in plain and not (starts and key.startswith(starts))
+        }
+
+    def allow(self, name: str, *values: Any, so: str = "", aliases: Iterable[str] = ()) -> None:  # noqa: ANN401
+        """Name a key that does not change the lens if it has one of these values.
+
+        Raises
+        ------
+        UserError
+            If it has another; ``so`` says what to do.
+        """
+        value = self.get(name, *aliases)
+        if value is not None and value not in values:
+            raise UserError(
+                f"{self._at(name, *aliases)} is {_short(value)}, which is not drawn{so and '; '}{so}"
+            )
+
+    def done(self) -> None:
+        """Raise if a key is left.
+
+        Raises
+        ------
+        UserError
+            With its name.
+        """
+        left = [self._names[plain] for plain in self._unread]
+        if left:
+            near = near_names(left[0], self._asked)
+            hint = f"did you mean {near[0]}? " if near else ""
+            more = f" (nor {', '.join(left[1:4])})" if left[1:] else ""
+            raise UserError(
+                f"{self.where}: key {self.path}{left[0]} is not known in a file of {self.form}{more}, so it could "
+                f"change the lens unseen: {hint}delete it"
+            )
+
+    def error(self, text: str) -> UserError:
+        """Return an error that starts with the file and the table."""
+        table = f" key {self.path.rstrip('.')}" if self.path else ""
+        return UserError(f"{self.where}{':' if table else ''}{table} {text}")
+
+    def _at(self, *names: str) -> str:
+        return f"{self.where}: key {self.path}{self.find(*names) or names[0]}"
+
+
+def flat_numbers(value: Any, where: str) -> list[float]:  # noqa: ANN401 - a value of YAML is anything
+    """Return the numbers of nested lists, OpenCV's matrix or text of numbers.
+
+    Raises
+    ------
+    UserError
+        If there is anything else.
+    """
+    if isinstance(value, dict):
+        odd = [key for key in value if key not in _MATRIX_KEYS]
+        if odd or "data" not in value:
+            raise UserError(
+                f"{where} is a table with the keys {', '.join(map(str, value))[:80]}, a list of numbers is needed"
+            )
+        data = flat_numbers(value["data"], where)
+        rows, columns = value.get("rows"), value.get("cols")
+        if (
+            isinstance(rows, int)
+            and isinstance(columns, int)
+            and rows * columns != len(data)
+            and _one_channel(value)
+        ):
+            raise UserError(f"{where} has {len(data)} numbers, its rows and cols say {rows} x {columns}")
+        return data
+    if isinstance(value, list):
+        return [number for inner in value for number in flat_numbers(inner, where)]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return [float(value)]
+    words = re.split(r"[\s,]+", value.strip()) if isinstance(value, str) else [""]
+    if not all(_NUMBER.fullmatch(word) for word in words):
+        raise UserError(f"{where} holds {_short(value)}, numbers are needed")
+    return [float(word) for word in words]
+
+
+def camera_matrix(m: list[float], where: str) -> Matrix:
+    """Return fx, fy, cx, cy of a 3 x 3 matrix in rows.
+
+    Raises
+    ------
+    UserError
+        If it is no camera matrix, or has a skew.
+    """
+    if len(m) != 9:
+        raise UserError(f"{where} has {len(m)} numbers, a 3 x 3 matrix is needed")
+    if not any(m[:8]):
+        raise UserError(f"{where} is 0: the camera is not calibrated; calibrate it")
+    if abs(m[8] - 1) > _ROUNDED or any(abs(v) > 1e-12 for v in (m[3], m[6], m[7])):
+        raise UserError(
+            f"{where} is no camera matrix in rows: its last row must be 0 0 1, and the one before 0 fy cy"
+        )
+    if abs(m[1]) > _ROUNDED * abs(m[0]):
+        raise UserError(
+            f"{where} has a skew of {m[1]:g} px, which is not drawn; calibrate with the skew fixed at 0"
+        )
+    return m[0], m[4], m[2], m[5]
+
+
+def _one_channel(matrix: dict[str, Any]) -> bool:
+    return len(str(matrix.get("dt", "d"))) == 1
+
+
+def _short(value: Any) -> str:  # noqa: ANN401 - any value
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,172 @@
+"""From the numbers of another program's file to a camera: names of lens models, counts of coefficients, bounds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from simulator.camera.lens.distortion import COEFFICIENT_COUNTS, DistortionModel
+from simulator.camera.lens.files_native import CameraFile
+from simulator.camera.lens.formats.document import plain_name
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from simulator.camera.lens.formats.keys import Keys
+
+_RECALIBRATE = (
+    "calibrate with radial and tangential terms (cv2.calibrateCamera, Kalibr's pinhole-radtan) or with the equidistant "
+    "fish-eye (cv2.fisheye.calibrate, Kalibr's pinhole-equi)"
+)
+# names of the models in other programs' files, without _, - and blanks
+_BROWN = "plumbbob rationalpolynomial rational radtan radialtangential brownconrady brown opencv standard"
+_FISHEYE = "equidistant equi fisheye opencvfisheye kannalabrandt kannalabrandt4 kannalabrandt8 kb4"
+_NEUTRAL = ("", "pinhole", "perspective")
+
+
+def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionModel | None:
+    """Return the lens model that a file's keys name; None if none does.
+
+    Parameters
+    ----------
+    names : pairs of a key and its value.
+
+    Raises
+    ------
+    UserError
+        If a model is not drawn, or two keys name different ones.
+    """
+    found: dict[DistortionModel, str] = {}
+    for key, value in names:
+        plain = plain_name(value or "")
+        if plain in _NEUTRAL:
+            continue
+        if plain == "none":
+            found["none"] = key
+        elif plain in _BROWN.split():
+            found["brown_conrady"] = key
+        elif plain in _FISHEYE.split():
+            found["kannala_brandt"] = key
+        else:
+            place = f"{keys.where}: key {keys.path}{key}"
+            raise not_drawn(
+                place, value, "plumb_bob, rational_polynomial, radtan, equidistant, fisheye, none"
+            )
+    if len(found) > 1:
+        first, second = list(found.values())[:2]
+        raise UserError(
+            f"{keys.where}: keys {first} and {second} name different lenses; delete the wrong one"
+        )
+    return next(iter(found), None)
+
+
+def not_drawn(place: str, value: object, read: str) -> UserError:
+    """Return the error for a lens model that is not drawn, with the way out.
+
+    Parameters
+    ----------
+    place : file and key. value : its value. read : names of the models that are read.
+    """
+    return UserError(
+        f"{place} is {str(value)[:60]!r}, a lens that is not drawn (read are {read}); {_RECALIBRATE}"
+    )
+
+
+def camera_file(
+    keys: Keys,
+    size: Sequence[float],
+    intrinsics: Sequence[float],
+    model: DistortionModel,
+    coefficients: Sequence[float] | None,
+    *,
+    name: str = "",
+    notes: Iterable[str] = (),
+    pixel_pitch_um: tuple[float, float] | None = None,
+) -> CameraFile:
+    """Return the camera of a file whose keys have all been read or named.
+
+    Parameters
+    ----------
+    keys : of the file; `Keys.done` is called.
+    size : width and height of the image.
+    intrinsics : fx, fy, cx, cy; pixel (0, 0) is the centre of the top-left pixel.
+    coefficients : of the model in OpenCV's order, None if the file has none.
+    notes : what the file says beyond this camera.
+
+    Raises
+    ------
+    UserError
+        If a key is left, the coefficients are missing or too many, or a number is out of bounds.
+    """
+    keys.done()
+    where = keys.where
+    fx, fy, cx, cy = intrinsics
+    if min(fx, fy) <= 0:
+        raise UserError(
+            f"{where}: the camera matrix is singular: its focal lengths are {fx:g} and {fy:g} px, both must be above 0"
+        )
+    table = {
+        "width_px": whole(size[0], where),
+        "height_px": whole(size[1], where),
+        "fx_px": fx,
+        "fy_px": fy,
+        "cx_px": cx,
+        "cy_px": cy,
+        "distortion": _distortion(model, coefficients, where),
+        "pixel_pitch_um": pixel_pitch_um,
+        "name": "".join(c for c in name[:200] if c.isprintable()),
+        "notes": "; ".join(notes),
+    }
+    try:
+        return msgspec.convert(table, CameraFile)
+    except msgspec.ValidationError as error:
+        raise UserError(f"{where}: {error}") from error
+
+
+def _distortion(
+    model: DistortionModel, coefficients: Sequence[float] | None, where: str
+) -> dict[str, object]:
+    if coefficients is None or (not coefficients and model != "none"):
+        if model != "none":
+            raise UserError(
+                f"{where} names a lens of the model {model}, but has no coefficients of it; add them"
+            )
+        coefficients = ()
+    if model == "none":
+        if any(coefficients):
+            raise UserError(
+                f"{where} has coefficients of a distortion, but names a lens without one; delete them"
+            )
+        return {"model": "none", "coefficients": ()}
+    counts = COEFFICIENT_COUNTS[model]
+    if len(coefficients) > counts[-1]:
+        if model == "brown_conrady" and any(coefficients[counts[-1] :]):
+            raise UserError(
+                f"{where}: thin prism and tilt terms of the distortion are not drawn; calibrate without them"
+            )
+        if model == "brown_conrady":
+            coefficients = coefficients[: counts[-1]]
+    if len(coefficients) not in counts:
+        allowed = " or ".join(map(str, counts))
+        raise UserError(f"{where} has {len(coefficients)} coefficients of the lens, {model} takes {allowed}")
+    if model == "brown_conrady" and not any(coefficients):
+        return {"model": "none", "coefficients": ()}
+    # an ideal fish-eye has all zero, and is no pinhole
+    return {"model": model, "coefficients": tuple(coefficients)}
+
+
+def whole(value: float, where: str) -> int:
+    """Return a size in pixels as a whole number.
+
+    Raises
+    ------
+    UserError
+        If it is none.
+    """
+    if value != int(value):
+        raise UserError(
+            f"{where}: the image is {value:g} pixels wide or high, a whole number of pixels is needed"
+        )
+    return int(value)

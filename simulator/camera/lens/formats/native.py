@@ -1,0 +1,53 @@
+"""CAMERA.json, a data sheet, and the records and cards that hold a camera."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from simulator.camera.lens.files_native import CameraFile
+from simulator.camera.lens.intrinsics import LensFile
+from simulator.errors import UserError
+from simulator.runtime.validation_errors import explain
+
+if TYPE_CHECKING:
+    from simulator.camera.lens.formats.document import Document
+
+_DATA_SHEET = {"focal_length_mm", "pixel_pitch_um", "sensor_size_mm", "aperture_angle_deg"}
+_OWN = {*CameraFile.__struct_fields__, *LensFile.__struct_fields__} - {"name", "notes", "distortion"}
+
+
+def is_native(document: Document) -> bool:
+    """Return True for a file of this project: a camera, or a record or card that holds one."""
+    return bool(_OWN & document.table.keys()) or _holds_camera(document)
+
+
+def _holds_camera(document: Document) -> bool:
+    ours = str(document.table.get("schema", "")).startswith("flyaround.") or len(document.table) == 1
+    return ours and isinstance(document.table.get("camera"), dict)
+
+
+def read_native(document: Document, where: str) -> CameraFile:
+    """Read CAMERA.json, a data sheet, or the camera of a truth record or card.
+
+    Raises
+    ------
+    UserError
+        With the key that is wrong and what is allowed.
+    """
+    raw = document.table["camera"] if _holds_camera(document) else document.table
+    kind: type[CameraFile | LensFile] = (
+        LensFile if _DATA_SHEET.intersection(raw) and "fx_px" not in raw else CameraFile
+    )
+    try:
+        found = msgspec.convert(raw, kind)
+    except msgspec.ValidationError as error:
+        raise UserError(f"{where}: {explain(str(error), raw, kind)}") from error
+    return found.solved(where) if isinstance(found, LensFile) else found
+
+
+def write_native(camera: CameraFile, where: str) -> str:  # noqa: ARG001 - a writer's signature
+    """Write CAMERA.json."""
+    known = {k: v for k, v in msgspec.to_builtins(camera).items() if v is not None}
+    return msgspec.json.format(msgspec.json.encode(known), indent=1).decode() + "\n"

@@ -1,0 +1,221 @@
+"""Cameras of structure from motion, radiance fields and pose benchmarks: COLMAP, transforms.json, BOP.
+
+COLMAP and transforms.json put pixel (0, 0) at the top-left corner of the image, and the centre of its first pixel at
+(0.5, 0.5): half a pixel is taken off their principal points. BOP counts from the centre of the first pixel.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from simulator.camera.lens.formats.keys import Keys, camera_matrix, flat_numbers
+from simulator.camera.lens.formats.lens import camera_file, not_drawn
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from simulator.camera.lens.distortion import DistortionModel
+    from simulator.camera.lens.files_native import CameraFile
+    from simulator.camera.lens.formats.document import Document
+
+# model: names of its parameters; 0 stands for a coefficient that ours has and COLMAP's has not
+_COLMAP_MODELS: dict[str, tuple[DistortionModel, str, str]] = {
+    "SIMPLE_PINHOLE": ("none", "f cx cy", ""),
+    "PINHOLE": ("none", "fx fy cx cy", ""),
+    "SIMPLE_RADIAL": ("brown_conrady", "f cx cy k1", "k1 0 0 0"),
+    "RADIAL": ("brown_conrady", "f cx cy k1 k2", "k1 k2 0 0"),
+    "OPENCV": ("brown_conrady", "fx fy cx cy k1 k2 p1 p2", "k1 k2 p1 p2"),
+    "FULL_OPENCV": ("brown_conrady", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6", "k1 k2 p1 p2 k3 k4 k5 k6"),
+    "OPENCV_FISHEYE": ("kannala_brandt", "fx fy cx cy k1 k2 k3 k4", "k1 k2 k3 k4"),
+    "SIMPLE_RADIAL_FISHEYE": ("kannala_brandt", "f cx cy k1", "k1 0 0 0"),
+    "RADIAL_FISHEYE": ("kannala_brandt", "f cx cy k1 k2", "k1 k2 0 0"),
+}
+_NERF_LENS = (
+    *("camera_model", "fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k2", "k3", "k4", "p1", "p2", "is_fisheye"),
+    *("camera_angle_x", "camera_angle_y", "sk_x", "sk_y"),
+)
+_NERF_SCENE = """
+    frames aabb_scale aabb scale offset ply_file_path applied_transform applied_scale orientation_override
+    integer_depth_scale depth_unit_scale_factor enable_depth_loading from_na train_filenames val_filenames
+    test_filenames up white_transparent black_transparent frame_count
+"""
+_NERF_FRAME = """
+    transform_matrix depth_file_path normal_file_path colmap_im_id camera_index rotation frame_index cam_id
+    semantic_path timestamp time camera_id file_path mask_path sharpness
+"""
+_AGREE = 2e-3  # of a focal length and an angle that say the same: files round them
+CORNER_TO_CENTRE_PX = -0.5
+
+
+def is_colmap(document: Document) -> bool:
+    """Return True for COLMAP's cameras.txt."""
+    return document.syntax == "colmap"
+
+
+def read_colmap(document: Document, where: str) -> CameraFile:
+    """Read cameras.txt, whose cameras must all be alike.
+
+    Raises
+    ------
+    UserError
+        If they differ, or the lens is not drawn.
+    """
+    cameras = document.table["cameras"]
+    if any(camera[1:] != cameras[0][1:] for camera in cameras[1:]):
+        raise UserError(f"{where} holds {len(cameras)} cameras that differ; keep the line of one")
+    number, name, width, height, *words = cameras[0]
+    if name not in _COLMAP_MODELS:
+        raise not_drawn(f"{where}: COLMAP's model of camera {number}", name, ", ".join(_COLMAP_MODELS))
+    model, parameters, order = _COLMAP_MODELS[name]
+    values = flat_numbers(words, f"{where}: camera {number}")
+    if len(values) != len(parameters.split()):
+        raise UserError(f"{where}: camera {number} has {len(values)} parameters, {name} takes {parameters}")
+    table = {"0": 0.0} | dict(zip(parameters.split(), values, strict=True))
+    f = table.get("f", 0.0)
+    centre = (table["cx"] + CORNER_TO_CENTRE_PX, table["cy"] + CORNER_TO_CENTRE_PX)
+    return camera_file(
+        Keys({}, where, "COLMAP's cameras.txt"),
+        (int(width), int(height)),
+        (table.get("fx", f), table.get("fy", f), *centre),
+        model,
+        [table[key] for key in order.split()],
+    )
+
+
+def is_nerf(document: Document) -> bool:
+    """Return True for transforms.json of instant-ngp and nerfstudio."""
+    frames = document.table.get("frames")
+    return any(key in document.table for key in ("fl_x", "camera_angle_x")) or (
+        isinstance(frames, list)
+        and bool(frames)
+        and isinstance(frames[0], dict)
+        and ("transform_matrix" in frames[0] or "fl_x" in frames[0])
+    )
+
+
+def read_nerf(document: Document, where: str) -> CameraFile:
+    """Read the one camera of transforms.json.
+
+    Raises
+    ------
+    UserError
+        If a key is not known, frames have different cameras, or the lens is not drawn.
+    """
+    top = Keys(document.table, where, "NeRF's transforms.json")
+    top.ignore(_NERF_SCENE, *_NERF_LENS)
+    top.done()
+    keys = Keys(_common_lens(document.table, where), where, "NeRF's transforms.json")
+    if not keys.find("w") or not keys.find("h"):
+        raise keys.error("lacks w and h, the size of its images in pixels; add them")
+    width, height = keys.count("w"), keys.count("h")
+    for skew in ("sk_x", "sk_y"):
+        keys.allow(skew, 0, so="calibrate with the skew fixed at 0")
+    fx = _nerf_focal_px(keys, "fl_x", "camera_angle_x", width)
+    fy = _nerf_focal_px(keys, "fl_y", "camera_angle_y", height)
+    if fx is None:
+        raise keys.error("lacks fl_x or camera_angle_x; add one")
+    intrinsics = (
+        fx,
+        fx if fy is None else fy,
+        keys.number("cx", default=width / 2) + CORNER_TO_CENTRE_PX,
+        keys.number("cy", default=height / 2) + CORNER_TO_CENTRE_PX,
+    )
+    model, coefficients = _nerf_lens(keys)
+    return camera_file(keys, (width, height), intrinsics, model, coefficients)
+
+
+def _common_lens(table: dict[str, Any], where: str) -> dict[str, Any]:
+    """Return the intrinsics that all frames have, each frame's own before those of the file."""
+    common = {key: table[key] for key in _NERF_LENS if key in table}
+    frames = table.get("frames")
+    lenses = []
+    for k, frame in enumerate(frames if isinstance(frames, list) else []):
+        if not isinstance(frame, dict):
+            raise UserError(f"{where}: key frames[{k}] is no table of keys")
+        odd = next((key for key in frame if key not in _NERF_FRAME.split() and key not in _NERF_LENS), None)
+        if odd is not None:
+            raise UserError(
+                f"{where}: key frames[{k}].{odd} is not known in a file of NeRF's transforms.json, so it could change "
+                "the lens unseen: delete it"
+            )
+        lenses.append(common | {key: frame[key] for key in _NERF_LENS if key in frame})
+    if any(lens != lenses[0] for lens in lenses[1:]):
+        raise UserError(f"{where} has frames with different cameras; keep the frames of one")
+    return lenses[0] if lenses else common
+
+
+def _nerf_focal_px(keys: Keys, length: str, angle: str, count: int) -> float | None:
+    by_length = keys.number(length) if keys.find(length) else None
+    if not keys.find(angle):
+        return by_length
+    angle_rad = keys.number(angle)
+    if not 0 < angle_rad < math.pi:
+        raise UserError(
+            f"{keys.where}: key {angle} is {angle_rad:g} rad, allowed: more than 0 and less than pi"
+        )
+    by_angle = count / (2 * math.tan(angle_rad / 2))
+    if by_length is None:
+        return by_angle
+    if abs(by_length - by_angle) > _AGREE * abs(by_length):
+        raise UserError(
+            f"{keys.where}: key {length} is {by_length:g} px, by {angle} it is {by_angle:g} px; delete one"
+        )
+    return by_length
+
+
+def _nerf_lens(keys: Keys) -> tuple[DistortionModel, list[float] | None]:
+    named = str(keys.get("camera_model") or "").upper()
+    fisheye = bool(keys.get("is_fisheye")) or named == "OPENCV_FISHEYE"
+    if named not in ("", "OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"):
+        raise not_drawn(f"{keys.where}: key camera_model", named, "OPENCV, OPENCV_FISHEYE, PINHOLE")
+    if fisheye and named not in ("", "OPENCV_FISHEYE"):
+        raise UserError(
+            f"{keys.where}: keys camera_model and is_fisheye name different lenses; delete the wrong one"
+        )
+    there = [name for name in ("k1", "k2", "k3", "k4", "p1", "p2") if keys.find(name)]
+    k1, k2, k3, k4, p1, p2 = (keys.number(name, default=0.0) for name in ("k1", "k2", "k3", "k4", "p1", "p2"))
+    if fisheye:
+        if p1 or p2:
+            raise UserError(f"{keys.where}: keys p1 and p2 are no terms of a fish-eye; delete them")
+        return "kannala_brandt", [k1, k2, k3, k4] if there else None
+    if k4:
+        raise UserError(
+            f"{keys.where}: key k4 is {k4:g}, a term of the eighth power, which is not drawn; calibrate without"
+        )
+    if not there:
+        return "brown_conrady" if named == "OPENCV" else "none", None
+    return "none" if "PINHOLE" in named else "brown_conrady", [k1, k2, p1, p2, k3]
+
+
+def is_bop(document: Document) -> bool:
+    """Return True for BOP's camera.json and scene_camera.json."""
+    table = document.table
+    return {"fx", "fy", "cx", "cy", "width", "height"} <= table.keys() or _is_scene_camera(table)
+
+
+def _is_scene_camera(table: dict[str, Any]) -> bool:
+    return bool(table) and all(isinstance(v, dict) and "cam_K" in v for v in table.values())
+
+
+def read_bop(document: Document, where: str) -> CameraFile:
+    """Read BOP's camera.json.
+
+    Raises
+    ------
+    UserError
+        If a key is not known, or it is a scene_camera.json, which has no image size.
+    """
+    if _is_scene_camera(document.table):
+        matrices = [
+            camera_matrix(flat_numbers(v["cam_K"], where), f"{where}: cam_K") for v in document.table.values()
+        ]
+        one = "of one camera" if len(set(matrices)) == 1 else "of cameras that differ"
+        raise UserError(
+            f"{where} is BOP's scene_camera.json {one}, without an image size: give the data set's camera.json, or "
+            "write one: width, height, fx, fy, cx, cy"
+        )
+    keys = Keys(document.table, where, "BOP's camera.json")
+    size = (keys.count("width"), keys.count("height"))
+    intrinsics = [keys.number(name) for name in ("fx", "fy", "cx", "cy")]
+    keys.ignore("depth_scale")
+    return camera_file(keys, size, intrinsics, "none", None)

@@ -1,0 +1,115 @@
+"""Registry of camera file formats: how each is recognised, read and written.
+
+A new format takes a module with three functions and an entry in `CAMERA_FORMATS`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from simulator.camera.lens.formats import kalibr, matlab, native, opencv, reconstruction, slam, speed
+from simulator.errors import UserError, near_names
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from simulator.camera.lens.files_native import CameraFile
+    from simulator.camera.lens.formats.document import Document
+
+__all__ = ["CAMERA_FORMATS", "WRITTEN", "CameraFormat", "camera_text", "read_camera_document"]
+
+
+@dataclass(frozen=True)
+class CameraFormat:
+    """A format of camera files.
+
+    Parameters
+    ----------
+    name : str
+        Name on the command line.
+    title : str
+        What users call its files.
+    recognises : callable
+        True for a document that has the marks of this format.
+    read : callable
+        From a document and the name of its file to the camera; raises for a key that it does not know.
+    write : callable or None
+        From a camera and its name to text; None if the format is only read.
+    """
+
+    name: str
+    title: str
+    recognises: Callable[[Document], bool]
+    read: Callable[[Document, str], CameraFile]
+    write: Callable[[CameraFile, str], str] | None = None
+
+
+CAMERA_FORMATS = (
+    CameraFormat("speed", "SPEED's camera.json", speed.is_speed, speed.read_speed, speed.write_speed),
+    CameraFormat(
+        "native", "CAMERA.json or a data sheet", native.is_native, native.read_native, native.write_native
+    ),
+    CameraFormat("matlab", "MATLAB cameraParameters as JSON", matlab.is_matlab, matlab.read_matlab),
+    CameraFormat("basalt", "Basalt calibration.json", kalibr.is_basalt, kalibr.read_basalt),
+    CameraFormat(
+        "kalibr",
+        "Kalibr camchain or EuRoC sensor.yaml",
+        kalibr.is_kalibr,
+        kalibr.read_kalibr,
+        kalibr.write_kalibr,
+    ),
+    CameraFormat("vins", "VINS YAML", slam.is_vins, slam.read_vins),
+    CameraFormat("orb-slam", "ORB-SLAM or stella_vslam YAML", slam.is_orb, slam.read_orb),
+    CameraFormat("colmap", "COLMAP cameras.txt", reconstruction.is_colmap, reconstruction.read_colmap),
+    CameraFormat("nerf", "NeRF transforms.json", reconstruction.is_nerf, reconstruction.read_nerf),
+    CameraFormat("bop", "BOP camera.json", reconstruction.is_bop, reconstruction.read_bop),
+    CameraFormat(
+        "ros", "ROS camera_info YAML, INI or topic echo", opencv.is_ros, opencv.read_ros, opencv.write_ros
+    ),
+    CameraFormat(
+        "opencv", "OpenCV YAML, XML or JSON", opencv.is_opencv, opencv.read_opencv, opencv.write_opencv
+    ),
+)
+"""All formats, the more specific first: the first that recognises a document reads it, and refuses keys of another."""
+WRITTEN = tuple(form.name for form in CAMERA_FORMATS if form.write is not None)
+
+
+def read_camera_document(document: Document, where: str) -> CameraFile:
+    """Read a camera in whichever format a document has.
+
+    Raises
+    ------
+    UserError
+        If it has none of them, or as its reader does.
+    """
+    form = next((form for form in CAMERA_FORMATS if form.recognises(document)), None)
+    if form is None:
+        raise UserError(f"{where} {_unrecognised(document)}")
+    if document.several and form.name != "ros":
+        raise UserError(f"{where} holds several YAML documents; keep the one of the camera")
+    return form.read(document, where)
+
+
+def _unrecognised(document: Document) -> str:
+    keys = ", ".join(str(key)[:40] for key in list(document.table)[:5])
+    titles = ", ".join(form.title for form in CAMERA_FORMATS)
+    return f"is none of the camera files that are read (its keys are {keys or 'none'}): give {titles}"
+
+
+def camera_text(camera: CameraFile, form: str, where: str) -> str:
+    """Return a camera as text of a format.
+
+    Raises
+    ------
+    UserError
+        If there is no such format, it is only read, or it has no such lens.
+    """
+    writers = {entry.name: entry.write for entry in CAMERA_FORMATS if entry.write is not None}
+    if form not in writers:
+        near = near_names(form, WRITTEN)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise UserError(
+            f"there is no camera format {form!r} to write: {hint}choose one of {', '.join(WRITTEN)}"
+        )
+    return writers[form](camera, where)

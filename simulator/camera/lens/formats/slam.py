@@ -1,0 +1,152 @@
+"""Settings of SLAM programs: ORB-SLAM 2 and 3, stella_vslam, and VINS with its camera models.
+
+Pixel (0, 0) is the centre of the top-left pixel; coefficients are in OpenCV's order.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from simulator.camera.lens.formats.keys import Keys
+from simulator.camera.lens.formats.lens import camera_file, not_drawn
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from simulator.camera.lens.distortion import DistortionModel
+    from simulator.camera.lens.files_native import CameraFile
+    from simulator.camera.lens.formats.document import Document
+
+_PINHOLES, _FISHEYES = ("pinhole", "perspective"), ("kannalabrandt8", "fisheye")
+# settings of the program, of its second camera and of images that it rectified itself
+_ORB_OTHERS = """
+    ORBextractor. Extractor. Feature. Viewer. PangolinViewer. SocketPublisher. System. IMU. Stereo. RGBD. LEFT.
+    RIGHT. Initializer. Tracking. Mapping. LoopDetector. LoopClosing. Relocalizer. Preprocessing.
+    KeyframeInserter. MapPublisher. StereoRectifier. GraphOptimizer. Camera2. File. depthmap Tracker. LocalMap.
+    Camera.lapping Camera1.overlapping Camera1.lapping
+"""
+_ORB_CAMERA = """
+    Camera.name Camera.setup Camera.fps Camera.RGB Camera.color_order Camera.bf Camera.baseline
+    Camera.focal_x_baseline Camera.depth_threshold Camera.depthmap_factor ThDepth DepthMapFactor Tbc Tlr Tbc0
+    loopClosing thFarPoints bFishEye
+"""
+_VINS_OTHERS = """
+    imu num_of_cam imu_topic image_topic image0_topic image1_topic output_path camera_name estimate_extrinsic
+    extrinsicRotation extrinsicTranslation body_T_cam0 body_T_cam1 max_cnt min_dist freq F_threshold show_track
+    flow_back equalize max_solver_time multiple_thread max_num_iterations keyframe_parallax acc_n gyr_n acc_w
+    gyr_w g_norm loop_closure load_previous_pose_graph fast_relocalization pose_graph_save_path estimate_td td
+    save_image rolling_shutter rolling_shutter_tr visualize_imu_forward visualize_camera_size fisheye
+"""
+
+
+def is_orb(document: Document) -> bool:
+    """Return True for settings of ORB-SLAM or stella_vslam."""
+    keys = [str(key) for key in document.table]
+    nested = document.table.get("Camera")
+    return any(key.startswith(("Camera.", "Camera1.")) for key in keys) or (
+        isinstance(nested, dict) and "fx" in nested
+    )
+
+
+def read_orb(document: Document, where: str) -> CameraFile:
+    """Read the camera of ORB-SLAM's or stella_vslam's settings; of a stereo pair the first.
+
+    Raises
+    ------
+    UserError
+        If a key of the camera is not known, or its lens is not drawn.
+    """
+    table: dict[str, Any] = {}
+    for section, value in document.table.items():
+        nested = isinstance(value, dict) and "data" not in value
+        table |= {f"{section}.{key}": v for key, v in value.items()} if nested else {section: value}
+    keys = Keys(table, where, "ORB-SLAM or stella_vslam settings")
+    kind = str(keys.get("Camera.type", "Camera.model") or "pinhole")
+    plain = kind.lower()
+    if plain not in (*_PINHOLES, *_FISHEYES, "rectified"):
+        raise not_drawn(
+            f"{where}: key Camera.type", kind, "PinHole, KannalaBrandt8, Rectified, perspective, fisheye"
+        )
+    intrinsics = [keys.number(*_spelled(name)) for name in ("fx", "fy", "cx", "cy")]
+    size = [
+        keys.count("Camera.width", "Camera.cols", "Camera1.width"),
+        keys.count("Camera.height", "Camera.rows", "Camera1.height"),
+    ]
+    notes = []
+    scaled = [keys.get(f"Camera.{key}") for key in ("newWidth", "newHeight", "imageScale")]
+    if any(value not in (None, 1) for value in scaled):
+        notes.append("this is the camera before the program scales its images")
+    model, coefficients = _orb_lens(keys, plain)
+    keys.ignore(_ORB_CAMERA, prefixes=_ORB_OTHERS)
+    if any(str(name).startswith("LEFT.") for name in table):
+        notes.append("drawn are the images that the program rectified (Camera.*), not those of LEFT.K")
+    elif any(str(name).startswith("Camera2.") for name in table):
+        notes.append("of two cameras the first was taken")
+    return camera_file(
+        keys, size, intrinsics, model, coefficients, name=str(keys.get("Camera.name") or ""), notes=notes
+    )
+
+
+def _spelled(name: str) -> tuple[str, str]:
+    return f"Camera.{name}", f"Camera1.{name}"
+
+
+def _orb_lens(keys: Keys, kind: str) -> tuple[DistortionModel, list[float] | None]:
+    """Return model and coefficients; the programs take a pinhole without any as free of distortion."""
+    names = ("k1", "k2", "k3", "k4") if kind in _FISHEYES else ("k1", "k2", "p1", "p2")
+    there = [name for name in names if keys.find(*_spelled(name))]
+    if kind in _FISHEYES:
+        return "kannala_brandt", [keys.number(*_spelled(name)) for name in names] if there else None
+    k3 = keys.find(*_spelled("k3"))
+    if not there and not k3:
+        return "none", None
+    coefficients = [keys.number(*_spelled(name)) for name in names]
+    if k3:
+        coefficients.append(keys.number(*_spelled("k3")))
+    if kind == "rectified":
+        return "none", coefficients
+    return "brown_conrady", coefficients
+
+
+def is_vins(document: Document) -> bool:
+    """Return True for a camera of VINS (camodocal)."""
+    return any(key in document.table for key in ("model_type", "projection_parameters", "cam0_calib"))
+
+
+def read_vins(document: Document, where: str) -> CameraFile:
+    """Read a camera of VINS-Mono or VINS-Fusion.
+
+    Raises
+    ------
+    UserError
+        If a key is not known, or the lens is not drawn.
+    """
+    keys = Keys(document.table, where, "VINS settings")
+    if keys.find("cam0_calib"):
+        raise UserError(
+            f"{where} names its camera in another file: give that one, {str(keys.get('cam0_calib'))[:60]!r}"
+        )
+    kind = str(keys.get("model_type") or "")
+    if kind not in ("PINHOLE", "KANNALA_BRANDT"):
+        raise not_drawn(f"{where}: key model_type", kind, "PINHOLE, KANNALA_BRANDT")
+    size = [keys.count("image_width"), keys.count("image_height")]
+    projection = keys.inner("projection_parameters")
+    lens = keys.inner("distortion_parameters") if keys.find("distortion_parameters") else None
+    model: DistortionModel
+    if kind == "PINHOLE":
+        intrinsics = [projection.number(name) for name in ("fx", "fy", "cx", "cy")]
+        model, names = "brown_conrady", ("k1", "k2", "p1", "p2")
+    else:
+        intrinsics = [projection.number(name) for name in ("mu", "mv", "u0", "v0")]
+        model, names = (
+            "kannala_brandt",
+            ("k2", "k3", "k4", "k5"),
+        )  # its k2 stands before the cube of the angle
+        if lens is None or not lens.find("k2"):
+            lens = projection
+    coefficients = None if lens is None else [lens.number(name) for name in names]
+    projection.done()
+    if lens is not None:
+        lens.done()
+    name = str(keys.get("camera_name") or "")
+    keys.ignore(_VINS_OTHERS, "distortion_parameters")
+    return camera_file(keys, size, intrinsics, model, coefficients, name=name)

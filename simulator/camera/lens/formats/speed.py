@@ -1,0 +1,133 @@
+"""camera.json of SPEED and SPEED+: lengths in metres on the detector, and the matrix in pixels.
+
+Pixel (0, 0) is the centre of the top-left pixel; coefficients are in OpenCV's order.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.camera.lens.formats.keys import Keys, Matrix
+from simulator.camera.lens.formats.lens import camera_file
+from simulator.camera.lens.formats.opencv import matrix_of
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from simulator.camera.lens.files_native import CameraFile
+    from simulator.camera.lens.formats.document import Document
+
+_PITCH_UM = 5.86
+_CENTRE_PX = 1.0  # of matrix and ccx, ccy: some sets count from corners
+_AGREE = 2e-3  # of lengths and matrix: the sets round them
+
+
+def is_speed(document: Document) -> bool:
+    """Return True for camera.json of SPEED, SPEED+ or SHIRT."""
+    return {"nu", "nv"} <= document.names
+
+
+def read_speed(document: Document, where: str) -> CameraFile:
+    """Read SPEED's or SPEED+'s camera.json.
+
+    Raises
+    ------
+    UserError
+        If a key is not known, a length is not above 0, or the lengths disagree with the matrix.
+    """
+    keys = Keys(document.table, where, "SPEED's camera.json")
+    width, height = keys.count("Nu"), keys.count("Nv")
+    matrix = keys.matrix("cameraMatrix", "K")
+    by_length = _by_length(keys, width, height)
+    if matrix is None and by_length is None:
+        raise keys.error("lacks cameraMatrix, or fx, fy, ppx, ppy; add them")
+    notes = [] if matrix is None else _disagreement(keys, matrix, by_length)
+    pitch = None
+    if keys.find("ppx") and keys.find("ppy"):
+        across, down = (round(keys.number(name) * 1e6, 6) for name in ("ppx", "ppy"))
+        pitch = (across, down)
+    found = keys.numbers("distCoeffs")
+    keys.ignore(
+        "fx_px",
+        "fy_px",
+        "name",
+        "notes",
+        "comment",
+        "horizontalFOV",
+        "verticalFOV",
+        "fov_x",
+        "fov_y",
+        "fpx",
+        "fpy",
+    )
+    return camera_file(
+        keys,
+        (width, height),
+        matrix or by_length or (),
+        "brown_conrady" if found is not None else "none",
+        found,
+        pixel_pitch_um=pitch,
+        notes=notes,
+    )
+
+
+def _by_length(keys: Keys, width: int, height: int) -> Matrix | None:
+    """Return fx, fy, cx, cy by the lengths on the detector, if there are both."""
+    lengths = {name: keys.number(name) for name in ("fx", "fy", "ppx", "ppy") if keys.find(name)}
+    for name, length in lengths.items():
+        if length <= 0:
+            raise UserError(f"{keys.where}: key {name} is {length:g} m, it must be above 0")
+    cx, cy = keys.number("ccx", default=width / 2), keys.number("ccy", default=height / 2)
+    if len(lengths) < 4:
+        return None
+    return lengths["fx"] / lengths["ppx"], lengths["fy"] / lengths["ppy"], cx, cy
+
+
+def _disagreement(keys: Keys, matrix: Matrix, by_length: Matrix | None) -> list[str]:
+    """Return a note if other keys contradict the matrix, which the sets' own programs use."""
+    values = [
+        *(by_length or matrix)[:2],
+        *(keys.number(name, default=there) for name, there in zip(("ccx", "ccy"), matrix[2:], strict=True)),
+    ]
+    in_px = [
+        keys.number(name, default=there) for name, there in zip(("fx_px", "fy_px"), matrix[:2], strict=True)
+    ]
+    alike = np.allclose(matrix[2:], values[2:], rtol=0, atol=_CENTRE_PX)
+    if alike and all(np.allclose(matrix[:2], focal, rtol=_AGREE) for focal in (values[:2], in_px)):
+        return []
+    focal = in_px if values[:2] == list(matrix[:2]) else values[:2]
+    return [
+        (
+            f"cameraMatrix was taken, with fx, fy, cx, cy {', '.join(f'{v:g}' for v in matrix)} px; the other keys say "
+            f"{', '.join(f'{v:g}' for v in (*focal, *values[2:]))} px"
+        )
+    ]
+
+
+def write_speed(camera: CameraFile, where: str) -> str:
+    """Write SPEED's camera.json.
+
+    Raises
+    ------
+    UserError
+        If the lens is a fish-eye.
+    """
+    if camera.distortion.model == "kannala_brandt":
+        raise UserError(f"{where}: SPEED's camera file has no fisheye lens; write opencv, ros or kalibr")
+    K = matrix_of(camera)
+    across, down = (p * 1e-6 for p in camera.pixel_pitch_um or (_PITCH_UM, _PITCH_UM))
+    table = {
+        "Nu": camera.width_px,
+        "Nv": camera.height_px,
+        "ppx": across,
+        "ppy": down,
+        "fx": camera.fx_px * across,
+        "fy": camera.fy_px * down,
+        "ccx": camera.cx_px,
+        "ccy": camera.cy_px,
+        "cameraMatrix": [K[:3], K[3:6], K[6:]],
+        "distCoeffs": list(camera.distortion.coefficients) or [0.0] * 5,
+    }
+    return json.dumps(table, indent=1) + "\n"

@@ -1,0 +1,126 @@
+"""YAML of camera files: YAML 1.2's numbers, no anchors, no key twice, bounded length and depth."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import MOST_DEEP
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+MOST_YAML_BYTES = 1_000_000  # libyaml takes a second for as much
+# possessive, so that no length of digits is tried twice
+NUMBER = r"[-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+"
+_SCALARS: tuple[tuple[re.Pattern[str], Callable[[str], Any]], ...] = (
+    (re.compile(r"|~|null|Null|NULL"), lambda _: None),
+    (re.compile(r"true|True|TRUE|false|False|FALSE"), lambda text: text.lower() == "true"),
+    (re.compile(r"[-+]?[0-9]++"), int),
+    (re.compile(NUMBER), float),
+    (re.compile(r"[-+]?\.(?:inf|Inf|INF|nan|NaN|NAN)"), lambda text: float(text.replace(".", "", 1))),
+)
+_TAGS = re.compile(r"tag:yaml\.org,2002:(?:opencv-(?:nd-)?matrix|map|seq|str|int|float|bool|null)|!")
+
+
+def scalar(text: str) -> Any:  # noqa: ANN401 - number, truth value, text or None
+    """Convert a plain value as YAML 1.2 does.
+
+    YAML 1.1, which PyYAML's own loaders read, takes 1e-05 for text, 0640 for 416 and 640:480 for 38880.
+    """
+    for pattern, convert in _SCALARS:
+        if pattern.fullmatch(text):
+            return convert(text)
+    return text
+
+
+def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
+    """Parse the first document that is not empty; also return True if others follow.
+
+    Raises
+    ------
+    UserError
+        If it is no YAML, has a key twice, or is longer or deeper than a camera file.
+    """
+    if len(text) > MOST_YAML_BYTES:
+        raise UserError(f"{where} is YAML of more than {MOST_YAML_BYTES / 1e6:g} MB: give the camera alone")
+    import yaml  # noqa: PLC0415 - slow to import: most scenarios' cameras need none
+
+    # OpenCV's writer says %YAML:1.0, which YAML itself does not allow
+    text = re.sub(r"^%YAML[: ].*$", "", text, flags=re.MULTILINE)
+    document = None
+    try:
+        events = yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        for event in events:
+            if isinstance(event, yaml.NodeEvent):
+                document = _Composer(events, yaml).value(event)
+                if document is not None:
+                    break
+        next(events)  # the end of the document
+        # a separator at the end of the file begins an empty document
+        several = (
+            isinstance(next(events), yaml.DocumentStartEvent) and getattr(next(events), "value", None) != ""
+        )
+    except StopIteration:
+        several = False
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
+        place = " ".join(str(error).split())
+        raise UserError(f"{where} is not JSON and not YAML: {place}; give a camera file") from error
+    return document, several
+
+
+class _Composer:
+    """Builds the value of a node from the parser's events."""
+
+    def __init__(self, events: Iterator[Any], yaml: Any) -> None:  # noqa: ANN401 - the library has no types
+        self._events, self._yaml = events, yaml
+        self._depth = 0
+
+    def value(self, event: Any) -> Any:  # noqa: ANN401 - the library has no types
+        """Return the value that starts with an event.
+
+        Raises
+        ------
+        YAMLError, ValueError
+            If it refers to itself, nests too deep, has a key twice, or is an object of a language.
+        """
+        yaml, line = self._yaml, event.start_mark.line + 1
+        if isinstance(event, yaml.AliasEvent):
+            raise yaml.YAMLError(f"line {line} refers to another place, which a camera file does not")
+        if event.tag is not None and not _TAGS.fullmatch(event.tag):
+            raise ValueError(
+                f"line {line} has an object of type {event.tag.rpartition(':')[2]}; write arrays with .tolist()"
+            )
+        if isinstance(event, yaml.ScalarEvent):
+            return scalar(event.value) if event.implicit[0] else event.value
+        self._depth += 1
+        if self._depth > MOST_DEEP:
+            raise ValueError(f"line {line} nests more than {MOST_DEEP} tables in each other")
+        value = self._list() if isinstance(event, yaml.SequenceStartEvent) else self._table()
+        self._depth -= 1
+        return value
+
+    def _list(self) -> list[Any]:
+        found = []
+        while not isinstance(event := next(self._events), self._yaml.SequenceEndEvent):
+            found.append(self.value(event))
+        return found
+
+    def _table(self) -> dict[str, Any]:
+        table: dict[str, Any] = {}
+        while not isinstance(event := next(self._events), self._yaml.MappingEndEvent):
+            line = event.start_mark.line + 1
+            if not isinstance(event, self._yaml.ScalarEvent):
+                raise self._yaml.YAMLError(f"line {line} has a key that is no word")
+            if event.value in table:
+                raise ValueError(f"line {line} has the key {event.value[:60]} a second time; delete one")
+            table[event.value] = self.value(next(self._events))
+        return table
+
+
+def yaml_text(table: dict[str, Any]) -> str:
+    """Return a table as YAML, lists in one line."""
+    import yaml  # noqa: PLC0415 - as above
+
+    return str(yaml.safe_dump(table, sort_keys=False, default_flow_style=None, width=1000))

@@ -1,0 +1,72 @@
+"""The one reader of TOML files: bounds bytes and depth before `tomllib`, whose time and stack have no bound."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Any
+
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import (
+    MOST_DEEP,
+    TOML_TEXT,
+    decode_text,
+    refuse_deep,
+    refuse_not_finite,
+)
+
+MOST_TOML_BYTES = 1_000_000  # a hundred times the longest built-in file
+MOST_DOTS = 16
+# a.b.c = 1 nests as brackets do, and tomllib's time grows with the square of the number of dots
+_DOTTED = re.compile(
+    rb"""(?<![\w\-."'])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % (MOST_DOTS + 1)
+)
+
+
+def parse_toml(content: bytes, where: str) -> dict[str, Any]:
+    """Parse the contents of a TOML file; a byte-order mark at its start is accepted.
+
+    Parameters
+    ----------
+    content : bytes of the file.
+    where : name of the file, for messages.
+
+    Returns
+    -------
+    The document. Every number in it is finite, and no table lies deeper than 64 others.
+
+    Raises
+    ------
+    UserError
+        If it is longer than 1 MB, nested too deeply, not UTF-8, not TOML, or holds NaN or infinity.
+    """
+    if len(content) > MOST_TOML_BYTES:
+        raise UserError(
+            f"{where} is longer than {MOST_TOML_BYTES / 1e6:g} MB, which no such file is; shorten it"
+        )
+    text = decode_text(content, where)
+    refuse_deep(content, where, skip=TOML_TEXT)
+    if _DOTTED.search(content):
+        raise UserError(f"{where} has a key of more than {MOST_DOTS} dots, which no such file has")
+    try:
+        document = tomllib.loads(text)
+    except ValueError as error:  # also a number of thousands of digits
+        raise UserError(f"{where} is not valid TOML: {error}") from error
+    except RecursionError as error:
+        raise UserError(f"{where} is not valid TOML: it nests too deep") from error
+    if _is_deep(document):  # dotted keys within brackets multiply
+        raise UserError(f"{where} nests more than {MOST_DEEP} tables in each other, which no such file does")
+    refuse_not_finite(document, where)
+    return document
+
+
+def _is_deep(document: dict[str, Any]) -> bool:
+    level: list[Any] = [document]
+    for _ in range(MOST_DEEP):
+        level = [
+            inner
+            for value in level
+            for inner in (value.values() if isinstance(value, dict) else value)
+            if isinstance(inner, dict | list)
+        ]
+    return bool(level)

@@ -1,0 +1,828 @@
+"""Camera files that users reported, and others of their kind: read whole, or refused by the key or the lens."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from mutations import changed_json, changed_text
+
+from simulator.camera.lens.files import parse_camera, read_camera_file
+from simulator.camera.lens.formats.registry import CAMERA_FORMATS, camera_text
+from simulator.errors import UserError
+
+REPORTS = Path(__file__).parents[2] / "data" / "reports"
+EUROC = (752, 480, 458.654, 457.296, 367.215, 248.375)
+RADTAN = (-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05)
+ECHO = (1920, 1200, 1133.1, 1128.0, 960.7, 600.8)
+PLAIN = (640, 480, 600.0, 601.0, 320.0, 240.0)
+FIVE = (-0.3, 0.1, 0.001, 0.0005, 0.02)
+FISHEYE = (0.05, -0.02, 0.004, -0.001)
+
+
+def check(camera, numbers, model, coefficients=()):
+    """The camera has these numbers, and a lens that can be used."""
+    found = (camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
+    assert found == pytest.approx(numbers)
+    assert camera.distortion.model == model
+    assert camera.distortion.coefficients == pytest.approx(coefficients)
+    camera.camera("x")
+
+
+@pytest.mark.parametrize(
+    ("path", "numbers", "model", "coefficients"),
+    [
+        ("kalibr_radtan_coefficients/sensor.yaml", EUROC, "brown_conrady", RADTAN),
+        ("kalibr_radtan_coefficients/euroc_as_is.yaml", EUROC, "brown_conrady", RADTAN),
+        ("yaml_1e-05/cam.yaml", EUROC, "brown_conrady", (*RADTAN[:3], 1e-5)),
+        (
+            "opencv_python_dist_coeff/calibration.yaml",
+            (640, 480, 600, 600, 320, 240),
+            "brown_conrady",
+            (-0.3, 0.1, 0.001, 0.0005, 0),
+        ),
+        (
+            "opencv_python_dist_coeff/calibration.json",
+            (640, 480, 600, 600, 320, 240),
+            "brown_conrady",
+            (-0.3, 0.1, 0.001, 0.0005, 0),
+        ),
+        ("ros_D_key/cam.yaml", (640, 480, 369.3, 367.1, 320.7, 203.5), "brown_conrady", (0.1, 0.2, 0, 0, 0)),
+        (
+            "ros_D_key/coeffs.yaml",
+            (640, 480, 369.3, 367.1, 320.7, 203.5),
+            "brown_conrady",
+            (0.1, 0.2, 0, 0, 0),
+        ),
+        (
+            "ros_camera_model_key/fisheye.yaml",
+            (1640, 1232, 1403.97646, 1404.70652, 871.2187, 597.37327),
+            "kannala_brandt",
+            (0.175653, -0.031772, 0.000362, -0.000719),
+        ),
+        ("ros2_topic_echo/echo.yaml", ECHO, "kannala_brandt", (-0.01, 0.01, 0, 0)),
+        ("ros2_topic_echo/two.yaml", ECHO, "kannala_brandt", (-0.01, 0.01, 0, 0)),
+    ],
+)
+def test_a_reported_file_is_read_whole(path, numbers, model, coefficients):
+    check(read_camera_file(REPORTS / path), numbers, model, coefficients)
+
+
+@pytest.mark.parametrize(
+    ("path", "says"),
+    [
+        ("ros_missing_coefficients/cam.yaml", "has no coefficients"),
+        ("unknown_key/cam.yaml", "key xyz_unknown is not known"),
+    ],
+)
+def test_a_reported_file_is_refused(path, says):
+    with pytest.raises(UserError, match=says):
+        read_camera_file(REPORTS / path)
+
+
+K = "[600, 0, 320, 0, 601, 240, 0, 0, 1]"
+D = "[-0.3, 0.1, 0.001, 0.0005, 0.02]"
+ROS = f"image_width: 640\nimage_height: 480\ncamera_name: left\ncamera_matrix: {{rows: 3, cols: 3, data: {K}}}\n"
+MESSAGE = f"height: 480\nwidth: 640\ndistortion_model: plumb_bob\nd: {D}\nk: {K}\n"
+OPENCV_YAML = """%YAML:1.0
+---
+calibration_time: "Wed 11 Mar 2026 10:20:30"
+nframes: 25
+image_width: 640
+image_height: 480
+board_width: 9
+board_height: 6
+square_size: 2.5000000000000000e+01
+aspectRatio: 1.
+# flags: +fix_aspectRatio
+flags: 2
+fisheye_model: 0
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 600., 0., 320., 0., 601., 240., 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -.3, 1.0e-01, 1.0e-03, 5e-04, 2.e-02 ]
+avg_reprojection_error: 2.5e-01
+per_view_reprojection_errors: !!opencv-matrix
+   rows: 2
+   cols: 1
+   dt: f
+   data: [ 2.5e-01, 2.5e-01 ]
+extrinsic_parameters: !!opencv-matrix
+   rows: 1
+   cols: 6
+   dt: d
+   data: [ 0., 0., 0., 1., 2., 3. ]
+image_points: !!opencv-matrix
+   rows: 2
+   cols: 1
+   dt: "2f"
+   data: [ 1., 2., 3., 4. ]
+"""
+OPENCV_2_XML = """<?xml version="1.0"?>
+<opencv_storage>
+<calibration_Time>"Wed 11 Mar 2026"</calibration_Time>
+<nrOfFrames>25</nrOfFrames>
+<image_Width>640</image_Width>
+<image_Height>480</image_Height>
+<board_Width>9</board_Width>
+<square_Size>50.</square_Size>
+<flagValue>14</flagValue>
+<Camera_Matrix type_id="opencv-matrix">
+  <rows>3</rows>
+  <cols>3</cols>
+  <dt>d</dt>
+  <data>
+    600. 0. 320. 0. 601. 240. 0. 0. 1.</data></Camera_Matrix>
+<Distortion_Coefficients type_id="opencv-matrix">
+  <rows>5</rows>
+  <cols>1</cols>
+  <dt>d</dt>
+  <data>
+    -0.3 0.1 1e-3 5e-4
+    2.e-002</data></Distortion_Coefficients>
+<Avg_Reprojection_Error>4.5e-01</Avg_Reprojection_Error>
+</opencv_storage>
+"""
+ROS_INI = """# Camera intrinsics
+
+[image]
+
+width
+640
+
+height
+480
+
+[narrow_stereo/left]
+
+camera matrix
+600.00000 0.00000 320.00000
+0.00000 601.00000 240.00000
+0.00000 0.00000 1.00000
+
+distortion
+-0.30000 0.10000 0.00100 0.00050 0.02000
+
+rectification
+1.00000 0.00000 0.00000
+0.00000 1.00000 0.00000
+0.00000 0.00000 1.00000
+
+projection
+600.00000 0.00000 320.00000 0.00000
+0.00000 601.00000 240.00000 0.00000
+0.00000 0.00000 1.00000 0.00000
+"""
+KALIBR = """cam0:
+  cam_overlaps: [1]
+  camera_model: pinhole
+  distortion_coeffs: [0.05, -0.02, 0.004, -0.001]
+  distortion_model: equidistant
+  intrinsics: [600, 601, 320, 240]
+  resolution: [640, 480]
+  rostopic: /cam0/image_raw
+"""
+VINS = """%YAML:1.0
+---
+model_type: PINHOLE
+camera_name: camera
+image_width: 640
+image_height: 480
+distortion_parameters:
+   k1: -0.3
+   k2: 0.1
+   p1: 0.001
+   p2: 0.0005
+projection_parameters:
+   fx: 600.0
+   fy: 601.0
+   cx: 320.0
+   cy: 240.0
+"""
+VINS_FISHEYE = """%YAML:1.0
+---
+model_type: KANNALA_BRANDT
+camera_name: camera
+image_width: 640
+image_height: 480
+projection_parameters:
+   k2: 0.05
+   k3: -0.02
+   k4: 0.004
+   k5: -0.001
+   mu: 600.0
+   mv: 601.0
+   u0: 320.0
+   v0: 240.0
+"""
+ORB_SLAM_2 = """%YAML:1.0
+Camera.fx: 600.0
+Camera.fy: 601.0
+Camera.cx: 320.0
+Camera.cy: 240.0
+Camera.k1: -0.3
+Camera.k2: 0.1
+Camera.p1: 0.001
+Camera.p2: 0.0005
+Camera.k3: 0.02
+Camera.width: 640
+Camera.height: 480
+Camera.fps: 20.0
+Camera.RGB: 1
+Camera.bf: 40.0
+ThDepth: 35
+ORBextractor.nFeatures: 1000
+ORBextractor.scaleFactor: 1.2
+Viewer.KeyFrameSize: 0.05
+LEFT.D: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [0., 0., 0., 0., 0.]
+"""
+ORB_SLAM_3 = """%YAML:1.0
+File.version: "1.0"
+Camera.type: "KannalaBrandt8"
+Camera1.fx: 600.0
+Camera1.fy: 601.0
+Camera1.cx: 320.0
+Camera1.cy: 240.0
+Camera1.k1: 0.05
+Camera1.k2: -0.02
+Camera1.k3: 0.004
+Camera1.k4: -0.001
+Camera2.fx: 700.0
+Camera1.overlappingBegin: 0
+Camera1.overlappingEnd: 639
+Camera.width: 640
+Camera.height: 480
+Camera.fps: 20
+IMU.NoiseGyro: 0.00016
+Stereo.ThDepth: 40.0
+System.thFarPoints: 20.0
+loopClosing: 0
+"""
+STELLA = """Camera:
+  name: "mine"
+  setup: "monocular"
+  model: "perspective"
+  fx: 600.0
+  fy: 601.0
+  cx: 320.0
+  cy: 240.0
+  k1: -0.3
+  k2: 0.1
+  p1: 0.001
+  p2: 0.0005
+  k3: 0.02
+  fps: 30.0
+  cols: 640
+  rows: 480
+  color_order: "RGB"
+Preprocessing:
+  min_size: 800
+Feature:
+  name: "default"
+Mapping:
+  backend: "g2o"
+"""
+NERF = {
+    "camera_angle_x": 2 * np.arctan(320 / 600),
+    "fl_x": 600.0,
+    "fl_y": 601.0,
+    "k1": -0.3,
+    "k2": 0.1,
+    "p1": 0.001,
+    "p2": 0.0005,
+    "cx": 320.5,
+    "cy": 240.5,
+    "w": 640.0,
+    "h": 480.0,
+    "aabb_scale": 16,
+    "frames": [{"file_path": "a.png", "sharpness": 30.1, "transform_matrix": np.eye(4).tolist()}],
+}
+MATLAB = {
+    "ImageSize": [480, 640],
+    "FocalLength": [600, 601],
+    "PrincipalPoint": [321, 241],
+    "RadialDistortion": [-0.3, 0.1, 0.02],
+    "TangentialDistortion": [0.001, 0.0005],
+    "Skew": 0,
+    "IntrinsicMatrix": [[600, 0, 0], [0, 601, 0], [321, 241, 1]],
+}
+BASALT = {
+    "value0": {
+        "T_imu_cam": [{"px": 0, "py": 0, "pz": 0, "qx": 0, "qy": 0, "qz": 0, "qw": 1}],
+        "intrinsics": [
+            {
+                "camera_type": "kb4",
+                "intrinsics": {
+                    "fx": 600,
+                    "fy": 601,
+                    "cx": 320,
+                    "cy": 240,
+                    "k1": 0.05,
+                    "k2": -0.02,
+                    "k3": 0.004,
+                    "k4": -0.001,
+                },
+            }
+        ],
+        "resolution": [[640, 480]],
+        "vignette": [],
+        "imu_update_rate": 200.0,
+    }
+}
+BOP = {"cx": 320.0, "cy": 240.0, "depth_scale": 0.1, "fx": 600.0, "fy": 601.0, "height": 480, "width": 640}
+READ = {
+    "ros, block lists": (
+        ROS
+        + "distortion_model: plumb_bob\ndistortion_coefficients:\n- -0.3\n- 0.1\n- 0.001\n- 5e-04\n- .02\n",
+        FIVE,
+    ),
+    "ros, identity R and P": (
+        (
+            f"{ROS}distortion_model: plumb_bob\ndistortion_coefficients: {{rows: 1, cols: 5, data: {D}}}\n"
+            "rectification_matrix: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}\n"
+            "projection_matrix: {rows: 3, cols: 4, data: [600, 0, 320, 0, 0, 601, 240, 0, 0, 0, 1, 0]}\n"
+        ),
+        FIVE,
+    ),
+    "ros, printed by numpy": (
+        (
+            "image_width: 640\nimage_height: 480\ncamera_name: c\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+            "  data: [600.     ,   0.     , 320.     ,\n           0.     , 601.     , 240.     ,\n"
+            "           0.     ,   0.     ,   1.     ]\n"
+            f"distortion_model: plumb_bob\ndistortion_coefficients: {{rows: 1, cols: 5, data: {D}}}\n"
+        ),
+        FIVE,
+    ),
+    "ros 1 echo": (
+        (
+            'header: \n  seq: 4\n  stamp: \n    secs: 1\n    nsecs: 2\n  frame_id: "c"\nheight: 480\nwidth: 640\n'
+            f'distortion_model: "plumb_bob"\nD: {D}\nK: {K}\nR: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n'
+            "P: [600, 0, 320, 0, 0, 601, 240, 0, 0, 0, 1, 0]\nbinning_x: 0\nbinning_y: 0\nroi: \n  x_offset: 0\n"
+            "  y_offset: 0\n  height: 0\n  width: 0\n  do_rectify: False\n---\n"
+        ),
+        FIVE,
+    ),
+    "ros 2 echo, cut off in its second message": (f"{MESSAGE}---\nheight: 480\nwidth: [64", FIVE),
+    "ros message as JSON": (
+        f'{{"header": {{}}, "height": 480, "width": 640, "distortion_model": "plumb_bob", "D": {D}, "K": {K}}}',
+        FIVE,
+    ),
+    "ros ini": (ROS_INI, FIVE),
+    "opencv's sample": (OPENCV_YAML, FIVE),
+    "opencv's sample of 2.4": (OPENCV_2_XML, FIVE),
+    "opencv json": (
+        (
+            '{"image_width": 640, "image_height": 480, "camera_matrix": {"type_id": "opencv-matrix", "rows": 3, '
+            f'"cols": 3, "dt": "d", "data": {K}}}, "distortion_coefficients": '
+            f'{{"type_id": "opencv-matrix", "rows": 1, "cols": 5, "dt": "d", "data": {D}}}}}'
+        ),
+        FIVE,
+    ),
+    "script with mtx and dist": (
+        f'{{"mtx": {K}, "dist": [{D}], "image_size": [640, 480], "rms": 0.4}}',
+        FIVE,
+    ),
+    "script that prints numpy": (
+        (
+            "image_width: 640\nimage_height: 480\nK: [[600.   0. 320.]\n [  0. 601. 240.]\n [  0.   0.   1.]]\n"
+            "D: [[-0.3  0.1  1e-03  0.0005  0.02]]\n"
+        ),
+        FIVE,
+    ),
+    "printed dictionary": (
+        f"{{'camera_matrix': {K}, 'distortion_coefficients': {D}, 'image_width': 640, 'image_height': 480}}",
+        FIVE,
+    ),
+    "words, not lists": (
+        "width: 640\nheight: 480\nK: 600 0 320 0 601 240\n  0 0 1\ndist: -0.3, 0.1, 0.001, 0.0005, 0.02\n",
+        FIVE,
+    ),
+    "tables of names": (
+        (
+            f"camera_matrix: {{fx: 600, fy: 601, cx: 320, cy: 240}}\ndist_coeffs: {D}\n"
+            "resolution: {width: 640, height: 480}\n"
+        ),
+        FIVE,
+    ),
+    "a separator at the end": (VINS + "---\n", FIVE[:4]),
+    "leading zeros are decimal": (f"width: 0640\nheight: 0480\nK: {K}\nD: {D}\n", FIVE),
+    "thirteen zeros of the tilted model": (f"width: 640\nheight: 480\nK: {K}\nD: [{'0, ' * 13}0]\n", ()),
+    "opencv's fish-eye": (
+        OPENCV_YAML.replace("fisheye_model: 0", "fisheye_model: 1")
+        .replace("rows: 5", "rows: 4")
+        .replace("[ -.3, 1.0e-01, 1.0e-03, 5e-04, 2.e-02 ]", "[ 0.05, -0.02, 0.004, -0.001 ]"),
+        FISHEYE,
+    ),
+    "kalibr fish-eye": (KALIBR, FISHEYE),
+    "kalibr of one camera without its name": (
+        "camera_model: pinhole\nintrinsics: [600, 601, 320, 240]\nresolution: [640, 480]\ndistortion_model: none\n",
+        (),
+    ),
+    "vins": (VINS, FIVE[:4]),
+    "vins fish-eye": (VINS_FISHEYE, FISHEYE),
+    "orb-slam 2": (ORB_SLAM_2, FIVE),
+    "orb-slam 3": (ORB_SLAM_3, FISHEYE),
+    "orb-slam 3, rectified": (
+        "\n".join(line for line in ORB_SLAM_3.splitlines() if ".k" not in line).replace(
+            "KannalaBrandt8", "Rectified"
+        ),
+        (),
+    ),
+    "stella_vslam": (STELLA, FIVE),
+    "basalt": (json.dumps(BASALT), FISHEYE),
+    "colmap": (
+        "# Camera list\n1 FULL_OPENCV 640 480 600 601 320.5 240.5 -0.3 0.1 0.001 0.0005 0.02 0 0 0\n",
+        (*FIVE, 0, 0, 0),
+    ),
+    "colmap fish-eye": ("1 OPENCV_FISHEYE 640 480 600 601 320.5 240.5 0.05 -0.02 0.004 -0.001\n", FISHEYE),
+    "colmap of two alike": (
+        "1 PINHOLE 640 480 600 601 320.5 240.5\n2 PINHOLE 640 480 600 601 320.5 240.5\n",
+        (),
+    ),
+    "bop": (json.dumps(BOP), ()),
+    "nerf": (json.dumps(NERF), (*FIVE[:4], 0)),
+    "nerf, lens in its frames": (
+        json.dumps(
+            {
+                "frames": [
+                    {k: v for k, v in NERF.items() if k not in ("frames", "aabb_scale")} | NERF["frames"][0]
+                ]
+                * 2
+            }
+        ),
+        (*FIVE[:4], 0),
+    ),
+    "nerf fish-eye": (
+        json.dumps(
+            {k: v for k, v in NERF.items() if k not in ("p1", "p2")}
+            | {"camera_model": "OPENCV_FISHEYE", "k1": 0.05, "k2": -0.02, "k3": 0.004, "k4": -0.001}
+        ),
+        FISHEYE,
+    ),
+    "matlab": (json.dumps(MATLAB), FIVE),
+    "matlab object with intrinsics": (
+        json.dumps({"Intrinsics": MATLAB, "NumPatterns": 9, "WorldUnits": "mm"}),
+        FIVE,
+    ),
+    "native in a table of its own": (
+        '{"camera": {"width_px": 640, "height_px": 480, "fx_px": 600, "fy_px": 601, "cx_px": 320, "cy_px": 240}}',
+        (),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", READ)
+def test_the_same_camera_is_read_from_each_program_s_file(name):
+    text, coefficients = READ[name]
+    model = "kannala_brandt" if coefficients == FISHEYE else "brown_conrady" if any(coefficients) else "none"
+    camera = parse_camera(text.encode(), "x")
+    check(camera, PLAIN, model, coefficients)
+    # a BOM and Windows' ends of lines change nothing
+    assert parse_camera(text.replace("\n", "\r\n").encode("utf-8-sig"), "x") == camera
+
+
+def without(table, *names):
+    return {key: value for key, value in table.items() if key not in names}
+
+
+REFUSED = {
+    # keys
+    "unknown key of ros": (
+        ROS + "distortion_coeficients: [0.1, 0, 0, 0]\n",
+        "did you mean distortion_coefficients",
+    ),
+    "unknown key of a message": (MESSAGE + "zoom: 2\n", "key zoom is not known"),
+    "unknown key of kalibr": (KALIBR + "  shutter: rolling\n", "cam0.shutter"),
+    "unknown key beside kalibr's cameras": (KALIBR + "scale: 2\n", "key scale"),
+    "unknown key of euroc": ("resolution: [6, 4]\nintrinsics: [1, 1, 1, 1]\nzoom: 1\n", "key zoom"),
+    "unknown key of vins": (VINS + "zoom: 1\n", "key zoom"),
+    "unknown coefficient of vins": (VINS.replace("   p2:", "   k3: 0.1\n   p2:"), "distortion_parameters.k3"),
+    "unknown key of orb-slam": (ORB_SLAM_2 + "Camera.k4: 0.1\n", "Camera.k4"),
+    "unknown key of basalt": (json.dumps({"value0": BASALT["value0"] | {"zoom": 1}}), "zoom"),
+    "unknown key of bop": (json.dumps(BOP | {"k1": 0.1}), "key k1"),
+    "unknown key of nerf": (json.dumps(NERF | {"k5": 0.1}), "key k5"),
+    "unknown key of a frame of nerf": (
+        json.dumps(NERF | {"frames": [{"k5": 1, "fl_x": 1}]}),
+        r"frames\[0\].k5",
+    ),
+    "unknown key of matlab": (json.dumps(MATLAB | {"Zoom": 1}), "key Zoom"),
+    "unknown key of speed": (
+        '{"Nu": 640, "Nv": 480, "cameraMatrix": KKK, "zoom": 1}'.replace("KKK", K),
+        "key zoom",
+    ),
+    "unknown key of ini": (ROS_INI + "\nzoom\n1\n", "key zoom"),
+    "unknown key of opencv xml": (OPENCV_2_XML.replace("flagValue", "zoom"), "key zoom"),
+    "unknown key of native": (
+        '{"width_px": 640, "height_px": 480, "fx_px": 6, "fy_px": 6, "cx_px": 3, "cy_px": 2, "k1": 0.1}',
+        "unknown key k1",
+    ),
+    "two keys for one": (
+        ROS + f"distortion_model: plumb_bob\nD: {D}\ndistortion_coefficients: {D}\n",
+        "say the same",
+    ),
+    "two spellings of one key": (ROS + "Camera_Matrix: [1]\n", "say the same"),
+    "a key twice in yaml": (ROS + "image_width: 320\n", "image_width a second time"),
+    "a key twice in json": ('{"width_px": 640, "width_px": 320}', "width_px twice"),
+    "a key twice in a table of yaml": (
+        "cam0:\n  intrinsics: [1]\n  intrinsics: [2]\n",
+        "intrinsics a second time",
+    ),
+    "a key twice in xml": (OPENCV_2_XML.replace("nrOfFrames", "image_Width"), "image_Width twice"),
+    "a key twice in ini": (ROS_INI + "\ndistortion\n0 0 0 0 0\n", "distortion twice"),
+    "native beside others' keys": (
+        f'{{"camera": {{"fx_px": 1}}, "K": {K}, "width": 640, "height": 480}}',
+        "key camera",
+    ),
+    # lenses
+    "ros, empty list": (
+        ROS + "distortion_model: plumb_bob\ndistortion_coefficients: {rows: 1, cols: 0, data: []}\n",
+        "no coefficients",
+    ),
+    "ros, nothing behind the key": (
+        ROS + "distortion_model: plumb_bob\ndistortion_coefficients:\n",
+        "is empty",
+    ),
+    "message without d": (MESSAGE.replace(f"d: {D}\n", ""), "no coefficients"),
+    "fish-eye without coefficients": (f"width: 640\nheight: 480\nK: {K}\nfisheye: true\n", "no coefficients"),
+    "kalibr without": (
+        KALIBR.replace("  distortion_coeffs: [0.05, -0.02, 0.004, -0.001]\n", ""),
+        "no coefficients",
+    ),
+    "kalibr without model": (KALIBR.replace("  distortion_model: equidistant\n", ""), "no distortion_model"),
+    "vins without": (
+        VINS.partition("distortion_parameters")[0] + VINS[VINS.index("projection") :],
+        "no coefficients",
+    ),
+    "vins with half": (VINS.replace("   p1: 0.001\n", ""), "lacks the key p1"),
+    "orb-slam with half": (ORB_SLAM_2.replace("Camera.p1: 0.001\n", ""), "lacks the key Camera.p1"),
+    "orb-slam fish-eye without": (
+        "\n".join(line for line in ORB_SLAM_3.splitlines() if "Camera1.k" not in line),
+        "no coefficients",
+    ),
+    "nerf without": (
+        json.dumps(without(NERF, "k1", "k2", "p1", "p2") | {"camera_model": "OPENCV"}),
+        "no coefficients",
+    ),
+    "three coefficients": (f"width: 640\nheight: 480\nK: {K}\nD: [0.1, 0.1, 0]\n", "3 coefficients"),
+    "fish-eye with five": (f"width: 640\nheight: 480\nK: {K}\nfisheye: 1\nD: {D}\n", "5 coefficients"),
+    "two models": (ROS + f"distortion_model: plumb_bob\ncamera_model: fisheye\nD: {D}\n", "different lenses"),
+    "none with coefficients": (ROS + f"distortion_model: none\nD: {D}\n", "without one"),
+    "pinhole of nerf with coefficients": (json.dumps(NERF | {"camera_model": "PINHOLE"}), "without one"),
+    "realsense's inverse": (
+        ROS + f"distortion_model: inverse_brown_conrady\nD: {D}\n",
+        "inverse_brown_conrady",
+    ),
+    "omni": (KALIBR.replace("pinhole", "omni"), "'omni', a lens that is not drawn.*calibrate with"),
+    "ds": (KALIBR.replace("pinhole", "ds"), "'ds', a lens"),
+    "eucm": (KALIBR.replace("pinhole", "eucm"), "'eucm', a lens"),
+    "fov": (KALIBR.replace("equidistant", "fov"), "'fov', a lens"),
+    "mei": (VINS.replace("PINHOLE", "MEI"), "'MEI', a lens"),
+    "scaramuzza": (VINS.replace("PINHOLE", "SCARAMUZZA"), "'SCARAMUZZA', a lens"),
+    "equirectangular": (STELLA.replace("perspective", "equirectangular"), "'equirectangular', a lens"),
+    "basalt ds": (json.dumps(BASALT).replace("kb4", "ds"), "'ds', a lens"),
+    "colmap fov": ("1 FOV 640 480 600 601 320 240 0.1\n", "'FOV', a lens"),
+    "colmap thin prism": (f"1 THIN_PRISM_FISHEYE 640 480 {'1 ' * 12}\n", "'THIN_PRISM_FISHEYE', a lens"),
+    "nerf equirectangular": (
+        json.dumps(NERF | {"camera_model": "EQUIRECTANGULAR"}),
+        "'EQUIRECTANGULAR', a lens",
+    ),
+    "nerf eighth power": (json.dumps(NERF | {"k4": 0.1}), "eighth power"),
+    "matlab fish-eye": (
+        '{"MappingCoefficients": [1, 2], "ImageSize": [480, 640]}',
+        "'fisheyeIntrinsics', a lens",
+    ),
+    "thin prism": (f"width: 640\nheight: 480\nK: {K}\nD: [{'0, ' * 8}0.1, 0, 0, 0]\n", "thin prism"),
+    # matrices and images
+    "skew of ros": (ROS.replace("[600, 0,", "[600, 0.5,"), "skew of 0.5"),
+    "skew of matlab": (json.dumps(without(MATLAB, "IntrinsicMatrix") | {"Skew": 0.5}), "Skew"),
+    "skew of nerf": (json.dumps(NERF | {"sk_x": 0.5}), "sk_x is 0.5"),
+    "columns for rows": (
+        '{"width": 640, "height": 480, "intrinsic_matrix": [600, 0, 0, 0, 601, 0, 320, 240, 1]}',
+        "in rows",
+    ),
+    "not calibrated": (MESSAGE.replace(K, "[0, 0, 0, 0, 0, 0, 0, 0, 0]"), "not calibrated"),
+    "rows and cols of another count": (ROS.replace("cols: 3", "cols: 4"), "rows and cols say 3 x 4"),
+    "binned": (MESSAGE + "binning_x: 2\nbinning_y: 2\n", "binning_x is 2"),
+    "cropped": (
+        MESSAGE + "roi: {x_offset: 10, y_offset: 0, height: 100, width: 100, do_rectify: false}\n",
+        "roi.x_offset",
+    ),
+    "R is no rotation": (MESSAGE + "r: [1, 2, 3, 4, 5, 6, 7, 8, 9]\n", "no rotation"),
+    "P of nine": (MESSAGE + f"p: {K}\n", "3 x 4"),
+    "without image size": (
+        f'{{"camera_matrix": {K}, "dist_coeff": {D}}}',
+        "lacks the key image_width; add it",
+    ),
+    "orb-slam without image size": (
+        ORB_SLAM_2.replace("Camera.width: 640\n", ""),
+        "lacks the key Camera.width",
+    ),
+    "kalibr without image size": (KALIBR.replace("  resolution: [640, 480]\n", ""), "resolution"),
+    "nerf without image size": (json.dumps(without(NERF, "w")), "lacks w and h"),
+    "nerf that disagrees": (json.dumps(NERF | {"fl_x": 700}), "delete one"),
+    "nerf of two cameras": (
+        json.dumps(NERF | {"frames": [{"fl_x": 1.0}, {"fl_x": 2.0}]}),
+        "different cameras",
+    ),
+    "nerf without focal length": (json.dumps(without(NERF, "fl_x", "camera_angle_x")), "camera_angle_x"),
+    "colmap of two": (
+        "1 PINHOLE 640 480 600 601 320 240\n2 PINHOLE 640 480 600 602 320 240\n",
+        "2 cameras that differ",
+    ),
+    "colmap too short": ("1 PINHOLE 640 480 600 601 320\n", "PINHOLE takes fx fy cx cy"),
+    "scene_camera of bop": (
+        f'{{"0": {{"cam_K": {K}, "depth_scale": 1}}}}',
+        "give the data set's camera.json",
+    ),
+    "matlab that disagrees": (json.dumps(MATLAB | {"FocalLength": [500, 601]}), "disagrees"),
+    "matlab without image size": (json.dumps(MATLAB | {"ImageSize": []}), "ImageSize"),
+    "vins of two files": (
+        "%YAML:1.0\ncam0_calib: cam0.yaml\nimage_width: 640\nimage_height: 480\n",
+        "cam0.yaml",
+    ),
+    "speed, pitch 0": (
+        '{"Nu": 640, "Nv": 480, "ppx": 0, "ppy": 1e-5, "cameraMatrix": KKK}'.replace("KKK", K),
+        "ppx is 0",
+    ),
+    "speed, f below 0": (
+        '{"Nu": 640, "Nv": 480, "fx": -0.01, "fy": 0.01, "ppx": 1e-5, "ppy": 1e-5}',
+        "fx is -0.01",
+    ),
+    "speed, f below 0 beside its matrix": (
+        '{"Nu": 640, "Nv": 480, "fx": -0.01, "cameraMatrix": KKK}'.replace("KKK", K),
+        "fx is -0.01",
+    ),
+    "radtan of eight": (
+        KALIBR.replace("equidistant", "radtan").replace("-0.001]", "-0.001, 0, 0, 0.1, 0]"),
+        "radtan takes",
+    ),
+    # text
+    "sexagesimal": (f"width: 10:40\nheight: 480\nK: {K}\n", "'10:40', a number is needed"),
+    "truth for a number": (f"width: true\nheight: 480\nK: {K}\n", "a number is needed"),
+    "underscores": (f"width: 640\nheight: 480\nK: {K}\nD: [1_0, 0, 0, 0]\n", "numbers are needed"),
+    "text nan": (f"width: 640\nheight: 480\nK: {K}\nD: nan 0 0 0\n", "numbers are needed"),
+    "infinite": (f"width: 640\nheight: 480\nK: {K}\nD: [.inf, 0, 0, 0]\n", "finite"),
+    "two documents": (VINS.replace("%YAML:1.0\n", "") + "---\na: 1\n", "several YAML documents"),
+    "python objects": ("K: !!python/object/apply:numpy.core.multiarray._reconstruct\n  args: []\n", "tolist"),
+    "anchors": ("a: &x [1]\nb: *x\n", "another place"),
+    "entities": (
+        "<!DOCTYPE a [<!ENTITY b 'c'>]><opencv_storage><a>&b;</a></opencv_storage>",
+        "document type",
+    ),
+    "xml of others": ("<?xml version='1.0'?><calibration><f>1</f></calibration>", "root is calibration"),
+    "cut xml": (OPENCV_2_XML[:-30], "not OpenCV's XML"),
+    "none of them": ('{"a": 1, "b": 2}', r"none of the camera files that are read \(its keys are a, b\)"),
+    "a scene of blender": ('{"fov": 0.7, "width": 640}', "none of the camera files"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_not_understood_whole_is_refused(name):
+    text, says = REFUSED[name]
+    with pytest.raises(UserError, match=says) as caught:
+        parse_camera(text.encode(), "mine.txt").camera("mine.txt")
+    assert "mine.txt" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (b"v/1\x01\x02\0\0\0", "OpenEXR"),
+        (b"\x89PNG\r\n\x1a\n", "PNG"),
+        (b"PK\x03\x04", "npz"),
+        (b"\x93NUMPY\x01\0", "NumPy"),
+        (b"MATLAB 5.0 MAT-file", r"\.mat file"),
+        (b"\x80\x04\x95", "pickle"),
+        (b"\x01\0\0\0\x02\0\0\0", "not text|UTF-16"),  # COLMAP's cameras.bin
+        ("width: 640".encode("utf-16"), "UTF-16"),
+        (b"", "JSON or YAML"),
+    ],
+)
+def test_a_file_that_is_no_text_is_named(data, says):
+    with pytest.raises(UserError, match=says):
+        parse_camera(data, "a")
+
+
+def test_of_a_rig_the_first_camera_is_taken_and_said():
+    text = KALIBR + KALIBR.replace("cam0:", "cam1:")
+    assert "of cam0, cam1" in parse_camera(text.encode(), "x").notes
+    two = json.loads(json.dumps(BASALT))
+    two["value0"]["intrinsics"] *= 2
+    assert "first of 2" in parse_camera(json.dumps(two).encode(), "x").notes
+    assert "first" in parse_camera(ORB_SLAM_3.encode(), "x").notes
+    scaled = parse_camera((ORB_SLAM_3 + "Camera.newWidth: 320\nCamera.newHeight: 240\n").encode(), "x")
+    assert "before the program scales" in scaled.notes
+    assert scaled.width_px == 640
+
+
+def test_a_stereo_pair_s_rectification_is_said_to_be_left_out():
+    c, s = np.cos(0.01), np.sin(0.01)
+    text = f"{MESSAGE}r: [{c}, 0, {s}, 0, 1, 0, {-s}, 0, {c}]\np: [550, 0, 300, -60, 0, 550, 240, 0, 0, 0, 1, 0]\n"
+    camera = parse_camera(text.encode(), "x")
+    check(camera, PLAIN, "brown_conrady", FIVE)
+    assert "raw" in camera.notes
+    zeros = MESSAGE + "r: [0, 0, 0, 0, 0, 0, 0, 0, 0]\np: [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]\n"
+    assert parse_camera(zeros.encode(), "x").notes == ""
+
+
+@pytest.mark.parametrize(
+    ("line", "model", "coefficients"),
+    [
+        ("SIMPLE_PINHOLE 640 480 600 320.5 240.5", "none", ()),
+        ("PINHOLE 640 480 600 600 320.5 240.5", "none", ()),
+        ("SIMPLE_RADIAL 640 480 600 320.5 240.5 -0.1", "brown_conrady", (-0.1, 0, 0, 0)),
+        ("RADIAL 640 480 600 320.5 240.5 -0.1 0.02", "brown_conrady", (-0.1, 0.02, 0, 0)),
+        ("OPENCV 640 480 600 600 320.5 240.5 -0.1 0.02 1e-3 2e-3", "brown_conrady", (-0.1, 0.02, 1e-3, 2e-3)),
+        ("SIMPLE_RADIAL_FISHEYE 640 480 600 320.5 240.5 0.1", "kannala_brandt", (0.1, 0, 0, 0)),
+        ("RADIAL_FISHEYE 640 480 600 320.5 240.5 0.1 0.02", "kannala_brandt", (0.1, 0.02, 0, 0)),
+        ("RADIAL_FISHEYE 640 480 600 320.5 240.5 0 0", "kannala_brandt", (0, 0, 0, 0)),
+    ],
+)
+def test_each_model_of_colmap(line, model, coefficients):
+    check(
+        parse_camera(f"# cameras\n7 {line}\n".encode(), "x"),
+        (640, 480, 600, 600, 320, 240),
+        model,
+        coefficients,
+    )
+
+
+def test_of_speed_s_keys_the_matrix_is_taken_and_what_contradicts_it_said():
+    table = {
+        "Nu": 640,
+        "Nv": 480,
+        "fx": 6e-3,
+        "fy": 6.01e-3,
+        "ppx": 1e-5,
+        "ppy": 1e-5,
+        "ccx": 320,
+        "ccy": 240,
+    }
+    table |= {"cameraMatrix": json.loads(K), "fx_px": 600.0, "fy_px": 601.0}
+    camera = parse_camera(json.dumps(table).encode(), "x")
+    check(camera, PLAIN, "none")
+    assert camera.pixel_pitch_um == (10, 10)
+    assert camera.notes == ""
+    for change in ({"fx": 7e-3}, {"ccx": 300}, {"fy_px": 700.0}):
+        other = parse_camera(json.dumps(table | change).encode(), "x")
+        check(other, PLAIN, "none")
+        assert "cameraMatrix was taken" in other.notes
+
+
+def test_four_coefficients_without_a_model_are_said_to_be_no_fish_eye_s():
+    text = f"width: 640\nheight: 480\nK: {K}\nD: [-0.3, 0.1, 0.001, 0.0005]\n"
+    camera = parse_camera(text.encode(), "x")
+    check(camera, PLAIN, "brown_conrady", FIVE[:4])
+    assert "fisheye_model: 1" in camera.notes
+    assert parse_camera(f"{text}fisheye_model: 0\n".encode(), "x").notes == ""
+
+
+def test_nerf_without_a_principal_point_looks_through_the_middle():
+    table = without(NERF, "cx", "cy", "fl_x", "fl_y", "k1", "k2", "p1", "p2")
+    check(parse_camera(json.dumps(table).encode(), "x"), (640, 480, 600, 600, 319.5, 239.5), "none")
+
+
+def test_an_ideal_fish_eye_is_no_pinhole():
+    text = f"width: 640\nheight: 480\nK: {K}\nfisheye: true\nD: [0, 0, 0, 0]\n"
+    camera = parse_camera(text.encode(), "x").camera("x")
+    points = np.array([[0.2, 0.1, 1.0], [-0.3, 0.2, 1.0]])
+    expected, _ = cv2.fisheye.projectPoints(points[None], np.zeros(3), np.zeros(3), camera.K, np.zeros(4))
+    assert camera.project(points) == pytest.approx(expected[0], abs=1e-6)
+    assert camera.unproject(expected[0]) == pytest.approx(points[:, :2], abs=1e-9)
+
+
+def test_files_changed_at_random_are_read_or_refused_in_a_sentence():
+    rng, texts = np.random.default_rng(5), [text.encode() for text, _ in (*READ.values(), *REFUSED.values())]
+    for _ in range(600):
+        text = texts[int(rng.integers(len(texts)))]
+        try:
+            data = changed_json(json.loads(text), rng)
+        except ValueError:  # a sample that is no JSON
+            data = changed_text(text, rng)
+        said = ""
+        try:
+            parse_camera(data, "x").camera("x")
+        except UserError as error:
+            said = str(error)
+        assert "\n" not in said, data
+
+
+def test_every_format_is_known_by_its_files():
+    """Each sample is recognised by the format it stands for, whatever else there is."""
+    assert len({form.name for form in CAMERA_FORMATS}) == len(CAMERA_FORMATS) == 12
+    with pytest.raises(UserError, match="did you mean kalibr"):
+        camera_text(parse_camera(json.dumps(BOP).encode(), "x"), "kalib", "x")
+    with pytest.raises(UserError, match="no camera format 'colmap' to write"):
+        camera_text(parse_camera(json.dumps(BOP).encode(), "x"), "colmap", "x")
