@@ -137,7 +137,7 @@ def capture(
         wanted = ",".join(plan.labels) if labels is None else labels
         with progress_bar(member or "capture", quiet=as_json) as progress:
             summaries[member] = capture_plan(
-                varied_plan(plan, ranges),
+                plan if ranges is None else varied_plan(plan, ranges),
                 place if not member else f"{place}/{member}",
                 formats=names,
                 labels=parse_labels(wanted),

@@ -67,6 +67,11 @@ class SecondCameraPlan:
         return self.plan.camera
 
     @property
+    def labels(self) -> tuple[str, ...]:
+        """Label layers that it asks for."""
+        return self.plan.labels
+
+    @property
     def target(self) -> Target:
         """The model that is drawn."""
         return self.plan.target

@@ -22,6 +22,7 @@ from simulator.recipes.flown import flown_scene
 from simulator.recipes.load import load_recipe
 from simulator.recipes.poses import DrawnPose, draw_pose, resolved_range
 from simulator.recipes.sky import choose_sky, place_in_sky, sun_and_nadir
+from simulator.recipes.vary import FrameVariation
 from simulator.runtime.arrays import quat, vec3
 from simulator.scenario.poses import read_poses
 from simulator.scene.environments import Environment, environment_preset
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 
     from simulator.recipes.file import Background
     from simulator.recipes.sky import PlaceInSky
+    from simulator.recipes.vary_file import Vary
     from simulator.scene.sample import BackgroundView
     from simulator.scene.second_camera import SecondCamera
 
@@ -90,13 +92,26 @@ class RecipePlan:
         return dict(msgspec.json.decode(msgspec.json.encode(self.recipe)))
 
     def scene(self, k: int) -> SceneState:
-        """Sample k.
+        """Return the scene of sample k, varied out of the recipe's ``[vary]``.
 
         Raises
         ------
         UserError
-            If no pose is as the recipe's constraints have it.
+            If no pose is as the recipe's constraints have it, or the ranges do not fit its sensor.
         """
+        scene, vary = self._as_planned(k), self.recipe.vary
+        return scene if vary is None else FrameVariation(vary, self.seed, self.target).scene(scene, k)
+
+    def target_of(self, k: int) -> Target:
+        """Return the craft of sample k, its surfaces and shape varied where the recipe varies them."""
+        return self.scene(k).target.drawn(self.target)
+
+    def with_vary(self, vary: Vary) -> RecipePlan:
+        """Return the plan with other ranges in place of the recipe's ``[vary]``."""
+        return replace(self, recipe=msgspec.structs.replace(self.recipe, vary=vary))
+
+    def _as_planned(self, k: int) -> SceneState:
+        """Return the scene of sample k before it is varied."""
         pairs = self.recipe.pairs
         if pairs is None:
             return self._sample(k, k)
