@@ -254,6 +254,7 @@ def capture_card(
         sensors=sensors,
         split=split or _own_split(plan),
         camera=plan.camera,
+        image_bits=plan.scene(0).sensor.bits,
         target=CardTarget(
             name=plan.target.name,
             sha256=plan.target.sha256,

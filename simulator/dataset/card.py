@@ -27,6 +27,7 @@ CONVENTIONS = {
     "box_px": "x0 y0 x1 y1 of the visible mask at pixel edges, clipped to the image; "
     "a one-pixel mask at (3, 4) is 2.5 3.5 3.5 4.5",
     "box_amodal_px": "x0 y0 x1 y1 of the whole projected craft, not clipped",
+    "image": "digital numbers from 0 to 2^image_bits - 1; of more than 8 bits in the low bits of a 16 bit PNG",
     "mask": "8 bit PNG, 255 where the target covers the pixel's centre",
     "keypoint_states": "first that applies: out_of_frame self_occluded eclipsed shadowed saturated "
     "below_noise visible",
@@ -105,6 +106,7 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
     sensors: tuple[str, ...] = ()
     split: tuple[int, int, int] | None = None
     camera: Camera
+    image_bits: Annotated[int, msgspec.Meta(ge=1, le=16)] | None = None
     target: CardTarget
     machine: CardMachine
     stereo: StereoCard | None = None

@@ -10,6 +10,7 @@ import msgspec
 
 from simulator.dataset.card import CARD_NAME, DatasetCard, card_to_json
 from simulator.dataset.formats.base import FolderOutput
+from simulator.dataset.formats.eight_bits import image_bits
 from simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files, native_names
 from simulator.dataset.formats.registry import NATIVE, find_format, parse_formats, read_foreign
 from simulator.dataset.importing import camera_of, check_grey, import_card, imported_frames
@@ -75,7 +76,10 @@ def open_source(
         if target is not None or camera is not None:
             raise UserError(f"{place} says its target and camera itself; leave out --target and --camera")
         dataset = open_dataset(place)
-        return ImportSource(dataset.card, NATIVE, dataset)
+        card = dataset.card
+        if card.image_bits is None and len(dataset):  # a card of an earlier version
+            card = msgspec.structs.replace(card, image_bits=image_bits(dataset[0]))
+        return ImportSource(card, NATIVE, dataset)
     found, kind = read_foreign(place, form)
     name = target or found.usual_target
     if not name:
@@ -119,7 +123,7 @@ def convert(
         raise UserError("that is a native data set already; name another --format")
     if name != NATIVE:
         find_format(name).check(card)
-        tell(find_format(name).sentence())
+        tell(find_format(name).sentence(card))
     empty_folder(folder)
     writer: FormatWriter = (
         NativeWriter(output, card) if name == NATIVE else find_format(name).open_writer(output, card)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
+from simulator.dataset.formats.eight_bits import EightBitWriter, scale_sentence
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
 
@@ -67,6 +68,7 @@ class DatasetFormat:
         written alone.
     problem : why a data set of a card cannot be written so, or None.
     needs : the module that writing needs, and the extra that installs it.
+    deep_images : its readers take images of more than eight bits as they are; they get eight otherwise.
     """
 
     name: str
@@ -77,11 +79,14 @@ class DatasetFormat:
     read: Callable[[Path], PosedPictures | None] | None = None
     problem: Callable[[DatasetCard], str | None] | None = None
     needs: tuple[str, str] | None = None
+    deep_images: bool = False
 
-    def sentence(self) -> str:
-        """What the format holds of a data set, and what it leaves out."""
+    def sentence(self, card: DatasetCard) -> str:
+        """Say what the format holds of a data set, and what it leaves out."""
         without = f", without {self.lacks}" if self.lacks else ""
-        return f"{self.name} holds {self.carries}{without}"
+        bits = card.image_bits or 8
+        scaled = f"; its {scale_sentence(bits)}" if bits > 8 and not self.deep_images else ""
+        return f"{self.name} holds {self.carries}{without}{scaled}"
 
     def open_writer(self, output: FormatOutput, card: DatasetCard) -> FormatWriter:
         """What writes a data set.
@@ -94,7 +99,8 @@ class DatasetFormat:
         self.check(card)
         if self.writer is None:
             raise RuntimeError(f"format {self.name} has no writer")
-        return self.writer(output, card)
+        writer = self.writer(output, card)
+        return writer if self.deep_images else EightBitWriter(writer, output)
 
     def check(self, card: DatasetCard) -> None:
         """Refuse a data set that this format cannot hold.
