@@ -40,15 +40,14 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run one command line and return its exit code: 0 success, 1 a check that failed, 2 a user's mistake."""
-    stderr = terminal(stderr=True)
     try:
         app(args=arguments, prog_name="flyaround")
     except (UserError, LinkError, BoardModelError) as error:
-        stderr.print(Text.assemble(("flyaround: ", "red"), str(error)), soft_wrap=True)
+        _tell(str(error))
         logging.getLogger("flyaround").debug("traceback", exc_info=True)
         return 2
     except (MemoryError, OSError, RecursionError) as error:
-        stderr.print(Text.assemble(("flyaround: ", "red"), machine_sentence(error)), soft_wrap=True)
+        _tell(machine_sentence(error))
         logging.getLogger("flyaround").debug("traceback", exc_info=True)
         _leave_full_output()
         return 2
@@ -58,9 +57,15 @@ def run(arguments: list[str]) -> int:
             return leave.code if isinstance(leave, SystemExit) and isinstance(leave.code, int) else 0
         terminated = isinstance(stop, Terminated)
         how = "terminated" if terminated else "interrupted"
-        stderr.print(f"flyaround: {how}; what was written so far is whole")
+        terminal(stderr=True).print(f"flyaround: {how}; what was written so far is whole")
         return TERMINATED if terminated else INTERRUPTED
     return 0
+
+
+def _tell(sentence: str) -> None:
+    """Print what went wrong in one line, whatever names it repeats."""
+    line = " ".join(sentence.splitlines())
+    terminal(stderr=True).print(Text.assemble(("flyaround: ", "red"), line), soft_wrap=True)
 
 
 def _leave_full_output() -> None:

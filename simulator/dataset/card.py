@@ -14,7 +14,7 @@ from simulator.camera.lens.camera_model import Camera
 from simulator.dataset.record_fields import RECORD_FIELDS
 from simulator.errors import UserError
 from simulator.labels.part_classes import PartClass
-from simulator.runtime.untrusted_files import read_regular, refuse_deep
+from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_link_out
 
 CARD_NAME = "dataset.json"
 MOST_BYTES = 64_000_000  # of a card: with every frame of a large set in quarantine
@@ -152,6 +152,7 @@ def read_card(folder: Path) -> DatasetCard:
         If the folder is no data set or the card is damaged.
     """
     path = folder / CARD_NAME
+    refuse_link_out(path, folder)
     try:
         data = read_regular(path, MOST_BYTES)
     except OSError as error:

@@ -65,6 +65,25 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
         os.close(handle)
 
 
+def refuse_link_out(path: Path, folder: Path) -> None:
+    """Refuse a file of a folder that a link, its own or that of a folder on the way, leads out of there.
+
+    Raises
+    ------
+    UserError
+        With the file, and what to do.
+    """
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):  # links in a circle
+        inside = False
+    if not inside:
+        raise UserError(
+            f"{path} is reached by a link that leads out of {folder}, from which alone files are read; put the files "
+            "themselves there"
+        )
+
+
 def find_beside(owner: Path, name: str, what: str) -> Path:
     """Where a file lies that another names: within that one's folder, whatever links there are.
 
