@@ -59,6 +59,30 @@ def silhouette(camera: Camera, pose: Pose, target: Target) -> Silhouette:
     return Silhouette(_filled(corners, size), (x0, y0, x1, y1), share)
 
 
+def pixels_beside(camera: Camera, pose: Pose, target: Target) -> tuple[int, FloatArray] | None:
+    """Find the silhouette's pixels beside the image of a pinhole, as far from it as its own size.
+
+    Returns
+    -------
+    Their number and the (2, 2) x, y of the first and last column and row, NaN of none; None near the camera.
+    """
+    mesh = mesh_of(target)
+    in_camera = pose.apply(mesh.positions_m)
+    if in_camera[:, 2].min() <= NEAREST_M:
+        return None
+    size = np.array([camera.width_px, camera.height_px])
+    vertices = camera.project(in_camera) + size + 0.5  # from the corner of a canvas of three images by three
+    across = np.diff(np.clip([vertices.min(axis=0), vertices.max(axis=0)], 0, 3 * size), axis=0)
+    scale = min(1.0, _SHARE_PX / max(float(np.sqrt(across.prod())), 1.0))
+    width, height = np.ceil(3 * size * scale).astype(int).tolist()
+    grid = _filled(vertices[mesh.triangles] * scale - 0.5, (width, height))
+    grid[tuple(slice(*np.rint(np.array([n, 2 * n]) * scale).astype(int)) for n in size[::-1])] = 0
+    x, y, width, height = cv2.boundingRect(grid)
+    bounds = np.array([[x, y], [x + width - 1, y + height - 1]]) / scale - size
+    count = round(int(np.count_nonzero(grid)) / scale**2)
+    return count, bounds if count else np.full((2, 2), np.nan)
+
+
 def _filled(corners_px: FloatArray, size: tuple[int, int]) -> ByteArray:
     mask = np.zeros(size[::-1], np.uint8)
     low = np.clip(np.floor(corners_px.min(axis=(0, 1))) - 1, 0, size).astype(int)
