@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from simulator.labels.truth import Truth, read_truth
     from simulator.loop import Sink, run_frames
     from simulator.recipes.load import list_recipes, load_recipe
-    from simulator.recipes.plan import plan_recipe
-    from simulator.recipes.vary import varied_plan
+    from simulator.recipes.plan import plan_recipe, varied_plan
     from simulator.recipes.vary_file import load_vary
     from simulator.render.renderer import Renderer
     from simulator.scenario.load import list_scenarios, load_scenario
@@ -132,7 +131,7 @@ _HOMES = {
     "save_picture": "simulator.dataset.single_frames",
     "scene_at": "simulator.scenario.poses",
     "take_frame": "simulator.frame",
-    "varied_plan": "simulator.recipes.vary",
+    "varied_plan": "simulator.recipes.plan",
     "write_glb": "simulator.targets.glb.write",
 }
 

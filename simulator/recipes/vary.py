@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from simulator.camera.detector.sensor import Sensor
     from simulator.camera.lens.camera_model import Camera
-    from simulator.recipes.plan import RecipePlan
     from simulator.scenario.plan import Plan
     from simulator.scene.second_camera import SecondCamera
     from simulator.scene.state import SceneState
@@ -215,27 +214,6 @@ class VariedFlight:
     @property
     def _variation(self) -> FrameVariation:
         return FrameVariation(self.vary, self.seed, self.target)
-
-
-@overload
-def varied_plan(plan: Plan, vary: Vary) -> VariedFlight: ...
-
-
-@overload
-def varied_plan(plan: RecipePlan, vary: Vary) -> RecipePlan: ...
-
-
-def varied_plan(plan: Plan | RecipePlan, vary: Vary) -> VariedFlight | RecipePlan:
-    """Return a plan with its frames varied out of these ranges, in place of a recipe's own.
-
-    Raises
-    ------
-    UserError
-        If a black level is asked of a sensor that counts no electrons.
-    """
-    made = plan.with_vary(vary) if hasattr(plan, "with_vary") else VariedFlight(plan, vary)
-    made.scene(0)  # impossible ranges are refused before anything is written
-    return made
 
 
 def _generator(seed: int, number: int, stream: int) -> Generator:

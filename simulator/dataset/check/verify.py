@@ -289,6 +289,8 @@ def _check_bookkeeping(k: int, truth: Truth, card: DatasetCard) -> list[str]:
         wrong.append(f"frame_index is {truth.frame_index} in the record of frame {k}")
     if truth.seed != card.seed:
         wrong.append(f"seed is {truth.seed}, the card's is {card.seed}")
+    if card.image_bits not in (None, truth.scene.sensor.bits):
+        wrong.append(f"its image has {truth.scene.sensor.bits} bits, the card says {card.image_bits}")
     reason = infeasible_reason(truth.silhouette_inside, truth.wireframe_step_share, truth.box_amodal_px)
     if (truth.feasible, truth.infeasible_reason) != (reason == "", reason):
         wrong.append(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
-from simulator.dataset.formats.eight_bits import EightBitWriter, scale_sentence
+from simulator.dataset.formats.eight_bits import image_bits, scale_sentence, with_eight_bits
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
 
@@ -53,6 +53,27 @@ class FolderOutput:
         path = self.folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(path, data)
+
+
+class EightBitWriter:
+    """A writer that hands on frames with images of eight bits, and says in ``README.md`` how they were scaled."""
+
+    def __init__(self, writer: FormatWriter, output: FormatOutput) -> None:
+        self._writer, self._output = writer, output
+        self._depths: set[int] = set()
+
+    def write(self, frame: LabelledFrame) -> None:
+        """Take one frame."""
+        self._depths.add(image_bits(frame))
+        self._writer.write(with_eight_bits(frame))
+
+    def finish(self) -> None:
+        """Finish the format; one with a README of its own says the scale there."""
+        deep = sorted(bits for bits in self._depths if bits > 8)
+        if deep:
+            text = "".join(f"The {scale_sentence(bits)}.\n" for bits in deep)
+            self._output.write("README.md", text.encode())
+        self._writer.finish()
 
 
 @dataclass(frozen=True, kw_only=True)

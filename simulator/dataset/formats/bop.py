@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import cv2
 import msgspec
 import numpy as np
 from scipy.spatial.distance import pdist
@@ -21,8 +22,9 @@ from scipy.spatial.distance import pdist
 from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, lens_problem
 from simulator.dataset.formats.native import encode_png
 from simulator.dataset.formats.speed_writer import json_bytes
-from simulator.dataset.silhouette import pixels_beside
+from simulator.dataset.triangle_fill import filled_mask
 from simulator.errors import UserError
+from simulator.labels.boxes import NEAREST_M
 from simulator.labels.truth import Truth
 from simulator.targets.joined_mesh import mesh_of
 from simulator.targets.library import load_target
@@ -31,11 +33,15 @@ from simulator.world.frames.rotation import matrix_from_quat
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from simulator.camera.lens.camera_model import Camera
     from simulator.dataset.card import DatasetCard
     from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from simulator.runtime.arrays import FloatArray
     from simulator.targets.model import Target
+    from simulator.world.frames.pose import Pose
 
 MM = 1000.0
+_CANVAS_PX = 2048  # the larger of a craft and of what is beside the image is counted on a coarser grid
 FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 
 
@@ -143,6 +149,30 @@ def gt_info(frame: LabelledFrame, target: Target) -> dict[str, Any]:
         "px_count_visib": visible,
         "visib_fract": visible / whole if whole else 0.0,
     }
+
+
+def pixels_beside(camera: Camera, pose: Pose, target: Target) -> tuple[int, FloatArray] | None:
+    """Find the silhouette's pixels beside the image of a pinhole, as far from it as its own size.
+
+    Returns
+    -------
+    Their number and the (2, 2) x, y of the first and last column and row, NaN of none; None near the camera.
+    """
+    mesh = mesh_of(target)
+    in_camera = pose.apply(mesh.positions_m)
+    if in_camera[:, 2].min() <= NEAREST_M:
+        return None
+    size = np.array([camera.width_px, camera.height_px])
+    vertices = camera.project(in_camera) + size + 0.5  # from the corner of a canvas of three images by three
+    across = np.diff(np.clip([vertices.min(axis=0), vertices.max(axis=0)], 0, 3 * size), axis=0)
+    scale = min(1.0, _CANVAS_PX / max(float(np.sqrt(across.prod())), 1.0))
+    width, height = np.ceil(3 * size * scale).astype(int).tolist()
+    grid = filled_mask(vertices[mesh.triangles] * scale - 0.5, (width, height))
+    grid[tuple(slice(*np.rint(np.array([n, 2 * n]) * scale).astype(int)) for n in size[::-1])] = 0
+    x, y, width, height = cv2.boundingRect(grid)
+    bounds = np.array([[x, y], [x + width - 1, y + height - 1]]) / scale - size
+    count = round(int(np.count_nonzero(grid)) / scale**2)
+    return count, bounds if count else np.full((2, 2), np.nan)
 
 
 def _way(first: NDArray[Any], last: NDArray[Any]) -> list[int]:

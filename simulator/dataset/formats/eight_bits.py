@@ -11,12 +11,10 @@ from simulator.dataset.formats.native import decode_png, encode_png
 from simulator.labels.truth import Truth
 
 if TYPE_CHECKING:
-    from simulator.dataset.formats.base import FormatOutput, FormatWriter
     from simulator.dataset.formats.labelled_frame import LabelledFrame
 
 IMAGES = ("png", "clean.png")
 """Endings of the files that hold digital numbers."""
-README = "README.md"
 
 
 def image_bits(frame: LabelledFrame) -> int:
@@ -44,24 +42,3 @@ def with_eight_bits(frame: LabelledFrame) -> LabelledFrame:
         return encode_png(np.rint(values).astype(np.uint8))
 
     return replace(frame, read=read)
-
-
-class EightBitWriter:
-    """A writer that hands on frames with images of eight bits, and says in ``README.md`` how they were scaled."""
-
-    def __init__(self, writer: FormatWriter, output: FormatOutput) -> None:
-        self._writer, self._output = writer, output
-        self._depths: set[int] = set()
-
-    def write(self, frame: LabelledFrame) -> None:
-        """Take one frame."""
-        self._depths.add(image_bits(frame))
-        self._writer.write(with_eight_bits(frame))
-
-    def finish(self) -> None:
-        """Finish the format; one with a README of its own says the scale there."""
-        deep = sorted(bits for bits in self._depths if bits > 8)
-        if deep:
-            text = "".join(f"The {scale_sentence(bits)}.\n" for bits in deep)
-            self._output.write(README, text.encode())
-        self._writer.finish()

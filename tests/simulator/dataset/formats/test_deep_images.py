@@ -19,6 +19,7 @@ from simulator.camera.detector.presets import sensor_preset
 from simulator.camera.detector.sensor import with_bits
 from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.dataset.card import read_card
+from simulator.dataset.formats.parquet import columns, readme
 from simulator.dataset.formats.registry import NATIVE, writable
 from simulator.labels.truth import read_truth
 
@@ -114,6 +115,9 @@ def test_the_scale_is_said_in_card_truth_and_before_drawing(deep):
     assert "image_bits" in card.conventions["image"]
     truth = read_truth(folder / "images" / "000000.json")
     assert truth.scene.sensor.bits == 12
+    assert "12 bits times 255 / 4095" in readme(
+        card, {"train": N}, columns(())
+    )  # Parquet's own, without its library
     scaled = {s.split()[0] for s in told if "12 bits times 255 / 4095" in s}
     assert scaled == set(card.formats) - {NATIVE, *AS_NUMBERS}
 
