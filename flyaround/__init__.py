@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from simulator.labels.truth import Truth, read_truth
     from simulator.loop import Sink, run_frames
     from simulator.recipes.load import list_recipes, load_recipe
-    from simulator.recipes.plan import plan_recipe
+    from simulator.recipes.plan import plan_recipe, varied_plan
+    from simulator.recipes.vary_file import load_vary
     from simulator.render.renderer import Renderer
     from simulator.scenario.load import list_scenarios, load_scenario
     from simulator.scenario.plan import Plan, plan_flight
@@ -75,6 +76,7 @@ __all__ = [
     "load_recipe",
     "load_scenario",
     "load_target",
+    "load_vary",
     "open_dataset",
     "plan_flight",
     "plan_recipe",
@@ -84,6 +86,7 @@ __all__ = [
     "save_picture",
     "scene_at",
     "take_frame",
+    "varied_plan",
     "write_glb",
 ]
 
@@ -118,6 +121,7 @@ _HOMES = {
     "load_recipe": "simulator.recipes.load",
     "load_scenario": "simulator.scenario.load",
     "load_target": "simulator.targets.library",
+    "load_vary": "simulator.recipes.vary_file",
     "open_dataset": "simulator.dataset.labelled_dataset",
     "plan_flight": "simulator.scenario.plan",
     "plan_recipe": "simulator.recipes.plan",
@@ -127,6 +131,7 @@ _HOMES = {
     "save_picture": "simulator.dataset.single_frames",
     "scene_at": "simulator.scenario.poses",
     "take_frame": "simulator.frame",
+    "varied_plan": "simulator.recipes.plan",
     "write_glb": "simulator.targets.glb.write",
 }
 

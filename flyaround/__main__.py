@@ -80,16 +80,17 @@ def _is_users(error: Exception) -> bool:
 
 
 def _say_error(sentence: str) -> None:
-    """Print a sentence without the secrets of URLs in it; in plain text where there is no memory for colours."""
+    """Print a sentence as one line, without the secrets of URLs; in plain text where there is no memory for colours."""
+    line = without_secrets(" ".join(sentence.splitlines()))
     try:
         from rich.text import Text  # noqa: PLC0415 - may fail
 
         from flyaround.commands.terminal import terminal  # noqa: PLC0415 - may fail
 
-        text = Text.assemble(("flyaround: ", "red"), without_secrets(sentence))
+        text = Text.assemble(("flyaround: ", "red"), line)
         terminal(stderr=True).print(text, soft_wrap=True)
     except (ImportError, MemoryError, OSError):
-        sys.stderr.write(f"flyaround: {without_secrets(sentence)}\n")
+        sys.stderr.write(f"flyaround: {line}\n")
 
 
 def _leave_full_output() -> None:

@@ -85,8 +85,10 @@ def take_frame(
 
     Parameters
     ----------
+    target : the craft of the scene, or the model that it is a variation of.
     labels : whether to label, or which layers to give beyond truth and mask.
     """
+    target = scene.target.drawn(target)
     start = time.perf_counter()
     noise = prefetch_scene_noise(scene)
     exposed = integrate(renderer, scene, target)

@@ -338,7 +338,7 @@ def draw_request(
     if request.timed is not None:
         renderer.timed = request.timed
     scene = request.scene
-    return stage(take_frame(renderer, scene, scene.target.drawn(target), labels=request.labels))
+    return stage(take_frame(renderer, scene, target or scene.target.drawn(), labels=request.labels))
 
 
 @contextmanager

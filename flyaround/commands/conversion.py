@@ -19,7 +19,12 @@ def convert(
         Path, typer.Argument(help="A data set: its folder, or of others the list of labels within.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write: new or empty.")],
-    form: Annotated[str, typer.Option("--format", help=f"One of {', '.join(writable())}.")] = NATIVE,
+    form: Annotated[
+        str,
+        typer.Option(
+            "--format", help=f"Of {', '.join(writable())}; several with commas, each in a folder of its name."
+        ),
+    ] = NATIVE,
     source_format: Annotated[
         str | None,
         typer.Option(

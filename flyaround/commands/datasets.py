@@ -26,8 +26,7 @@ from simulator.dataset.split import parse_split
 from simulator.errors import UserError
 from simulator.labels.request import parse_labels
 from simulator.recipes.load import is_recipe, load_recipe
-from simulator.recipes.plan import RecipePlan, plan_recipe
-from simulator.recipes.vary import varied_plan
+from simulator.recipes.plan import RecipePlan, plan_recipe, varied_plan
 from simulator.recipes.vary_file import load_vary
 from simulator.scenario.load import list_scenarios, load_scenario
 from simulator.scenario.plan import Plan, plan_flight
@@ -137,7 +136,7 @@ def capture(
         wanted = ",".join(plan.labels) if labels is None else labels
         with progress_bar(member or "capture", quiet=as_json) as progress:
             summaries[member] = capture_plan(
-                varied_plan(plan, ranges),
+                plan if ranges is None else varied_plan(plan, ranges),
                 place if not member else f"{place}/{member}",
                 formats=names,
                 labels=parse_labels(wanted),

@@ -1,7 +1,11 @@
-"""Text on the terminal as it is written (Rich reads square brackets and `:names:` as mark-up), and one progress bar."""
+"""Text on the terminal as it is written (Rich reads square brackets and `:names:` as mark-up), and one progress bar.
+
+Names out of files may hold anything: what a terminal would obey instead of showing is written as an escape.
+"""
 
 from __future__ import annotations
 
+import re
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -9,14 +13,32 @@ from rich.console import Console
 from rich.markup import escape
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
-    from rich.console import RenderableType
+    from rich.console import ConsoleOptions, RenderableType
+    from rich.segment import Segment
+
+# C0 and C1 controls, marks that reverse the order of what follows, and bytes of names that are no text
+_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def visible(text: str) -> str:
+    """Return a text with control characters written as escapes, as Python has them; tabs and line ends stay."""
+    return _OBEYED.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+class VisibleConsole(Console):
+    """A console that shows control characters of texts, and sends none but its own."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Render the segments of a text, table or bar."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=visible(segment.text))
 
 
 def terminal(*, stderr: bool = False) -> Console:
     """A console of the output or the error stream that prints text and the cells of tables to the letter."""
-    return Console(stderr=stderr, markup=False, emoji=False, highlight=False)
+    return VisibleConsole(stderr=stderr, markup=False, emoji=False, highlight=False)
 
 
 def say(text: RenderableType, *, stderr: bool = False) -> None:

@@ -18,7 +18,7 @@ float patch_visibility(int k, vec3 p_m) {
 float mirrored_share(vec3 v, mat4x3 to_corner, vec3 t, vec3 b, vec3 n, float alpha, out vec3 mean) {
     vec3 q[4];
     for (int k = 0; k < 4; ++k) {
-        vec3 h = normalize(v + normalize(to_corner[k]));
+        vec3 h = unit_or(v + unit_or(to_corner[k], n), n);
         q[k] = normalize(vec3(dot(h, t), dot(h, b), alpha * max(dot(h, n), 0.02)));
     }
     vec3 total = vec3(0.0);
@@ -46,7 +46,7 @@ color mirrored(Surface s, vec3 h, color f0, float alpha) {
 color area_light(Surface s, vec3 geometric, vec3 p_m, vec4 surface, color kept) {
     vec3 t = s.v - s.n * dot(s.n, s.v);
     float length2 = dot(t, t);
-    t = length2 > 1e-6 ? t * inversesqrt(length2) : normalize(cross(s.n, vec3(0.3, 0.9, 0.2)));
+    t = length2 > 1e-6 ? t * inversesqrt(length2) : any_across(s.n);
     vec3 b = cross(s.n, t);
     float alpha = surface.x * surface.x;
     color sum = color(0.0);
@@ -75,7 +75,7 @@ color area_light(Surface s, vec3 geometric, vec3 p_m, vec4 surface, color kept) 
             }
             falling += max(n_l, 0.0) * leaving * inverse2 * lit;
             // of the lobes by the patch's own width, half of it in the half vector's angle
-            float wide2 = patch_m2 * inverse2 * (0.25 / PI), n_h = clamp(dot(s.n, normalize(s.v + l)), 0.0, 1.0);
+            float wide2 = patch_m2 * inverse2 * (0.25 / PI), n_h = clamp(dot(s.n, unit_or(s.v + l, s.n)), 0.0, 1.0);
             float weight = distribution_ggx(n_h, sqrt(min(alpha * alpha + wide2, 1.0)));
             seen += weight * lit;
             all += weight;

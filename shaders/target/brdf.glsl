@@ -1,10 +1,11 @@
 // Metallic-roughness reflection of glTF 2.0: Lambert diffuse, GGX specular, clear coat.
 #include "common/bands.glsl"
+#include "common/unit.glsl"
 
 // GGX distribution of normals [sr-1]. Walter et al. (2007), Microfacet models for refraction, eq. 33.
 float distribution_ggx(float n_h, float alpha) {
     float a2 = alpha * alpha;
-    float d = (n_h * a2 - n_h) * n_h + 1.0;
+    float d = max((n_h * a2 - n_h) * n_h + 1.0, a2); // at the peak rounding leaves less than a2, or nothing
     return a2 / (PI * d * d);
 }
 

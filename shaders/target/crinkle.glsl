@@ -53,5 +53,5 @@ vec3 crinkled(vec3 n, vec3 p_m, float amplitude, inout float roughness) {
     // alpha^2 is twice the variance of slopes; a third of it lies along each axis
     float alpha2 = roughness * roughness * roughness * roughness + lost * slope * slope * (2.0 / 3.0);
     roughness = sqrt(sqrt(min(alpha2, 1.0)));
-    return normalize(n + slope * (R * tilt));
+    return unit_or(n + slope * (R * tilt), n);
 }

@@ -9,9 +9,10 @@ layout(location = 0) out uvec2 out_surface; // see packed_samples.glsl
 #ifdef TEXTURED
 in vec3 v_normal;
 flat in uint v_material;
+#include "common/unit.glsl"
 #include "target/texture.glsl"
 void main() {
-    vec3 n = normalize(gl_FrontFacing ? v_normal : -v_normal);
+    vec3 n = unit_or(gl_FrontFacing ? v_normal : -v_normal, -normalize(v_position_m));
     write_texel(n);
     out_surface = uvec2(pack_surface(v_material_word, normal_steps(n)), gl_FrontFacing ? pack_chart(v_chart) : no_chart());
 }

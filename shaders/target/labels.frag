@@ -3,6 +3,7 @@
 in float v_z_m;
 layout(location = 0) out float out_z_m;
 #if LAYERS
+#include "common/unit.glsl"
 in vec3 v_position_m;
 in vec3 v_normal;
 flat in float v_part;
@@ -15,9 +16,9 @@ void main() {
     // leans past its horizon, it is put back upon the horizon
     vec3 away = normalize(v_position_m);
     vec3 face = cross(dFdx(v_position_m), dFdy(v_position_m));
-    vec3 n = normalize(v_normal);
+    vec3 n = unit_or(v_normal, -away);
     if (dot(n, face) * dot(away, face) > 0.0) n = -n;
     n -= max(dot(n, away), 0.0) * away;
-    out_surface = vec4(normalize(n), v_part);
+    out_surface = vec4(unit_or(n, -away), v_part);
 #endif
 }

@@ -64,7 +64,7 @@ struct Surface {
 // Radiance over the irradiance of a face that looks at the light; l: unit vector to it.
 // alpha, coat_alpha: widths of the lobes, the light's own included.
 color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
-    vec3 h = normalize(s.v + l);
+    vec3 h = unit_or(s.v + l, s.n); // light from straight behind has no half vector
     float n_h = clamp(dot(s.n, h), 0.0, 1.0), v_h = clamp(dot(s.v, h), 0.0, 1.0);
     color f = fresnel_schlick(s.f0, v_h);
 #ifdef BRUSHED
@@ -109,7 +109,7 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     vec3 across = grain.w > 0.0 ? cross(n, axis) : axis - dot(axis, n) * n;
     float length2 = dot(across, across);
     // a face that looks along the grain shows no direction
-    across = length2 > 1e-4 ? across * inversesqrt(length2) : normalize(cross(n, vec3(0.3, 0.9, 0.2)));
+    across = length2 > 1e-4 ? across * inversesqrt(length2) : any_across(n);
     float stretch = length2 > 1e-4 ? grain.w * grain.w : 0.0;
     vec2 e = directional_albedo(brushed_roughness(surface.x, stretch, n_v, dot(across, v)), n_v);
 #else
@@ -148,7 +148,7 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
         interreflection = color(0.0);
     }
 #endif
-    vec3 m = normalize(n_target + u_nadir_direction.w * (u_nadir_direction.xyz * R));
+    vec3 m = unit_or(n_target + u_nadir_direction.w * (u_nadir_direction.xyz * R), n_target);
     color ambient = sky_irradiance(n) * sky_visibility_towards(visibility, n_target, m) + interreflection;
     // the mean radiance of what hides the sky, where the mirror meets it
     float hidden = max(1.0 - sky_visibility_towards(visibility, n_target, n_target), 0.05);

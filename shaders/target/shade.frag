@@ -107,7 +107,7 @@ void main() {
     vec3 ray = camera_ray(vec2(pixel));
 #define ALONG(k, i, j) (z##k * (ray_n + dot(across, sample_offset(ivec2(i, j)))))
 #define IN_PLANE(k, i, j) && abs(ALONG(k, i, j) - along) < thin_m
-#define LEAD_PLANE(k, i, j) along = leads == k ? ALONG(k, i, j) : along;
+#define LEAD_PLANE(k, i, j) if (leads == k) { z_lead = z##k; along = ALONG(k, i, j); }
 #define QUARTER(i, j) (int(sample_offset(ivec2(i, j)).x > 0.0) + 2 * int(sample_offset(ivec2(i, j)).y > 0.0))
 #endif
     color sum = color(0.0);
@@ -129,9 +129,10 @@ void main() {
         // of the leader's plane from the camera, and how far off it still is the same one: normals and places are rounded
         vec3 facing = decode_normal(vec2(normal_code(leader)));
         vec2 across = ray_slope(vec2(pixel), facing);
-        float ray_n = dot(facing, ray), along = 0.0;
+        float ray_n = dot(facing, ray), along = 0.0, z_lead = 0.0;
         FOR_EACH_SAMPLE(LEAD_PLANE)
-        float thin_m = along / min(ray_n, -0.02) / ray_focal_px(vec2(pixel)) * (0.2 + 0.1 / max(-ray_n, 0.05));
+        // positive where a smooth normal looks away from the camera too, or no sample would be in its own group
+        float thin_m = z_lead / ray_focal_px(vec2(pixel)) * (0.2 + 0.1 / max(-ray_n, 0.05));
 #define GATHERS(k, i, j) && QUARTER(i, j) == quarter IN_PLANE(k, i, j)
         bool apart = quarters;
 #else
@@ -178,7 +179,7 @@ void main() {
 #ifdef TEXTURED
         base = texel / float(members);
         surface.x = detail.w / float(members);
-        n = normalize(detail.xyz);
+        n = unit_or(detail.xyz, geometric);
 #endif
         float lit = sun_visibility(p_m, geometric, share, bent);
 #ifdef EXACT_AREAS

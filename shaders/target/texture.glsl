@@ -23,7 +23,7 @@ vec3 mapped_normal(vec3 n) {
     // the pattern may be a reflection of the image: then both axes come out reversed
     size *= sign(dot(cross(px, py), n)) * u_normal_mapped;
     vec3 t = texture(t_normal, v_uv).xyz * 2.0 - 1.0;
-    return normalize(tangent * (size * t.x) + bitangent * (size * t.y) + n * mix(1.0, t.z, u_normal_mapped));
+    return unit_or(tangent * (size * t.x) + bitangent * (size * t.y) + n * mix(1.0, t.z, u_normal_mapped), n);
 }
 
 void write_texel(vec3 n) {

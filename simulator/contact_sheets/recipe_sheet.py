@@ -14,7 +14,6 @@ from simulator.labels.overlay import draw_axes
 from simulator.loop import FrameRequest, open_frames, whole_frame
 from simulator.recipes.plan import RecipePlan, plan_recipe
 from simulator.recipes.poses import radius_m
-from simulator.recipes.vary import varied_plan
 from simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
@@ -57,7 +56,7 @@ def recipe_sheet(plan: RecipePlan, *, axes: bool = False) -> ByteArray:
     """Six samples of a plan, row by row: (H, W, 3) RGB. Of flights they are spread over all frames, else the first."""
     n = COLUMNS * ROWS
     step = max(1, plan.n_frames // n) if plan.recipe.poses is not None else 1
-    scenes = [_clean(varied_plan(plan).scene(min(k * step, plan.n_frames - 1))) for k in range(n)]
+    scenes = [_clean(plan.scene(min(k * step, plan.n_frames - 1))) for k in range(n)]
     with open_frames(whole_frame, first=scenes[0], target=plan.target) as producer:
         frames = producer.frames(FrameRequest(scene=scene, labels=False) for scene in scenes)
         tiles = [_tile(frame, plan, axes=axes) for frame in frames]

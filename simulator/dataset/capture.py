@@ -63,7 +63,7 @@ def capture(
     folder: str | Path,
     *,
     formats: tuple[str, ...] = ("native",),
-    labels: tuple[str, ...] = (),
+    labels: tuple[str, ...] | None = None,
     sensors: tuple[str, ...] = (),
     split: Ratio | None = None,
     resume: bool = False,
@@ -84,7 +84,7 @@ def capture(
     ----------
     folder : or the URL of one that fsspec knows, as ``s3://bucket/set``.
     formats : written beside the native layout, frame by frame, out of ``simulator.dataset.formats.registry``.
-    labels : layers beyond truth and mask, out of ``simulator.labels.request.LAYERS``.
+    labels : layers beyond truth and mask, out of ``simulator.labels.request.LAYERS``; the plan's own unless given.
     split : shares of training, validation and test frames; a recipe's own unless given.
     tell : is given a sentence for each format of what it leaves out, before anything is drawn.
     sensors : of other packages, what each measures of a frame beside its picture (docs/plugins.md).
@@ -97,7 +97,7 @@ def capture(
         If the folder is not empty (without ``resume``), belongs to another plan, cannot be written, has too little
         room, another capture is writing into it, or a format cannot hold such frames.
     """
-    labels = _possible(plan, labels)
+    labels = _possible(plan, plan.labels if labels is None else labels)
     other = second_plan(plan)
     planned = capture_card(plan, formats, labels, split, sensors)
     for sentence in check_formats(formats, planned):
@@ -254,6 +254,7 @@ def capture_card(
         sensors=sensors,
         split=split or _own_split(plan),
         camera=plan.camera,
+        image_bits=plan.scene(0).sensor.bits,
         target=CardTarget(
             name=plan.target.name,
             sha256=plan.target.sha256,

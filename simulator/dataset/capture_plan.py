@@ -36,6 +36,10 @@ class CapturePlan(FramePlan, Protocol):
         """The camera."""
 
     @property
+    def labels(self) -> tuple[str, ...]:
+        """Label layers that it asks for."""
+
+    @property
     def second_camera(self) -> SecondCamera | None:
         """A second camera of the same instants, if there is one."""
 

@@ -14,7 +14,7 @@ from simulator.camera.lens.camera_model import Camera
 from simulator.dataset.record_fields import RECORD_FIELDS
 from simulator.errors import UserError
 from simulator.labels.part_classes import PartClass
-from simulator.runtime.untrusted_files import read_regular, refuse_deep, without_mark
+from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_link_out, without_mark
 
 CARD_NAME = "dataset.json"
 MOST_BYTES = 64_000_000  # of a card: with every frame of a large set in quarantine
@@ -27,6 +27,7 @@ CONVENTIONS = {
     "box_px": "x0 y0 x1 y1 of the visible mask at pixel edges, clipped to the image; "
     "a one-pixel mask at (3, 4) is 2.5 3.5 3.5 4.5",
     "box_amodal_px": "x0 y0 x1 y1 of the whole projected craft, not clipped",
+    "image": "digital numbers from 0 to 2^image_bits - 1; of more than 8 bits in the low bits of a 16 bit PNG",
     "mask": "8 bit PNG, 255 where the target covers the pixel's centre",
     "keypoint_states": "first that applies: out_of_frame self_occluded eclipsed shadowed saturated "
     "below_noise visible",
@@ -105,6 +106,7 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
     sensors: tuple[str, ...] = ()
     split: tuple[int, int, int] | None = None
     camera: Camera
+    image_bits: Annotated[int, msgspec.Meta(ge=1, le=16)] | None = None
     target: CardTarget
     machine: CardMachine
     stereo: StereoCard | None = None
@@ -150,6 +152,7 @@ def read_card(folder: Path) -> DatasetCard:
         If the folder is no data set or the card is damaged.
     """
     path = folder / CARD_NAME
+    refuse_link_out(path, folder)
     try:
         data = read_regular(path, MOST_BYTES)
     except OSError as error:

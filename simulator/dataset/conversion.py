@@ -10,8 +10,9 @@ import msgspec
 
 from simulator.dataset.card import CARD_NAME, DatasetCard, card_to_json
 from simulator.dataset.formats.base import FolderOutput
+from simulator.dataset.formats.eight_bits import image_bits
 from simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files, native_names
-from simulator.dataset.formats.registry import NATIVE, find_format, parse_formats, read_foreign
+from simulator.dataset.formats.registry import NATIVE, check_formats, find_format, parse_formats, read_foreign
 from simulator.dataset.importing import camera_of, check_grey, import_card, imported_frames
 from simulator.dataset.labelled_dataset import open_dataset
 from simulator.dataset.split import SPLIT_NAME, Ratio, SplitAssigner, split_file
@@ -75,7 +76,10 @@ def open_source(
         if target is not None or camera is not None:
             raise UserError(f"{place} says its target and camera itself; leave out --target and --camera")
         dataset = open_dataset(place)
-        return ImportSource(dataset.card, NATIVE, dataset)
+        card = dataset.card
+        if card.image_bits is None and len(dataset):  # a card of an earlier version
+            card = msgspec.structs.replace(card, image_bits=image_bits(dataset[0]))
+        return ImportSource(card, NATIVE, dataset)
     found, kind = read_foreign(place, form)
     name = target or found.usual_target
     if not name:
@@ -96,11 +100,12 @@ def convert(
     progress: Callable[[int, int], None] = lambda _done, _of: None,
     tell: Callable[[str], None] = lambda _sentence: None,
 ) -> int:
-    """Write a data set's frames in a format.
+    """Write a data set's frames in one format, or in several separated by commas.
 
     Parameters
     ----------
-    folder : new or empty. split : shares of training, validation and test frames, instead of the source's own.
+    folder : new or empty; of several formats each has a folder of its name within it.
+    split : shares of training, validation and test frames, instead of the source's own.
     tell : is given a sentence of what the format leaves out, before anything is written.
 
     Returns
@@ -110,30 +115,32 @@ def convert(
     Raises
     ------
     UserError
-        If the format cannot hold them, or the folder is not empty.
+        If a format cannot hold them, or the folder is not empty.
     """
-    (name,) = parse_formats(form)
+    names = parse_formats(form)
     card = source.card if split is None else msgspec.structs.replace(source.card, split=split)
-    output = FolderOutput(folder)
-    if name == NATIVE and source.form == NATIVE:
+    if NATIVE in names and source.form == NATIVE:
         raise UserError("that is a native data set already; name another --format")
-    if name != NATIVE:
-        find_format(name).check(card)
-        tell(find_format(name).sentence())
+    for sentence in check_formats(names, card):
+        tell(sentence)
     empty_folder(folder)
-    writer: FormatWriter = (
+    outputs = {name: FolderOutput(folder / name if len(names) > 1 else folder) for name in names}
+    writers: list[FormatWriter] = [
         NativeWriter(output, card) if name == NATIVE else find_format(name).open_writer(output, card)
-    )
+        for name, output in outputs.items()
+    ]
     assigner = None if split is None else SplitAssigner(split)
     count = 0
     for frame in source.frames:
         chosen = frame
         if assigner is not None:
             chosen = LabelledFrame(frame.number, frame.read, frame.where, assigner.assign(frame))
-        writer.write(chosen)
+        for writer in writers:
+            writer.write(chosen)
         count += 1
         progress(count, card.n_frames)
-    if assigner is not None and name == NATIVE:
-        output.write(SPLIT_NAME, split_file(assigner))
-    writer.finish()
+    if assigner is not None and NATIVE in outputs:
+        outputs[NATIVE].write(SPLIT_NAME, split_file(assigner))
+    for writer in writers:
+        writer.finish()
     return count

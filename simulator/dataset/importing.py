@@ -114,6 +114,7 @@ def import_card(found: PosedPictures, camera: Camera, target: Target, form: str)
         complete=False,
         formats=("native",),
         camera=camera,
+        image_bits=8 * read_picture(found.pictures[0].path).itemsize,
         target=CardTarget(
             name=target.name,
             sha256=target.sha256,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
-from simulator.dataset.check.geometry import FILL_SCALE, cut_for_the_lens, fill_triangles
+from simulator.dataset.check.geometry import cut_for_the_lens
+from simulator.dataset.triangle_fill import fill_triangles, filled_mask
 from simulator.labels.boxes import NEAREST_M
 from simulator.targets.joined_mesh import mesh_of
 
@@ -56,26 +56,7 @@ def silhouette(camera: Camera, pose: Pose, target: Target) -> Silhouette:
     size = (camera.width_px, camera.height_px)
     inside = x0 >= -0.5 and y0 >= -0.5 and x1 <= size[0] - 0.5 and y1 <= size[1] - 0.5
     share = 1.0 if inside else _share_inside(corners, size)
-    return Silhouette(_filled(corners, size), (x0, y0, x1, y1), share)
-
-
-def _filled(corners_px: FloatArray, size: tuple[int, int]) -> ByteArray:
-    mask = np.zeros(size[::-1], np.uint8)
-    low = np.clip(np.floor(corners_px.min(axis=(0, 1))) - 1, 0, size).astype(int)
-    high = np.clip(np.ceil(corners_px.max(axis=(0, 1))) + 2, 0, size).astype(int)
-    if np.any(high <= low):
-        return mask
-    width, height = (high - low).tolist()
-    fine = np.zeros((height * FILL_SCALE, width * FILL_SCALE), np.uint8)
-    # a pixel's centre is at (FILL_SCALE - 1) / 2 on the finer grid; OpenCV fills what a border touches, half of which
-    # is too much
-    fill_triangles(fine, (corners_px - low) * FILL_SCALE + (FILL_SCALE - 1) / 2)
-    inner = cv2.erode(fine, np.ones((3, 3), np.uint8))
-    share = cv2.resize(
-        cv2.addWeighted(fine, 0.5, inner, 0.5, 0), (width, height), interpolation=cv2.INTER_AREA
-    )
-    mask[low[1] : high[1], low[0] : high[0]] = np.where(share >= 128, np.uint8(255), np.uint8(0))
-    return mask
+    return Silhouette(filled_mask(corners, size), (x0, y0, x1, y1), share)
 
 
 def _share_inside(corners_px: FloatArray, size: tuple[int, int]) -> float:

@@ -11,7 +11,7 @@ import msgspec
 
 from simulator.dataset.formats.labelled_frame import SPLITS
 from simulator.errors import UserError
-from simulator.runtime.untrusted_files import read_regular, refuse_deep, without_mark
+from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_link_out, without_mark
 
 if TYPE_CHECKING:
     from simulator.dataset.formats.labelled_frame import LabelledFrame
@@ -143,6 +143,7 @@ def read_split(folder: Path) -> dict[int, str]:
     path = folder / SPLIT_NAME
     if not path.exists():
         return {}
+    refuse_link_out(path, folder)
     try:
         data = without_mark(read_regular(path, MOST_BYTES), str(path))
         refuse_deep(data, str(path))

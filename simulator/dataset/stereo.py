@@ -11,6 +11,7 @@ from simulator.dataset.card import CARD_NAME, StereoCard
 from simulator.dataset.formats.native import frame_paths, is_whole
 from simulator.errors import UserError
 from simulator.labels.truth import read_truth
+from simulator.runtime.untrusted_files import refuse_link_out
 from simulator.scene.second_camera import SECOND_SEED, SecondCamera, seen_by_second
 
 if TYPE_CHECKING:
@@ -67,6 +68,11 @@ class SecondCameraPlan:
         return self.plan.camera
 
     @property
+    def labels(self) -> tuple[str, ...]:
+        """Label layers that it asks for."""
+        return self.plan.labels
+
+    @property
     def target(self) -> Target:
         """The model that is drawn."""
         return self.plan.target
@@ -119,7 +125,10 @@ def _card(which: str, second: SecondCamera) -> StereoCard:
 
 def second_folder(folder: Path, card: DatasetCard) -> Path | None:
     """Where the second camera's data set of a first one's lies, whether it is there or not."""
-    return folder / FOLDER if card.stereo is not None and card.stereo.camera == "first" else None
+    if card.stereo is None or card.stereo.camera != "first":
+        return None
+    refuse_link_out(folder / FOLDER, folder)
+    return folder / FOLDER
 
 
 def pair_faults(folder: Path, card: DatasetCard) -> Iterator[tuple[int | None, str]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import msgspec
 import numpy as np
@@ -22,6 +22,7 @@ from simulator.recipes.flown import flown_scene
 from simulator.recipes.load import load_recipe
 from simulator.recipes.poses import DrawnPose, draw_pose, resolved_range
 from simulator.recipes.sky import choose_sky, place_in_sky, sun_and_nadir
+from simulator.recipes.vary import FrameVariation, VariedFlight
 from simulator.runtime.arrays import quat, vec3
 from simulator.scenario.poses import read_poses
 from simulator.scene.environments import Environment, environment_preset
@@ -43,6 +44,8 @@ if TYPE_CHECKING:
 
     from simulator.recipes.file import Background
     from simulator.recipes.sky import PlaceInSky
+    from simulator.recipes.vary_file import Vary
+    from simulator.scenario.plan import Plan
     from simulator.scene.sample import BackgroundView
     from simulator.scene.second_camera import SecondCamera
 
@@ -90,13 +93,22 @@ class RecipePlan:
         return dict(msgspec.json.decode(msgspec.json.encode(self.recipe)))
 
     def scene(self, k: int) -> SceneState:
-        """Sample k.
+        """Return the scene of sample k, varied out of the recipe's ``[vary]``.
 
         Raises
         ------
         UserError
-            If no pose is as the recipe's constraints have it.
+            If no pose is as the recipe's constraints have it, or the ranges do not fit its sensor.
         """
+        scene, vary = self._as_planned(k), self.recipe.vary
+        return scene if vary is None else FrameVariation(vary, self.seed, self.target).scene(scene, k)
+
+    def target_of(self, k: int) -> Target:
+        """Return the craft of sample k, its surfaces and shape varied where the recipe varies them."""
+        return self.scene(k).target.drawn(self.target)
+
+    def _as_planned(self, k: int) -> SceneState:
+        """Return the scene of sample k before it is varied."""
         pairs = self.recipe.pairs
         if pairs is None:
             return self._sample(k, k)
@@ -311,6 +323,31 @@ def plan_recipe(
     check_with_target(recipe, craft)
     plan.scene(0)  # what is impossible is said before anything is written
     return plan
+
+
+@overload
+def varied_plan(plan: Plan, vary: Vary) -> VariedFlight: ...
+
+
+@overload
+def varied_plan(plan: RecipePlan, vary: Vary) -> RecipePlan: ...
+
+
+def varied_plan(plan: Plan | RecipePlan, vary: Vary) -> VariedFlight | RecipePlan:
+    """Return a plan with its frames varied out of these ranges, in place of a recipe's own.
+
+    Raises
+    ------
+    UserError
+        If a black level is asked of a sensor that counts no electrons.
+    """
+    made = (
+        replace(plan, recipe=msgspec.structs.replace(plan.recipe, vary=vary))
+        if isinstance(plan, RecipePlan)
+        else VariedFlight(plan, vary)
+    )
+    made.scene(0)  # impossible ranges are refused before anything is written
+    return made
 
 
 def _count(recipe: Recipe, n: int | None) -> int:

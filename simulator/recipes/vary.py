@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from simulator.camera.detector.sensor import Sensor
     from simulator.camera.lens.camera_model import Camera
-    from simulator.recipes.plan import RecipePlan
     from simulator.scenario.plan import Plan
     from simulator.scene.second_camera import SecondCamera
     from simulator.scene.state import SceneState
@@ -36,82 +35,21 @@ _FRAMES, _CRAFT = 0xF2A3E, 0xC2AF7
 
 
 @dataclass(frozen=True, eq=False)
-class VariedPlan:
-    """A plan whose frames are varied; ``scene(k)`` depends on (plan, ranges, seed, k) alone.
+class FrameVariation:
+    """Ranges out of which the frames of a plan are varied; frame k depends on (ranges, seed, target, k) alone."""
 
-    Raises
-    ------
-    UserError
-        If a black level is asked of a sensor that counts no electrons.
-    """
-
-    plan: Plan | RecipePlan
     vary: Vary
+    seed: int
+    target: Target
 
-    def __post_init__(self) -> None:
-        image = self.vary.image
-        if image is not None and image.pedestal_dn is not None and self.plan.scene(0).sensor.detector is None:
-            raise UserError(
-                "image.pedestal_dn varies a detector's black level, and this sensor is a noise recipe that has none: "
-                "use preset imx174 or cmv4000 in [sensor], or leave the key out"
-            )
+    def scene(self, scene: SceneState, k: int) -> SceneState:
+        """Return the scene of frame k, varied.
 
-    @property
-    def scenario_name(self) -> str:
-        """Name of the scenario or recipe."""
-        return self.plan.scenario_name
-
-    @property
-    def scenario_document(self) -> dict[str, Any]:
-        """It in full, with the ranges."""
-        ranges = msgspec.json.decode(msgspec.json.encode(self.vary))
-        return {**self.plan.scenario_document, "vary": ranges}
-
-    @property
-    def second_camera(self) -> SecondCamera | None:
-        """The plan's."""
-        return self.plan.second_camera
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Label layers that it asks for."""
-        return self.plan.labels
-
-    @property
-    def every_s(self) -> float | None:
-        """Spacing of frames, if it was given as one."""
-        return self.plan.every_s
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames."""
-        return self.plan.n_frames
-
-    @property
-    def seed(self) -> int:
-        """Seed of every random choice."""
-        return self.plan.seed
-
-    @property
-    def camera(self) -> Camera:
-        """The camera."""
-        return self.plan.camera
-
-    @property
-    def target(self) -> Target:
-        """The model, as it is before it is varied."""
-        return self.plan.target
-
-    def scene(self, k: int) -> SceneState:
-        """Frame k, varied."""
-        return self._varied(self.plan.scene(k), k)
-
-    def next_scene(self, k: int) -> SceneState | None:
-        """The scene that follows frame k's, if there is such a thing."""
-        following = self.plan.next_scene(k)
-        return None if following is None else self._varied(following, k + 1)
-
-    def _varied(self, scene: SceneState, k: int) -> SceneState:
+        Raises
+        ------
+        UserError
+            If a black level is asked of a sensor that counts no electrons.
+        """
         rng = _generator(self.seed, k, _FRAMES)
         by: dict[str, Any] = {}
         for vary in (self._image, self._lights, self._background, self._boxes):
@@ -135,7 +73,12 @@ class VariedPlan:
         if image.psf_sigma_px is not None:
             by["psf_sigma_px"] = float(rng.uniform(*image.psf_sigma_px))
             sensor = replace(sensor, blur_sigma_px=by["psf_sigma_px"])
-        if image.pedestal_dn is not None and sensor.detector is not None:
+        if image.pedestal_dn is not None:
+            if sensor.detector is None:
+                raise UserError(
+                    "image.pedestal_dn varies a detector's black level, and this sensor is a noise recipe that has "
+                    "none: use preset imx174 or cmv4000 in [sensor], or leave the key out"
+                )
             by["pedestal_dn"] = float(np.round(rng.uniform(*image.pedestal_dn)))
             sensor = replace(sensor, detector=replace(sensor.detector, black_level_dn=by["pedestal_dn"]))
         if image.glow_share is not None:
@@ -202,17 +145,75 @@ def _box(rng: Generator, scene: SceneState, boxes: VaryBoxes) -> AreaLight:
     )
 
 
-def varied_plan(plan: Plan | RecipePlan, vary: Vary | None = None) -> Plan | RecipePlan | VariedPlan:
-    """The plan with its frames varied by these ranges, else by its recipe's own, else as it is.
+@dataclass(frozen=True, eq=False)
+class VariedFlight:
+    """A plan of a flight whose frames are varied."""
 
-    Raises
-    ------
-    UserError
-        As of `VariedPlan`.
-    """
-    own = getattr(plan, "recipe", None)
-    chosen = vary if vary is not None or own is None else own.vary
-    return plan if chosen is None else VariedPlan(plan, chosen)
+    plan: Plan
+    vary: Vary
+
+    @property
+    def scenario_name(self) -> str:
+        """Name of the scenario."""
+        return self.plan.scenario_name
+
+    @property
+    def scenario_document(self) -> dict[str, Any]:
+        """It in full, with the ranges."""
+        ranges = msgspec.json.decode(msgspec.json.encode(self.vary))
+        return {**self.plan.scenario_document, "vary": ranges}
+
+    @property
+    def second_camera(self) -> SecondCamera | None:
+        """The plan's."""
+        return self.plan.second_camera
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Label layers that it asks for."""
+        return self.plan.labels
+
+    @property
+    def every_s(self) -> float | None:
+        """Spacing of frames, if it was given as one."""
+        return self.plan.every_s
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return self.plan.n_frames
+
+    @property
+    def seed(self) -> int:
+        """Seed of every random choice."""
+        return self.plan.seed
+
+    @property
+    def camera(self) -> Camera:
+        """The camera."""
+        return self.plan.camera
+
+    @property
+    def target(self) -> Target:
+        """The model, as it is before it is varied."""
+        return self.plan.target
+
+    def target_of(self, k: int) -> Target:
+        """Return the craft of frame k, its surfaces and shape varied."""
+        return self.scene(k).target.drawn(self.target)
+
+    def scene(self, k: int) -> SceneState:
+        """Return the scene of frame k, varied."""
+        return self._variation.scene(self.plan.scene(k), k)
+
+    def next_scene(self, k: int) -> SceneState | None:
+        """Return the scene after frame k's, or None if frame k is the last."""
+        following = self.plan.next_scene(k)
+        return None if following is None else self._variation.scene(following, k + 1)
+
+    @property
+    def _variation(self) -> FrameVariation:
+        return FrameVariation(self.vary, self.seed, self.target)
 
 
 def _generator(seed: int, number: int, stream: int) -> Generator:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Self
 
+import numpy as np
+
 from simulator.errors import UserError
 from simulator.render.device import Device
 from simulator.render.drawing import Drawing
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
     from simulator.render.gl.context import GlInfo
     from simulator.render.irradiance import IrradianceField
     from simulator.render.target.label_pass import Surfaces
+    from simulator.runtime.arrays import Float32Array
     from simulator.scene.illumination.bands import Bands
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
@@ -150,6 +153,27 @@ def _light_sky(draw: Drawing) -> Pass:
     )
 
 
+def _check_finite(
+    radiance: Float32Array, scene: SceneState, target: Target, coverage: Callable[[], Float32Array]
+) -> None:
+    """Raise UserError if a pixel's radiance is infinite or not a number.
+
+    Parameters
+    ----------
+    radiance : (H, W) or (H, W, n). coverage : reads (H, W), the share of each pixel that the target covers.
+    """
+    if np.isfinite(radiance.sum()):  # one pass; no sum of finite radiance overflows
+        return
+    bad = ~np.isfinite(radiance).reshape(*radiance.shape[:2], -1).all(axis=2)
+    bodies = f"target {target.name}" if np.any(coverage()[bad] != 0) else "the sky"
+    row, column = np.argwhere(bad)[0]
+    raise UserError(
+        f"{int(bad.sum())} pixels of {bodies} have no finite radiance in frame {scene.frame_index} at quality "
+        f"{scene.quality} (the first in row {row}, column {column}); please report it with the target's file, and draw "
+        "it with another --quality meanwhile"
+    )
+
+
 class Renderer:
     """Draws scenes headless, one at a time, from the thread that made it.
 
@@ -217,7 +241,7 @@ class Renderer:
         Raises
         ------
         UserError
-            If ``target`` is not the one the scene was made for.
+            If ``target`` is not the one the scene was made for, or a pixel's radiance is not a number.
         """
         if layer == "craft":
             return self._render_craft(scene, target, sky)
@@ -234,6 +258,8 @@ class Renderer:
         else:
             first = self._first_frame_passes(target=with_target)
             stage_ms = self._run("", lambda: frame_passes(self._draw, target=with_target, first=first), frame)
+        picture = frame[PICTURE]
+        _check_finite(picture, scene, target, frame[COVERAGE].read_coverage)
         coverage = depth = None
         inside = 1.0
         if labels:
@@ -244,7 +270,7 @@ class Renderer:
             clock.lap("labels")
             stage_ms |= clock.stage_ms
         self._device.check("a frame")
-        return Rendered(frame[PICTURE], coverage, depth, inside, stage_ms)
+        return Rendered(picture, coverage, depth, inside, stage_ms)
 
     def start_surfaces(
         self, scene: SceneState, target: Target, *, layers: bool = False
@@ -297,6 +323,7 @@ class Renderer:
         part = PixelRect(0, 0, 0, 0) if drawn is None else drawn.rect
         light, share, window = frame[RADIANCE].read_part(part)
         clock.lap("readback")
+        _check_finite(light, scene, target, lambda: share)
         self._device.check("a craft")
         return Rendered(light, share, None, 1.0, stage_ms | clock.stage_ms, window)
 

@@ -71,39 +71,23 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
         os.close(handle)
 
 
-_TAB = 9
-_FOREIGN_TEXT = (
-    (b"\xff\xfe\x00\x00", "UTF-32"),
-    (b"\x00\x00\xfe\xff", "UTF-32"),
-    (b"\xff\xfe", "UTF-16"),
-    (b"\xfe\xff", "UTF-16"),
-)
-
-
-def decode_text(data: bytes, where: str) -> str:
-    """Decode UTF-8 text, without the byte-order mark that some editors put first.
+def refuse_link_out(path: Path, folder: Path) -> None:
+    """Refuse a file of a folder that a link, its own or that of a folder on the way, leads out of there.
 
     Raises
     ------
     UserError
-        If it is another encoding, which is named, or no text.
+        With the file, and what to do.
     """
-    encoding = next((name for mark, name in _FOREIGN_TEXT if data.startswith(mark)), None)
-    if encoding is None and b"\0" in data:
-        # every second byte of English text in UTF-16 is zero, and the others are letters
-        halves = (data[:200:2], data[1:200:2])
-        is_text = any(not any(a) and all(c >= _TAB for c in b) for a, b in (halves, halves[::-1]))
-        encoding = "UTF-16 without its mark" if is_text else "a binary file"
-    if encoding is not None:
-        raise UserError(f"{where} is {encoding}, not UTF-8 text: save it as UTF-8")
     try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
+        inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):  # links in a circle
+        inside = False
+    if not inside:
         raise UserError(
-            f"{where}, line {line}: byte 0x{data[error.start]:02x} is not UTF-8, the file may be Latin-1 or "
-            "Windows-1252: save it as UTF-8"
-        ) from error
+            f"{path} is reached by a link that leads out of {folder}, from which alone files are read; put the files "
+            "themselves there"
+        )
 
 
 def find_beside(owner: Path, name: str, what: str) -> Path:
@@ -157,7 +141,8 @@ def without_mark(data: bytes, where: str) -> bytes:
     for mark, encoding in _MARKS:
         if data.startswith(mark):
             raise UserError(f"{where} is {encoding} text: save it as UTF-8")
-    if len(data) > 1 and b"\0" in data[:2] and any(data[:2]):  # PowerShell may leave the mark out
+    # PowerShell may leave the mark out; no letter has a code below that of the tab
+    if len(data) > 1 and b"\0" in data[:2] and max(data[:2]) >= ord("\t"):
         raise UserError(f"{where} looks like UTF-16 text: save it as UTF-8")
     return data.removeprefix(codecs.BOM_UTF8)
 
@@ -168,13 +153,19 @@ def decode_text(data: bytes, where: str) -> str:
     Raises
     ------
     UserError
-        If it is in another encoding.
+        If it is in another encoding, or no text.
     """
+    text = without_mark(data, where)
+    if b"\0" in text:
+        raise UserError(f"{where} is a binary file, not UTF-8 text: save it as UTF-8")
     try:
-        return without_mark(data, where).decode("utf-8")
+        return text.decode("utf-8")
     except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise UserError(f"{where} is not UTF-8 text (line {line}): save it as UTF-8") from error
+        line = text.count(b"\n", 0, error.start) + 1
+        raise UserError(
+            f"{where} is not UTF-8 text (line {line}: byte 0x{text[error.start]:02x}; it may be Latin-1 or "
+            "Windows-1252): save it as UTF-8"
+        ) from error
 
 
 def refuse_deep(data: bytes, where: str, skip: re.Pattern[bytes] = JSON_TEXT) -> None:

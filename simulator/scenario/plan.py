@@ -74,6 +74,10 @@ class Plan:
         """Number of frames."""
         return len(self.times_s)
 
+    def target_of(self, k: int) -> Target:  # noqa: ARG002 - as of other plans
+        """Return the craft of frame k: of a flight the model itself."""
+        return self.target
+
     @property
     def scenario_name(self) -> str:
         """Name of the scenario."""

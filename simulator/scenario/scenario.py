@@ -10,7 +10,7 @@ from msgspec import Meta
 
 from simulator.camera.detector.optics import Optics
 from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.detector.sensor import Sensor
+from simulator.camera.detector.sensor import Detector, Sensor, with_bits
 from simulator.camera.detector.shutter import Shutter
 from simulator.camera.lens.camera_model import Camera
 from simulator.camera.lens.files import CameraFile, read_camera_file
@@ -59,6 +59,8 @@ class SensorSection(Section, frozen=True, kw_only=True):
     With a detector (``imx174``, ``cmv4000``, or a section `[sensor.detector]`) photons and electrons are counted and
     ``full_scale_j_m2_sr`` and the two variances have no part. ``roi_px`` (x0, y0, width, height) reads a region of the
     camera's pixels, ``binning`` joins them by so many in width and height; the camera becomes that of the image.
+    ``bits`` other than the detector's own divide the same full scale into more or fewer steps; ``gain_e_per_dn`` and
+    ``black_level_dn`` in `[sensor.detector]` are of these steps.
     """
 
     preset: Literal["speed", "thesis", "ideal", "imx174", "cmv4000"] = "speed"
@@ -86,7 +88,11 @@ class SensorSection(Section, frozen=True, kw_only=True):
             If the camera's file has other pixels than the detector named.
         """
         base = sensor_preset(self.preset)
-        keys = ("full_scale_j_m2_sr", "blur_sigma_px", "speckle_variance", "gaussian_variance", "bits")
+        if self.detector is not None and base.detector is None:
+            base = replace(base, detector=Detector())
+        if self.bits is not None:
+            base = with_bits(base, self.bits)
+        keys = ("full_scale_j_m2_sr", "blur_sigma_px", "speckle_variance", "gaussian_variance")
         given = {key: getattr(self, key) for key in keys}
         sensor = replace(base, **{key: value for key, value in given.items() if value is not None})
         pitch_um = self.pixel_pitch_um or _camera_pitch_um(camera, base, where)

@@ -43,13 +43,15 @@ class TargetRef:
 
         Parameters
         ----------
-        base : the model of that name, where it is at hand; looked up otherwise.
+        base : the model of that name, or the craft itself, where it is at hand; looked up otherwise.
 
         Raises
         ------
         UserError
             If what has the name now is another model.
         """
+        if base is not None and base.sha256 == self.sha256:
+            return base
         variation = None if isinstance(self.variation, UnsetType) else self.variation
         return target_as_drawn(self.name, self.sha256, variation, base)
 

@@ -91,7 +91,7 @@ def test_exit_codes(tmp_path: Path) -> None:
     assert run(["fly", "--no-such-option"]) == codes["user_mistake"]
     for sent, code in (("SIGINT", codes["interrupted"]), ("SIGTERM", codes["terminated"])):
         stop = (
-            "import os, signal, sys, flyaround.cli, flyaround.__main__ as m; m.app = lambda **_: "
+            "import os, signal, flyaround.cli as c, flyaround.__main__ as m; c.app = lambda **_: "
             f"(os.kill(os.getpid(), signal.{sent}), signal.pause()); m.main()"
         )
         done = subprocess.run([sys.executable, "-c", stop], capture_output=True, check=False)

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import ast
 import re
+import unicodedata
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
+from rich.table import Table
+from rich.text import Text
 from typer.main import get_command, get_group
 from typer.testing import CliRunner
 
+from flyaround.__main__ import run
 from flyaround.cli import COMMANDS, GROUPS, app
 from flyaround.commands import doctor
-from flyaround.commands.terminal import say
+from flyaround.commands.terminal import say, terminal
 
 FLYAROUND = Path(doctor.__file__).parents[1]
 
@@ -78,3 +82,50 @@ def test_no_other_way_to_the_terminal_reads_mark_up() -> None:
             if isinstance(node, ast.ImportFrom) and node.module in {"rich", "rich.console"}
         ]
         assert not imported, path
+
+
+NASTY = {
+    "colour": "\x1b[31mred",
+    "title": "\x1b]0;owned\x07",
+    "clear": "\x1b[2J\x1b[H",
+    "csi of one byte": "\x9b2J",
+    "carriage return": "good\rbad",
+    "backspace": "abc\x08\x08\x08xyz",
+    "delete": "a\x7fb",
+    "null-like": "a\x01b",
+    "right to left": "gnp.\u202eexe",
+    "isolate": "\u2067a\u2069",
+    "line separator": "a\u2028b",
+    "undecodable": "a\udcffb",
+    "line end": "a\nflyaround: all is well",
+}
+
+
+@pytest.mark.parametrize("name", NASTY.values(), ids=NASTY)
+def test_names_reach_the_terminal_as_text(
+    name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "train.csv").write_text(
+        f'filename,Tx,Ty,Tz,Qx,Qy,Qz,Qw\n"{name}.png",0,0,5,0,0,0,1\n', "utf-8", "surrogateescape"
+    )
+    assert run(["convert", str(tmp_path), "-o", str(tmp_path / "out"), "--from", "spark"]) == 2
+    assert run(["convert", f"{tmp_path}/{name}", "-o", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr().err
+    assert len(told.splitlines()) == 2
+    assert all(line.startswith("flyaround: ") for line in told.splitlines())
+    obeyed = {c for c in told if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")}
+    assert obeyed <= {"\n"}
+
+
+def test_tables_show_control_characters_and_keep_their_own_colours() -> None:
+    table = Table("name")
+    table.add_row("a\x1b[2Jb")
+    console = terminal()
+    with console.capture() as captured:
+        console.print(table, Text("red", "red"))
+    assert "a\\x1b" in captured.get()
+    assert "\x1b" not in captured.get()
+    coloured = type(console)(force_terminal=True, color_system="standard")
+    with coloured.capture() as captured:
+        coloured.print(Text("red", "red"))
+    assert "\x1b[31mred" in captured.get()

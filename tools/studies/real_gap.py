@@ -45,7 +45,6 @@ from simulator.compare.light_fit import RECIPE, fit_light, light_basis
 from simulator.compare.references import read_references
 from simulator.imaging.image_formation import digitise_scene, expose_scene
 from simulator.recipes.plan import plan_recipe
-from simulator.recipes.vary import varied_plan
 from simulator.render.renderer import Renderer
 from simulator.runtime.arrays import vec3
 from simulator.scenario.poses import scene_with_pose
@@ -163,7 +162,7 @@ def swaps(
 
 def _recipe_lights(scene: SceneState, number: int) -> tuple[Any, ...]:
     """The boxes of a frame of the recipe, as they stand about its craft."""
-    plan = varied_plan(plan_recipe(RECIPE, number + 1, seed=SEED))
+    plan = plan_recipe(RECIPE, number + 1, seed=SEED)
     other = plan.scene(number)
     shift = np.asarray(scene.t_camera_from_target_m) - np.asarray(other.t_camera_from_target_m)
     return tuple(

@@ -130,6 +130,18 @@ class Sensor:
         return min(d.full_well_e * d.pixels_per_bin, converter)
 
 
+def with_bits(sensor: Sensor, bits: int) -> Sensor:
+    """Return the sensor with images of another depth and the same full scale.
+
+    A step of a detector holds more or fewer electrons; its black level keeps its place on the scale.
+    """
+    d, steps = sensor.detector, (2**bits - 1) / (2**sensor.bits - 1)
+    if d is not None and bits != sensor.bits:
+        black = float(round(d.black_level_dn * steps))
+        d = replace(d, gain_e_per_dn=d.gain_e_per_dn / steps, black_level_dn=black)
+    return replace(sensor, bits=bits, detector=d)
+
+
 def noiseless(sensor: Sensor) -> Sensor:
     """The same sensor without noise: same scale, blur, bits, colour filter and saturation; for clean twins."""
     detector = sensor.detector

@@ -14,11 +14,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from simulator.labels.truth import Truth
-    from simulator.runtime.arrays import ByteArray, FloatArray
+    from simulator.runtime.arrays import BoolArray, ByteArray, FloatArray
 
-LEVELS = np.linspace(0, 1, 65)
+LEVELS = np.linspace(0, 1, 129) ** 2  # denser where the light is little: noise goes by its root
 NOISE_SPREAD = (0.55, 1.1)  # mean |x| of a normal law is 0.80 of its sigma, of a uniform one 0.87
-COLOUR_SPREAD = (0.2, 3.0)  # demosaicing averages neighbours, white balance multiplies by one and more
+DEMOSAICED_SPREAD = (0.2, 1.5)  # neighbours are averaged
+SHIFT = 0.5
+"""Sigmas by which the median of the noise may be off zero."""
+QUIET_DN = 1.2
+"""Noise so small [DN] that rounding, not the law of the noise, decides by how much the image differs from its twin."""
+FEWEST = 200
+"""Pixels that make a statistic."""
 
 
 def balance_factors(truth: Truth) -> FloatArray:
@@ -32,55 +38,73 @@ def balance_factors(truth: Truth) -> FloatArray:
 def check_clean(
     truth: Truth, image: NDArray[np.unsignedinteger], mask: ByteArray, clean: NDArray[np.unsignedinteger]
 ) -> list[str]:
-    """The image less its clean twin is the noise that the sensor says, on the craft and everywhere."""
+    """Check that each band of the image less its clean twin is the noise that the sensor says."""
     if clean.shape != image.shape or clean.dtype != image.dtype:
         return [f"the clean twin is {clean.shape} {clean.dtype}, the image {image.shape} {image.dtype}"]
-    sensor = truth.scene.sensor
-    full, black, spread_limits, heat, factor = 2.0**sensor.bits - 1, 0.0, NOISE_SPREAD, 0.0, 1.0
-    if sensor.detector is not None:
+    factors = balance_factors(truth) if image.ndim == 3 else np.ones(1)
+    bands = (image.reshape(*mask.shape, -1), clean.reshape(*mask.shape, -1))
+    for k, factor in enumerate(factors.tolist()):
+        wrong = _check_band(truth, bands[0][..., k], bands[1][..., k], mask > 0, factor)
+        if wrong:
+            return [wrong if image.ndim == 2 else f"{wrong} ({('red', 'green', 'blue')[k]})"]
+    return []
+
+
+def _check_band(
+    truth: Truth,
+    image: NDArray[np.unsignedinteger],
+    clean: NDArray[np.unsignedinteger],
+    on_craft: BoolArray,
+    factor: float,
+) -> str:
+    """Say what of one band (H, W) is not the sensor's noise; empty if nothing.
+
+    Parameters
+    ----------
+    factor : by which white balance multiplied the band, its noise and its dark current.
+    """
+    sensor, detector = truth.scene.sensor, truth.scene.sensor.detector
+    full, black, heat, spread_limits = 2.0**sensor.bits - 1, 0.0, 0.0, NOISE_SPREAD
+    if detector is not None:
         # a detector saturates where its well does, above its black level
-        full, black = sensor.saturation_e / sensor.detector.gain_e_per_dn, sensor.detector.black_level_dn
+        full, black = sensor.saturation_e / detector.gain_e_per_dn, detector.black_level_dn
         # the twin has no dark current, the image has its mean too
-        heat = (
-            sensor.detector.dark_e_s
-            * truth.scene.exposure_s
-            * sensor.detector.pixels_per_bin
-            / sensor.saturation_e
-        )
-        if image.ndim == 3:
-            factor = float(balance_factors(truth).max())
-            spread_limits = (COLOUR_SPREAD[0], max(COLOUR_SPREAD[1], NOISE_SPREAD[1] * factor))
+        dark_e = detector.dark_e_s * truth.scene.exposure_s * detector.pixels_per_bin
+        heat = factor * dark_e / sensor.saturation_e
+        if detector.colour_filter != "none" and detector.demosaic:
+            spread_limits = DEMOSAICED_SPREAD
     # everything but the image hangs on the twin's number alone
     signal_of = (np.arange(int(clean.max(initial=0)) + 1) - black) / full
-    sigma_of = np.interp(
-        signal_of,
-        LEVELS,
-        [noise_sigma(sensor, float(level), truth.scene.exposure_s) for level in LEVELS],
-    )
+    noise = [noise_sigma(sensor, float(level), truth.scene.exposure_s) for level in LEVELS]
+    sigma_of = factor * np.interp(signal_of / factor, LEVELS, noise)
     sigma = sigma_of[clean]
     residual = (image.astype(float) - clean) / full - heat
-    # white balance multiplies the dark current of two bands of three
-    more_heat = max(factor - 1, 2.0) * heat if image.ndim == 3 else 0.0
+    # digital numbers were rounded, multiplied, and rounded again: of the twin, which no noise dithers, by half of that
+    rounding = (factor if factor == 1 else factor + 1) / 2 / full
+    quiet = sigma * full < QUIET_DN * factor
     # at the ends of the scale the noise is cut off
     inside = ((signal_of > 4 * sigma_of) & (signal_of < 1 - 4 * sigma_of))[clean]
-    on = (mask > 0) if image.ndim == 2 else np.broadcast_to((mask > 0)[..., None], image.shape)
-    for where, what in ((inside & on, "on the craft"), (inside, "in the picture")):
-        if np.count_nonzero(where) < 200:
+    for where, what in ((inside & on_craft, "on the craft"), (inside, "in the picture")):
+        still, noisy = where & quiet, where & ~quiet
+        if np.count_nonzero(still) >= FEWEST:
+            beyond = np.abs(residual[still]) > 2 * rounding + 4 * sigma[still]
+            if beyond.mean() > 0.01:
+                return f"{what} the image is not its clean twin, but for rounding and a noise of less than one step"
+        if np.count_nonzero(noisy) < FEWEST:
             continue
-        z = residual[where] / sigma[where]
-        spread, shift = float(np.minimum(np.abs(z), 10).mean()), float(np.median(z))
-        if not (
-            spread_limits[0] < spread < spread_limits[1]
-            and abs(shift) < 0.5 + more_heat / np.median(sigma[where])
-        ):
-            # a quiet sensor's image is its twin, but for the last digit
-            if np.abs(residual[where] + heat).max() * full <= 1.0 and sigma[where].max() * full < 0.5:
-                continue
-            return [f"{what} the image less its clean twin is {spread:.2f} sigma of the noise, not about 0.8"]
+        z = residual[noisy] / sigma[noisy]
+        spread = float(np.minimum(np.abs(z), 10).mean())
+        if not spread_limits[0] < spread < spread_limits[1] or _is_off(residual, sigma, noisy, rounding):
+            return f"{what} the image less its clean twin is {spread:.2f} sigma of the noise, not about 0.8"
     # a cut-off below zero does not move the median of what is above it
     dark = ~inside & (signal_of < 0.5)[clean]
-    if np.count_nonzero(dark) >= 200 and abs(
-        np.median(residual[dark] / sigma[dark])
-    ) > 0.5 + more_heat / np.median(sigma[dark]):
-        return ["the clean twin is not as dark as the image where there is little light"]
-    return []
+    if np.count_nonzero(dark) >= FEWEST and _is_off(residual, sigma, dark, rounding):
+        return "the clean twin is not as dark as the image where there is little light"
+    return ""
+
+
+def _is_off(residual: FloatArray, sigma: FloatArray, where: BoolArray, rounding: float) -> bool:
+    """Return True if the median of the noise is off zero by more than its law and rounding allow."""
+    # the image's own median is a whole number, too
+    allowed = SHIFT + 2 * rounding / float(np.median(sigma[where]))
+    return abs(float(np.median(residual[where] / sigma[where]))) > allowed

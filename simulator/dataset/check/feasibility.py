@@ -14,11 +14,11 @@ import numpy as np
 
 from simulator.dataset.check.geometry import (
     cut_for_the_lens,
-    fill_triangles,
     in_lens,
     project_with_opencv,
     shown_triangles,
 )
+from simulator.dataset.triangle_fill import fill_triangles
 from simulator.imaging.image_formation import noise_sigma
 from simulator.labels.wireframe import view_edges
 from simulator.targets.joined_mesh import mesh_of

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import cv2
 import msgspec
 import numpy as np
 
 from simulator.dataset.check.mask_statistics import lit_pixels
+from simulator.dataset.triangle_fill import FILL_SCALE, fill_triangles
 from simulator.imaging.rolling_shutter import pose_at_rows
 from simulator.runtime.arrays import vec3
 from simulator.targets.joined_mesh import mesh_of
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from simulator.camera.lens.camera_model import Camera
     from simulator.dataset.card import DatasetCard
     from simulator.labels.truth import Truth
@@ -31,9 +30,6 @@ POSE_TOLERANCE_RAD = 1e-6
 POSE_TOLERANCE_RELATIVE = 1e-6
 # The outline filled on the CPU and the raster's may differ by one pixel, never two.
 OUTLINE_TOLERANCE_PX = 1
-FILL_SCALE = 4
-FILL_SHIFT = 4
-BESIDE = 4096  # a polygon that begins farther outside is cut: OpenCV adds up its slopes row by row, with their rounding
 ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
 BENT_PX = 0.1  # how far beside the line between its ends the middle of an edge may lie
 SURELY_COVERED, SURELY_TOUCHED = 0.9, 0.1
@@ -318,48 +314,3 @@ def filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[B
             coarse >= 255 * share, np.uint8(255), np.uint8(0)
         )
     return inner, outer
-
-
-def lowest_and_highest(corners: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """(M, 2) the least and the greatest of the coordinates of triangles (M, 3, 2); numpy is slow along short axes."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-
-
-def fill_triangles(fine: ByteArray, corners: FloatArray) -> None:
-    """Fill triangles (M, 3, 2); those within one pixel are set all at once, which most of a far craft's are."""
-    cells = np.rint(corners).astype(np.int64)
-    least, most = lowest_and_highest(cells)
-    dots = (least[:, 0] == most[:, 0]) & (least[:, 1] == most[:, 1])
-    x, y = cells[dots, 0].T
-    on = (x >= 0) & (y >= 0) & (x < fine.shape[1]) & (y < fine.shape[0])
-    fine[y[on], x[on]] = 255
-    large = corners[~dots]
-    low, high = lowest_and_highest(large)
-    beside = fine.shape[::-1] + np.array([BESIDE, BESIDE])
-    seen = np.all(high >= -1, axis=1) & np.all(low <= fine.shape[::-1], axis=1)
-    far = seen & (np.any(low < -BESIDE, axis=1) | np.any(high > beside, axis=1))
-    near = [*np.rint(large[seen & ~far] * 2**FILL_SHIFT).astype(np.int32)]
-    cut = [polygon_within(triangle, -BESIDE, beside) for triangle in large[far]]
-    for polygon in near + [np.rint(p * 2**FILL_SHIFT).astype(np.int32) for p in cut if len(p)]:
-        cv2.fillConvexPoly(fine, polygon, 255, cv2.LINE_8, FILL_SHIFT)
-
-
-def polygon_within(polygon: FloatArray, low: float, high: FloatArray) -> FloatArray:
-    """What of a convex polygon (K, 2) lies within ``low`` to ``high`` (2,), as corners (L, 2); none where nothing does.
-
-    Source: Sutherland and Hodgman (1974), Reentrant polygon clipping.
-    """
-    for axis, sign, bound in ((0, 1, low), (1, 1, low), (0, -1, -high[0]), (1, -1, -high[1])):
-        if not len(polygon):
-            break
-        inside = sign * polygon[:, axis] - bound
-        corners = []
-        for k, here in enumerate(inside):
-            before = inside[k - 1]
-            if (here >= 0) != (before >= 0):
-                corners.append(polygon[k - 1] + before / (before - here) * (polygon[k] - polygon[k - 1]))
-            if here >= 0:
-                corners.append(polygon[k])
-        polygon = np.array(corners).reshape(-1, 2)
-    return polygon

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.check.geometry import lowest_and_highest
 from simulator.dataset.check.raster_tolerance import triangles_near
+from simulator.dataset.triangle_fill import lowest_and_highest
 from simulator.runtime.memory import cached_per_object
 from simulator.targets.joined_mesh import mesh_of
 

@@ -36,7 +36,7 @@ from simulator.labels.feasible import infeasible_reason
 from simulator.labels.imported import ImportedTruth, read_label_record
 from simulator.labels.layers import pixel_hash
 from simulator.labels.truth import Truth
-from simulator.runtime.untrusted_files import read_regular, refuse_deep
+from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_link_out
 from simulator.targets.library import load_target
 from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.frames.rotation import matrix_from_quat
@@ -289,6 +289,8 @@ def _check_bookkeeping(k: int, truth: Truth, card: DatasetCard) -> list[str]:
         wrong.append(f"frame_index is {truth.frame_index} in the record of frame {k}")
     if truth.seed != card.seed:
         wrong.append(f"seed is {truth.seed}, the card's is {card.seed}")
+    if card.image_bits not in (None, truth.scene.sensor.bits):
+        wrong.append(f"its image has {truth.scene.sensor.bits} bits, the card says {card.image_bits}")
     reason = infeasible_reason(truth.silhouette_inside, truth.wireframe_step_share, truth.box_amodal_px)
     if (truth.feasible, truth.infeasible_reason) != (reason == "", reason):
         wrong.append(
@@ -298,6 +300,7 @@ def _check_bookkeeping(k: int, truth: Truth, card: DatasetCard) -> list[str]:
 
 
 def _speed_rows(path: Path, card: DatasetCard) -> list[dict[str, Any]]:
+    refuse_link_out(path, path.parent)
     data = read_regular(path, 1000 * (card.n_frames + 1))
     refuse_deep(data, str(path))
     rows: list[dict[str, Any]] = json.loads(data)
@@ -314,7 +317,7 @@ def _check_speed(folder: Path, frames: list[int], card: DatasetCard) -> list[Fau
             continue
         try:
             for row in _speed_rows(path, card):
-                picture = root / "images" / split / str(row["filename"])
+                picture = root / "images" / split / Path(str(row["filename"])).name
                 number = int(picture.stem.removeprefix("img"))
                 labels[number] = (tuple(row["q_vbs2tango"]), tuple(row["r_Vo2To_vbs_true"]), picture)
         except (UserError, OSError, ValueError, KeyError, TypeError, RecursionError) as error:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
+from simulator.dataset.formats.eight_bits import image_bits
 from simulator.dataset.formats.exr import encode_exr
 from simulator.dataset.formats.native import EXR_CHANNELS
 
@@ -48,6 +49,7 @@ def arrays_of(frame: LabelledFrame) -> dict[str, NDArray[Any]]:
     known: dict[str, Any] = {
         "number": frame.number,
         "image": frame.image,
+        "image_bits": image_bits(frame),
         "mask": frame.mask,
         "q_camera_from_target_wxyz": truth.q_camera_from_target_wxyz,
         "t_camera_from_target_m": truth.t_camera_from_target_m,
@@ -113,6 +115,7 @@ NPZ = DatasetFormat(
     carries="image, pose, camera, mask, box, keypoints with their states, and layers",
     lacks="the scene and its light",
     writer=_npz,
+    deep_images=True,
 )
 EXR = DatasetFormat(
     name="exr",
@@ -120,4 +123,5 @@ EXR = DatasetFormat(
     carries="image, mask and layers as float channels, and the native record",
     lacks="the amodal mask, which reaches beyond the image",
     writer=_exr,
+    deep_images=True,
 )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
+from simulator.dataset.formats.eight_bits import image_bits, scale_sentence, with_eight_bits
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
 
@@ -54,6 +55,27 @@ class FolderOutput:
         write_atomic(path, data)
 
 
+class EightBitWriter:
+    """A writer that hands on frames with images of eight bits, and says in ``README.md`` how they were scaled."""
+
+    def __init__(self, writer: FormatWriter, output: FormatOutput) -> None:
+        self._writer, self._output = writer, output
+        self._depths: set[int] = set()
+
+    def write(self, frame: LabelledFrame) -> None:
+        """Take one frame."""
+        self._depths.add(image_bits(frame))
+        self._writer.write(with_eight_bits(frame))
+
+    def finish(self) -> None:
+        """Finish the format; one with a README of its own says the scale there."""
+        deep = sorted(bits for bits in self._depths if bits > 8)
+        if deep:
+            text = "".join(f"The {scale_sentence(bits)}.\n" for bits in deep)
+            self._output.write("README.md", text.encode())
+        self._writer.finish()
+
+
 @dataclass(frozen=True, kw_only=True)
 class DatasetFormat:
     """One format.
@@ -67,6 +89,7 @@ class DatasetFormat:
         written alone.
     problem : why a data set of a card cannot be written so, or None.
     needs : the module that writing needs, and the extra that installs it.
+    deep_images : its readers take images of more than eight bits as they are; they get eight otherwise.
     """
 
     name: str
@@ -77,11 +100,14 @@ class DatasetFormat:
     read: Callable[[Path], PosedPictures | None] | None = None
     problem: Callable[[DatasetCard], str | None] | None = None
     needs: tuple[str, str] | None = None
+    deep_images: bool = False
 
-    def sentence(self) -> str:
-        """What the format holds of a data set, and what it leaves out."""
+    def sentence(self, card: DatasetCard) -> str:
+        """Say what the format holds of a data set, and what it leaves out."""
         without = f", without {self.lacks}" if self.lacks else ""
-        return f"{self.name} holds {self.carries}{without}"
+        bits = card.image_bits or 8
+        scaled = f"; its {scale_sentence(bits)}" if bits > 8 and not self.deep_images else ""
+        return f"{self.name} holds {self.carries}{without}{scaled}"
 
     def open_writer(self, output: FormatOutput, card: DatasetCard) -> FormatWriter:
         """What writes a data set.
@@ -94,7 +120,8 @@ class DatasetFormat:
         self.check(card)
         if self.writer is None:
             raise RuntimeError(f"format {self.name} has no writer")
-        return self.writer(output, card)
+        writer = self.writer(output, card)
+        return writer if self.deep_images else EightBitWriter(writer, output)
 
     def check(self, card: DatasetCard) -> None:
         """Refuse a data set that this format cannot hold.

@@ -1,9 +1,9 @@
 """BOP: a scene of images with poses, masks, depth and the model as a mesh in millimetres.
 
 ``SPLIT/000000/rgb`` or ``gray``, ``mask``, ``mask_visib`` and, with the layer, ``depth``; ``scene_gt.json``,
-``scene_gt_info.json`` and ``scene_camera.json``; ``models/obj_000001.ply`` and ``models_info.json``; ``camera.json``.
-Nothing
-stands before the craft, so that its whole mask within the image is its visible one. Pixel (0, 0) is a centre, as here.
+``scene_gt_info.json`` and ``scene_camera.json``; ``models/obj_000001.ply`` (one for each shape that ``model_error_mm``
+made) and ``models_info.json``; ``camera.json``. Nothing stands before the craft, so that its whole mask within the
+image is its visible one. Pixel (0, 0) is a centre, as here.
 
 References
 ----------
@@ -14,29 +14,39 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import cv2
+import msgspec
 import numpy as np
 from scipy.spatial.distance import pdist
 
 from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, lens_problem
 from simulator.dataset.formats.native import encode_png
 from simulator.dataset.formats.speed_writer import json_bytes
+from simulator.dataset.triangle_fill import filled_mask
 from simulator.errors import UserError
+from simulator.labels.boxes import NEAREST_M
+from simulator.labels.truth import Truth
 from simulator.targets.joined_mesh import mesh_of
 from simulator.targets.library import load_target
 from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.camera.lens.camera_model import Camera
     from simulator.dataset.card import DatasetCard
     from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from simulator.runtime.arrays import FloatArray
     from simulator.targets.model import Target
+    from simulator.world.frames.pose import Pose
 
 MM = 1000.0
+_CANVAS_PX = 2048  # the larger of a craft and of what is beside the image is counted on a coarser grid
 FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
-OBJECT_ID = 1
 
 
 class BopWriter:
-    """Writes BOP: one scene in each split."""
+    """Writes BOP: one scene in each split, and a model for each shape that was drawn."""
 
     def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card
@@ -48,6 +58,8 @@ class BopWriter:
             )
         self._target = target
         self._scenes: dict[str, dict[str, dict[str, Any]]] = {}
+        self._models: dict[tuple[float, ...], int] = {}
+        self._infos: dict[str, dict[str, Any]] = {}
 
     def write(self, frame: LabelledFrame) -> None:
         """Picture, masks and depth; the rest is kept for the scene's files."""
@@ -66,19 +78,32 @@ class BopWriter:
                 f"{scene}/depth/{k:06d}.png", encode_png(np.rint(depth_mm / scale).astype(np.uint16))
             )
         R = matrix_from_quat(truth.q_camera_from_target_wxyz)
+        target = truth.scene.target.drawn(self._target) if isinstance(truth, Truth) else self._target
         files = self._scenes.setdefault(scene, {"scene_gt": {}, "scene_gt_info": {}, "scene_camera": {}})
         files["scene_gt"][str(k)] = [
             {
                 "cam_R_m2c": R.ravel().tolist(),
                 "cam_t_m2c": [v * MM for v in truth.t_camera_from_target_m],
-                "obj_id": OBJECT_ID,
+                "obj_id": self._model_of(frame, target),
             }
         ]
-        files["scene_gt_info"][str(k)] = [_info(frame)]
+        files["scene_gt_info"][str(k)] = [gt_info(frame, target)]
         files["scene_camera"][str(k)] = {"cam_K": frame.camera.K.ravel().tolist(), "depth_scale": scale}
 
+    def _model_of(self, frame: LabelledFrame, target: Target) -> int:
+        """Return the number of the shape that a frame shows; a new one is written."""
+        truth = frame.truth
+        varied = truth.scene.target.variation if isinstance(truth, Truth) else msgspec.UNSET
+        stretch = () if isinstance(varied, msgspec.UnsetType) else tuple(np.ravel(varied.stretch).tolist())
+        shape = stretch if any(stretch) else ()
+        if shape not in self._models:
+            number = self._models[shape] = len(self._models) + 1
+            self._output.write(f"models/obj_{number:06d}.ply", mesh_ply(target))
+            self._infos[str(number)] = model_info(target)
+        return self._models[shape]
+
     def finish(self) -> None:
-        """The scenes' files, the model and the camera."""
+        """The scenes' files, the models' sizes and the camera."""
         for scene, files in self._scenes.items():
             for name, value in files.items():
                 self._output.write(f"{scene}/{name}.json", json_bytes(value))
@@ -93,32 +118,66 @@ class BopWriter:
             "depth_scale": 1.0,
         }
         self._output.write("camera.json", json_bytes(table))
-        self._output.write(f"models/obj_{OBJECT_ID:06d}.ply", mesh_ply(self._target))
-        self._output.write("models/models_info.json", json_bytes({str(OBJECT_ID): model_info(self._target)}))
+        self._output.write("models/models_info.json", json_bytes(self._infos))
 
 
-def _info(frame: LabelledFrame) -> dict[str, Any]:
-    truth = frame.truth
-    visible = int(np.count_nonzero(frame.mask))
-    whole, seen = _whole_box(truth.box_amodal_px), _whole_box(truth.box_px)
-    inside = truth.silhouette_inside
+def gt_info(frame: LabelledFrame, target: Target) -> dict[str, Any]:
+    """Return an entry of ``scene_gt_info.json`` by the definitions of the toolkit's `calc_gt_info.py`.
+
+    Boxes are x, y of the first pixel and its way to the last, -1 where nothing is visible; the silhouette of the whole
+    craft reaches up to the image's size beyond the image.
+    """
+    rows, columns = np.nonzero(frame.mask)
+    visible, inside = len(rows), frame.truth.silhouette_inside
+    whole, seen, obj = visible, [-1, -1, -1, -1], [-1, -1, -1, -1]
+    bounds = np.full((2, 2), np.nan)
+    if inside < 1 or not visible:
+        beside = pixels_beside(frame.camera, frame.pose, target)
+        if beside is None:  # no raster reaches behind the camera
+            whole = round(visible / (inside or 1.0))
+        else:
+            whole, bounds = visible + beside[0], beside[1]
+    if visible:
+        own = np.array([[columns.min(), rows.min()], [columns.max(), rows.max()]])
+        seen = _way(*own)
+        obj = _way(np.fmin(own[0], bounds[0]), np.fmax(own[1], bounds[1]))
     return {
-        "bbox_obj": whole,
+        "bbox_obj": obj,
         "bbox_visib": seen,
-        "px_count_all": round(visible / inside) if inside > 0 else 0,
-        "px_count_valid": visible,
+        "px_count_all": whole,
+        "px_count_valid": visible,  # depth is known on the whole mask
         "px_count_visib": visible,
-        "visib_fract": inside,
+        "visib_fract": visible / whole if whole else 0.0,
     }
 
 
-def _whole_box(box: tuple[float, float, float, float] | None) -> list[int]:
-    """X y width height in whole pixels that a box touches; BOP's for nothing."""
-    if box is None:
-        return [-1, -1, -1, -1]
-    x0, y0 = np.floor(np.asarray(box[:2]) + 0.5).astype(int).tolist()
-    x1, y1 = np.ceil(np.asarray(box[2:]) + 0.5).astype(int).tolist()
-    return [x0, y0, x1 - x0, y1 - y0]
+def pixels_beside(camera: Camera, pose: Pose, target: Target) -> tuple[int, FloatArray] | None:
+    """Find the silhouette's pixels beside the image of a pinhole, as far from it as its own size.
+
+    Returns
+    -------
+    Their number and the (2, 2) x, y of the first and last column and row, NaN of none; None near the camera.
+    """
+    mesh = mesh_of(target)
+    in_camera = pose.apply(mesh.positions_m)
+    if in_camera[:, 2].min() <= NEAREST_M:
+        return None
+    size = np.array([camera.width_px, camera.height_px])
+    vertices = camera.project(in_camera) + size + 0.5  # from the corner of a canvas of three images by three
+    across = np.diff(np.clip([vertices.min(axis=0), vertices.max(axis=0)], 0, 3 * size), axis=0)
+    scale = min(1.0, _CANVAS_PX / max(float(np.sqrt(across.prod())), 1.0))
+    width, height = np.ceil(3 * size * scale).astype(int).tolist()
+    grid = filled_mask(vertices[mesh.triangles] * scale - 0.5, (width, height))
+    grid[tuple(slice(*np.rint(np.array([n, 2 * n]) * scale).astype(int)) for n in size[::-1])] = 0
+    x, y, width, height = cv2.boundingRect(grid)
+    bounds = np.array([[x, y], [x + width - 1, y + height - 1]]) / scale - size
+    count = round(int(np.count_nonzero(grid)) / scale**2)
+    return count, bounds if count else np.full((2, 2), np.nan)
+
+
+def _way(first: NDArray[Any], last: NDArray[Any]) -> list[int]:
+    """Return x, y, width and height from the first pixel to the last."""
+    return [round(float(v)) for v in (*first, *(last - first))]
 
 
 def mesh_ply(target: Target) -> bytes:

@@ -19,6 +19,7 @@ from simulator.dataset.formats.native import (
     read_bytes,
 )
 from simulator.labels.imported import LabelRecord, parse_label_record
+from simulator.runtime.untrusted_files import refuse_link_out
 from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
@@ -121,9 +122,13 @@ def frame_from_files(number: int, files: EncodedFrame, split: str = "") -> Label
 def frame_from_folder(folder: Path, number: int, split: str = "") -> LabelledFrame:
     """Frame ``number`` of a native data set; each file is read when it is asked for."""
     stem = frame_paths(folder, number).truth.with_suffix("")
-    return LabelledFrame(
-        number, lambda ending: read_bytes(stem.with_name(f"{stem.name}.{ending}")), str(stem), split
-    )
+
+    def read(ending: str) -> bytes:
+        path = stem.with_name(f"{stem.name}.{ending}")
+        refuse_link_out(path, folder)
+        return read_bytes(path)
+
+    return LabelledFrame(number, read, str(stem), split)
 
 
 def native_names(frame: LabelledFrame) -> list[tuple[str, bytes]]:

@@ -14,7 +14,7 @@ from simulator.dataset.formats.exr import MOST_BYTES, MOST_PIXELS, MOST_SIDE_PX,
 from simulator.errors import UserError
 from simulator.labels.truth import truth_to_json
 from simulator.runtime.files import write_atomic
-from simulator.runtime.untrusted_files import read_regular
+from simulator.runtime.untrusted_files import read_regular, refuse_link_out
 from simulator.targets.textures import picture_size
 
 if TYPE_CHECKING:
@@ -203,6 +203,17 @@ def write_encoded(folder: Path, k: int, files: EncodedFrame) -> FramePaths:
 
 
 def is_whole(folder: Path, k: int) -> bool:
-    """Whether frame k was written to the end."""
+    """Return True if frame k was written to the end.
+
+    Raises
+    ------
+    UserError
+        If one of its files is reached by a link out of the folder.
+    """
     paths = frame_paths(folder, k)
-    return paths.truth.is_file() and paths.image.is_file() and paths.mask.is_file()
+    if not (paths.truth.is_file() and paths.image.is_file() and paths.mask.is_file()):
+        return False
+    if paths.truth.parent.is_symlink() or any(p.is_symlink() for p in (paths.truth, paths.image, paths.mask)):
+        for path in (paths.truth, paths.image, paths.mask):
+            refuse_link_out(path, folder)
+    return True

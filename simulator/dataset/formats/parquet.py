@@ -14,6 +14,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, import_needed
+from simulator.dataset.formats.eight_bits import scale_sentence
 from simulator.dataset.formats.shards import Shards
 
 if TYPE_CHECKING:
@@ -148,6 +149,8 @@ def readme(card: DatasetCard, counts: dict[str, int], fields: dict[str, str]) ->
     ]
     for split in counts:
         lines += [f"  - split: {split}", f"    path: data/{split}-*.parquet"]
+    bits = card.image_bits or 8
+    scale = ["", f"The {scale_sentence(bits)}."] if bits > 8 else []
     size = f"{card.camera.width_px} x {card.camera.height_px} pixels"
     of = ", ".join(f"{n} {name}" for name, n in counts.items())
     summary = (
@@ -159,6 +162,7 @@ def readme(card: DatasetCard, counts: dict[str, int], fields: dict[str, str]) ->
         f"# {title}",
         "",
         summary,
+        *scale,
         "",
         "| column | kind |",
         "|---|---|",

@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from simulator.camera.lens.files import parse_camera
 from simulator.errors import UserError
-from simulator.runtime.untrusted_files import decode_text, find_beside, read_regular, refuse_deep
+from simulator.runtime.untrusted_files import (
+    decode_text,
+    find_beside,
+    read_regular,
+    refuse_deep,
+    refuse_link_out,
+)
 from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
@@ -64,8 +70,9 @@ def read_json(path: Path, *, most_bytes: int = MOST_BYTES) -> Any:  # noqa: ANN4
     Raises
     ------
     UserError
-        If it cannot be read, is too long, too deep, or no JSON.
+        If it cannot be read, is a link out of its folder, too long, too deep, or no JSON.
     """
+    refuse_link_out(path, path.parent)
     try:
         data = read_regular(path, most_bytes)
         refuse_deep(data, str(path))
@@ -82,8 +89,9 @@ def read_csv(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
     Raises
     ------
     UserError
-        If it cannot be read, or lacks one of the columns.
+        If it cannot be read, is a link out of its folder, or lacks one of the columns.
     """
+    refuse_link_out(path, path.parent)
     try:
         text = decode_text(read_regular(path, MOST_BYTES), str(path))
         reader = csv.DictReader(io.StringIO(text, newline=""), skipinitialspace=True)
@@ -113,6 +121,7 @@ def find_camera(folder: Path, levels: int = 2) -> Camera | None:
     for place in (folder, *folder.resolve().parents[:levels]):
         path = place / "camera.json"
         if path.is_file():
+            refuse_link_out(path, place)
             content = read_regular(path, MOST_CAMERA_BYTES)
             return parse_camera(content, str(path)).camera(str(path))
     return None
@@ -128,7 +137,7 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
     Raises
     ------
     UserError
-        If it is in none of them, or the name leads out of them.
+        If it is in none of them, or the name or a link leads out of the list's folder.
     """
     if not isinstance(name, str) or not name:
         raise UserError(f"{labels} names a picture {name!r}; a file name is needed")
@@ -136,6 +145,7 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
     for place in places:
         path = find_beside(place / labels.name, name, "picture")
         if path.is_file():
+            refuse_link_out(path, labels.parent)
             return path
         looked.append(str(place))
     raise UserError(f"{labels} names {name}, which is not in {' or '.join(looked)}; give the whole data set")

@@ -109,7 +109,7 @@ def check_formats(names: Iterable[str], card: DatasetCard) -> list[str]:
     chosen = [find_format(name) for name in names if name != NATIVE]
     for form in chosen:
         form.check(card)
-    return [form.sentence() for form in chosen]
+    return [form.sentence(card) for form in chosen]
 
 
 def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, str]:

@@ -39,16 +39,14 @@ def json_bytes(value: Any) -> bytes:  # noqa: ANN401 - any JSON value
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
 
 
-def picture_file(frame: LabelledFrame) -> tuple[str, bytes]:
-    """Ending and bytes of a frame's image as SPEED has it: JPEG in grey or colour; of more than 8 bits the PNG."""
+def jpeg(frame: LabelledFrame) -> bytes:
+    """Return a frame's image of 8 bits as JPEG, grey or in colour."""
     image = frame.image
-    if image.dtype != np.uint8:
-        return "png", frame.read("png")
     bgr = image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
     ok, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     if not ok:
         raise RuntimeError(f"OpenCV could not encode {frame.where}")
-    return "jpg", data.tobytes()
+    return data.tobytes()
 
 
 class SpeedWriter:
@@ -65,11 +63,10 @@ class SpeedWriter:
 
     def write(self, frame: LabelledFrame) -> None:
         """The picture; its row is kept for the list."""
-        ending, data = picture_file(frame)
         split = frame.split or "train"
-        name = f"img{frame.number:06d}.{ending}"
+        name = f"img{frame.number:06d}.jpg"
         folder = "synthetic/images" if self._kind == "speedplus" else f"images/{split}"
-        self._output.write(f"{folder}/{name}", data)
+        self._output.write(f"{folder}/{name}", jpeg(frame))
         self._rows.setdefault(split, []).append(
             {
                 "filename": name,
@@ -102,7 +99,7 @@ def _speedplus(output: FormatOutput, card: DatasetCard) -> FormatWriter:
 
 
 _POSES = {
-    "carries": "image (JPEG; PNG where it has more than 8 bits), pose and camera",
+    "carries": "image (JPEG), pose and camera",
     "lacks": "masks, boxes, keypoints and layers",
 }
 SPEED = DatasetFormat(

@@ -29,7 +29,7 @@ from simulator.dataset.formats.posed_pictures import (
 )
 from simulator.dataset.formats.speed_writer import json_bytes, speed_camera
 from simulator.errors import UserError
-from simulator.runtime.untrusted_files import decode_text, read_regular
+from simulator.runtime.untrusted_files import decode_text, read_regular, refuse_link_out
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
@@ -98,6 +98,7 @@ def read_urso(place: Path) -> PosedPictures | None:
     labels = lists[0]
     rows = read_csv(labels, COLUMNS)
     images = labels.with_name(labels.name.replace("_poses_gt", "_images"))
+    refuse_link_out(images, labels.parent)
     try:
         names = decode_text(read_regular(images, MOST_BYTES), str(images)).split()
     except OSError as error:

@@ -48,11 +48,15 @@ class YoloWriter:
         return " ".join(words) + "\n"
 
     def finish(self) -> None:
-        """``data.yaml``; a trainer wants a validation list, which without a split is the training one."""
+        """Write ``data.yaml``; a trainer wants a validation list, which without a split is the training one.
+
+        Ultralytics takes a relative ``path`` from its own settings' folder or the working directory, and the folder of
+        the file where there is none: so there is none.
+        """
         names = list(self._target.keypoints)
         lines = [
             "# keypoints have no mirror images: train with fliplr=0",
-            "path: .",
+            "# folders are beside this file, wherever it is moved: give its full path as data=",
             "train: images/train",
             f"val: images/{'val' if 'val' in self._splits else 'train'}",
             *(["test: images/test"] if "test" in self._splits else []),

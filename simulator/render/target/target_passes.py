@@ -346,7 +346,8 @@ def material_values(materials: tuple[Material, ...], bands: Bands) -> Mapping[st
         ]
         if material.anisotropy > 0:
             strength = material.anisotropy * (-1 if material.turned else 1)
-            grain[k] = [*(np.asarray(material.grain) / np.linalg.norm(material.grain)), strength]
+            length = max(float(np.linalg.norm(material.grain)), 1e-9)  # a grain of no direction stays none
+            grain[k] = [*(np.asarray(material.grain) / length), strength]
     return MappingProxyType(
         {"u_material_color": color, "u_material_surface": surface, "u_material_grain": grain}
     )

@@ -8,8 +8,7 @@ from flyaround.__main__ import run
 from simulator.dataset.check.geometry import check_keypoints
 from simulator.errors import UserError
 from simulator.labels.truth import read_truth
-from simulator.recipes.plan import plan_recipe
-from simulator.recipes.vary import varied_plan
+from simulator.recipes.plan import plan_recipe, varied_plan
 from simulator.recipes.vary_file import load_vary
 from simulator.scene.limits import scene_problem
 from simulator.scene.state import SceneState

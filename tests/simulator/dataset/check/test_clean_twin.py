@@ -1,13 +1,18 @@
-"""The check of the clean twin where the detector is warm: the image has the dark current's mean, the twin has not."""
+"""The check of the clean twin: good frames of every detector pass, a twin of another image does not."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from simulator.camera.detector.sensor import Detector, Sensor, noiseless
+from simulator.camera.detector.electrons import white_balance
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.presets import sensor_preset
+from simulator.camera.detector.sensor import Detector, Sensor, noiseless, with_bits
 from simulator.dataset.check.clean_twin import check_clean
 from simulator.imaging.image_formation import digitise
+from simulator.scene.illumination.bands import sunlight_balance
 
 EXPOSURE_S = 0.1
 
@@ -52,3 +57,85 @@ def test_heat_is_of_the_exposure():
     truth, image, mask, clean = taken(warm(), 0.25)
     longer = SimpleNamespace(scene=SimpleNamespace(sensor=truth.scene.sensor, exposure_s=2 * EXPOSURE_S))
     assert check_clean(longer, image, mask, clean)
+
+
+def sky_and_craft(sensor, level, exposure_s, colours=None):
+    """A black sky, an Earth of a level on its left and a craft of a third of that: record, image, mask, clean twin.
+
+    Parameters
+    ----------
+    colours : of Earth and craft, over white in sunlight; one band without.
+    """
+    mask = np.zeros((96, 128), np.uint8)
+    mask[20:70, 20:100] = 255
+    light = np.float32(0.02 * level) * np.linspace(0, 1, 128, dtype=np.float32) + np.float32(level / 3) * (
+        mask > 0
+    )
+    light[:, :40] += np.float32(level)
+    balance = 1.0
+    if colours is not None:
+        balance = sunlight_balance("rgb")
+        balance = balance if sensor.detector is None else white_balance(sensor, Optics(), balance)
+        light = (light[..., None] * np.asarray(colours) / balance).astype(np.float32)
+    image, clean = (digitise(light, s, 1, 2, exposure_s, balance) for s in (sensor, noiseless(sensor)))
+    scene = SimpleNamespace(
+        sensor=sensor, exposure_s=exposure_s, optics=Optics(), bands="mono" if colours is None else "rgb"
+    )
+    return SimpleNamespace(scene=scene), image, mask, clean
+
+
+def detector_of(preset, bits, colour_filter="none", noise=1.0):
+    sensor = with_bits(sensor_preset(preset), bits)
+    d = sensor.detector
+    more = {"read_noise_e": d.read_noise_e * noise, "dsnu_e": d.dsnu_e * noise}
+    return replace(sensor, detector=replace(d, colour_filter=colour_filter, **more))
+
+
+WHITE, BLUE, RED = (1, 1, 1), (0.4, 0.7, 1.2), (1.2, 0.6, 0.3)
+
+
+@pytest.mark.parametrize("preset", ["imx174", "cmv4000"])
+@pytest.mark.parametrize("bits", [8, 12, 16])
+@pytest.mark.parametrize(
+    ("colours", "colour_filter"),
+    [(None, "none"), (BLUE, "none"), (RED, "none"), (WHITE, "rggb"), (BLUE, "gbrg")],
+)
+def test_good_frames_of_detectors_pass_at_every_depth(preset, bits, colours, colour_filter):
+    for level, exposure_s, noise in (
+        (0.0005, 1e-4, 0.1),
+        (0.05, 0.5, 0.1),
+        (0.2, 0.5, 0.1),
+        (0.5, 1e-4, 1.0),
+        (0.9, 1e-4, 3.0),
+    ):
+        sensor = detector_of(preset, bits, colour_filter, noise)
+        assert check_clean(*sky_and_craft(sensor, level, exposure_s, colours)) == []
+
+
+@pytest.mark.parametrize("preset", ["speed", "thesis"])
+@pytest.mark.parametrize("bits", [8, 12, 16])
+@pytest.mark.parametrize("colours", [None, WHITE, RED])
+def test_good_frames_of_noise_recipes_pass(preset, bits, colours):
+    sensor = with_bits(sensor_preset(preset), bits)
+    for level in (0.001, 0.1, 0.9):
+        assert check_clean(*sky_and_craft(sensor, level, 1e-3, colours)) == []
+
+
+@pytest.mark.parametrize("bits", [8, 12])
+@pytest.mark.parametrize("colour_filter", ["none", "rggb"])
+def test_a_twin_of_another_image_is_caught_in_any_band(bits, colour_filter):
+    sensor = detector_of("imx174", bits, colour_filter)
+    truth, image, mask, clean = sky_and_craft(sensor, 0.5, 1e-3, BLUE)
+    assert check_clean(truth, image, mask, clean) == []
+    step = 2 ** (bits - 8) * 4
+    for band, name in enumerate(("red", "green", "blue")):
+        brighter, darker, flat = clean.copy(), clean.copy(), image.copy()
+        brighter[..., band] += np.array(step, clean.dtype)
+        darker[..., band] -= np.minimum(darker[..., band], np.array(step, clean.dtype))
+        assert f"({name})" in check_clean(truth, image, mask, brighter)[0]
+        assert f"({name})" in check_clean(truth, image, mask, darker)[0]
+        if bits == 12:  # an image without the noise that its record has
+            flat[..., band] = clean[..., band]
+            assert f"({name})" in check_clean(truth, flat, mask, clean)[0]
+    assert check_clean(truth, np.ascontiguousarray(image[..., ::-1]), mask, clean)
+    assert check_clean(truth, image, mask, np.ascontiguousarray(clean[:, ::-1]))

@@ -1,0 +1,44 @@
+"""Images of eight bits out of deeper ones: what readers of most formats take every picture for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.dataset.formats.native import decode_png, encode_png
+from simulator.labels.truth import Truth
+
+if TYPE_CHECKING:
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+
+IMAGES = ("png", "clean.png")
+"""Endings of the files that hold digital numbers."""
+
+
+def image_bits(frame: LabelledFrame) -> int:
+    """Return the depth of a frame's digital numbers; of imported pictures that of their files."""
+    truth = frame.truth
+    return truth.scene.sensor.bits if isinstance(truth, Truth) else 8 * frame.image.itemsize
+
+
+def scale_sentence(bits: int) -> str:
+    """Say how the values of eight bits come from digital numbers of ``bits``."""
+    return f"images have 8 bits: digital numbers of {bits} bits times 255 / {2**bits - 1}, rounded"
+
+
+def with_eight_bits(frame: LabelledFrame) -> LabelledFrame:
+    """Return a frame whose images have eight bits, full scale 255; the frame itself if they have no more."""
+    bits = image_bits(frame)
+    if bits <= 8:
+        return frame
+
+    def read(ending: str) -> bytes:
+        data = frame.read(ending)
+        if ending not in IMAGES:
+            return data
+        values = decode_png(data, f"{frame.where}.{ending}") * np.float32(255 / (2**bits - 1))
+        return encode_png(np.rint(values).astype(np.uint8))
+
+    return replace(frame, read=read)

@@ -1,0 +1,82 @@
+"""Projected triangles filled by OpenCV on the CPU."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.runtime.arrays import ByteArray, FloatArray
+
+FILL_SCALE = 4
+FILL_SHIFT = 4
+BESIDE = 4096  # a polygon that begins farther outside is cut: OpenCV adds up its slopes row by row, with their rounding
+
+
+def filled_mask(corners_px: FloatArray, size: tuple[int, int]) -> ByteArray:
+    """Return a mask of a width and height, 255 where triangles (M, 3, 2) cover at least half of the pixel."""
+    mask = np.zeros(size[::-1], np.uint8)
+    low = np.clip(np.floor(corners_px.min(axis=(0, 1))) - 1, 0, size).astype(int)
+    high = np.clip(np.ceil(corners_px.max(axis=(0, 1))) + 2, 0, size).astype(int)
+    if np.any(high <= low):
+        return mask
+    width, height = (high - low).tolist()
+    fine = np.zeros((height * FILL_SCALE, width * FILL_SCALE), np.uint8)
+    # a pixel's centre is at (FILL_SCALE - 1) / 2 on the finer grid; OpenCV fills what a border touches, half of which
+    # is too much
+    fill_triangles(fine, (corners_px - low) * FILL_SCALE + (FILL_SCALE - 1) / 2)
+    inner = cv2.erode(fine, np.ones((3, 3), np.uint8))
+    share = cv2.resize(
+        cv2.addWeighted(fine, 0.5, inner, 0.5, 0), (width, height), interpolation=cv2.INTER_AREA
+    )
+    mask[low[1] : high[1], low[0] : high[0]] = np.where(share >= 128, np.uint8(255), np.uint8(0))
+    return mask
+
+
+def lowest_and_highest(corners: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """(M, 2) the least and the greatest of the coordinates of triangles (M, 3, 2); numpy is slow along short axes."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
+def fill_triangles(fine: ByteArray, corners: FloatArray) -> None:
+    """Fill triangles (M, 3, 2); those within one pixel are set all at once, which most of a far craft's are."""
+    cells = np.rint(corners).astype(np.int64)
+    least, most = lowest_and_highest(cells)
+    dots = (least[:, 0] == most[:, 0]) & (least[:, 1] == most[:, 1])
+    x, y = cells[dots, 0].T
+    on = (x >= 0) & (y >= 0) & (x < fine.shape[1]) & (y < fine.shape[0])
+    fine[y[on], x[on]] = 255
+    large = corners[~dots]
+    low, high = lowest_and_highest(large)
+    beside = fine.shape[::-1] + np.array([BESIDE, BESIDE])
+    seen = np.all(high >= -1, axis=1) & np.all(low <= fine.shape[::-1], axis=1)
+    far = seen & (np.any(low < -BESIDE, axis=1) | np.any(high > beside, axis=1))
+    near = [*np.rint(large[seen & ~far] * 2**FILL_SHIFT).astype(np.int32)]
+    cut = [polygon_within(triangle, -BESIDE, beside) for triangle in large[far]]
+    for polygon in near + [np.rint(p * 2**FILL_SHIFT).astype(np.int32) for p in cut if len(p)]:
+        cv2.fillConvexPoly(fine, polygon, 255, cv2.LINE_8, FILL_SHIFT)
+
+
+def polygon_within(polygon: FloatArray, low: float, high: FloatArray) -> FloatArray:
+    """What of a convex polygon (K, 2) lies within ``low`` to ``high`` (2,), as corners (L, 2); none where nothing does.
+
+    Source: Sutherland and Hodgman (1974), Reentrant polygon clipping.
+    """
+    for axis, sign, bound in ((0, 1, low), (1, 1, low), (0, -1, -high[0]), (1, -1, -high[1])):
+        if not len(polygon):
+            break
+        inside = sign * polygon[:, axis] - bound
+        corners = []
+        for k, here in enumerate(inside):
+            before = inside[k - 1]
+            if (here >= 0) != (before >= 0):
+                corners.append(polygon[k - 1] + before / (before - here) * (polygon[k] - polygon[k - 1]))
+            if here >= 0:
+                corners.append(polygon[k])
+        polygon = np.array(corners).reshape(-1, 2)
+    return polygon
