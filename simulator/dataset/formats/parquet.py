@@ -149,7 +149,8 @@ def readme(card: DatasetCard, counts: dict[str, int], fields: dict[str, str]) ->
     ]
     for split in counts:
         lines += [f"  - split: {split}", f"    path: data/{split}-*.parquet"]
-    scale = ["", f"The {scale_sentence(card.image_bits)}."] if (card.image_bits or 8) > 8 else []
+    bits = card.image_bits or 8
+    scale = ["", f"The {scale_sentence(bits)}."] if bits > 8 else []
     size = f"{card.camera.width_px} x {card.camera.height_px} pixels"
     of = ", ".join(f"{n} {name}" for name, n in counts.items())
     summary = (
