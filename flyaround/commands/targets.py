@@ -78,15 +78,22 @@ def add(
         bool,
         typer.Option("--recentre", help="Move the origin to the middle of the mesh: poses are the origin's."),
     ] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Take a size that no spacecraft has: under 0.05 m or over 150 m.")
+    ] = False,
     decimate: Annotated[int | None, typer.Option(help="Reduce to at most so many triangles.")] = None,
+    strict: Annotated[
+        bool,
+        typer.Option("--strict", help="Refuse missing files, open outlines, branching and one-sided surfaces."),
+    ] = False,
     fill_holes: Annotated[
         bool, typer.Option("--fill-holes", help="Cap openings where that leaves a solid.")
     ] = False,
     keep_holes: Annotated[
-        bool, typer.Option("--keep-holes", help="Take open surfaces as sheets seen from both sides.")
+        bool, typer.Option("--keep-holes", help="With --strict: allow open surfaces, as sheets seen from both sides.")
     ] = False,
     keep_non_manifold: Annotated[
-        bool, typer.Option("--keep-non-manifold", help="Take edges of three or more faces as they are.")
+        bool, typer.Option("--keep-non-manifold", help="With --strict: allow edges of three or more faces.")
     ] = False,
     new_normals: Annotated[
         bool, typer.Option("--new-normals", help="Compute normals even where the file's fit.")
@@ -105,6 +112,8 @@ def add(
         units=units,
         up=up,
         recentre=recentre,
+        any_size=yes,
+        strict=strict,
         decimate=decimate,
         fill_holes=fill_holes,
         keep_holes=keep_holes,
@@ -128,14 +137,14 @@ def add(
         }
         typer.echo(json.dumps(document))
         return
-    for line in lines:
+    *findings, what = lines
+    for line in findings:
         say(f"- {line}")
     say(f"target {chosen!r} in {path}")
     if page is not None:
         say(f"look at it: {page}")
     say("exposure: [sensor] exposure_s of your scenario; capture says how much of the craft is burnt out")
-    if expect:
-        say(f"estimator: {expect}")
+    say(f"{what}; estimator: {expect or 'its learned proposal is shipped'}")
 
 
 def _expected_of_the_estimator(target: Target) -> str:
