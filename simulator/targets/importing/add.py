@@ -274,11 +274,12 @@ def _checked(
             + (" (--fill-holes caps those that then bound a solid)" if not options.fill_holes else "")
         )
     if branches:
-        found.shape.append(
-            f"kept {branches:,} edges of three or more faces (--strict refuses them and names the first)"
-        )
+        advice = "" if options.keep_non_manifold else " (--strict refuses them and names the first)"
+        found.shape.append(f"kept {branches:,} edges of three or more faces{advice}")
     if one_sided:
-        found.shape.append(f"kept {one_sided:,} faces of one-sided surfaces (--strict refuses them and names the first)")
+        found.shape.append(
+            f"kept {one_sided:,} faces of one-sided surfaces (--strict refuses them and names the first)"
+        )
     return out
 
 
@@ -311,7 +312,9 @@ def _summary(target: Target, openings: int | None = None) -> str:
     """Return what the target is: size, parts, triangles and, where they were counted, openings."""
     size = np.ptp(np.concatenate([p.positions_m for p in target.parts]), axis=0)
     triangles, parts = sum(len(p.triangles) for p in target.parts), len(target.parts)
-    what = f"{' x '.join(f'{s:.4g}' for s in size)} m, {parts} part{'s' * (parts != 1)}, {triangles:,} triangles"
+    what = (
+        f"{' x '.join(f'{s:.4g}' for s in size)} m, {parts} part{'s' * (parts != 1)}, {triangles:,} triangles"
+    )
     if openings is not None:
         what += f", {openings:,} open outline{'s' * (openings != 1)}" if openings else ", closed"
     return f"{target.name}: {what}"

@@ -80,7 +80,9 @@ class _Added:
         """
         array = arrays[key].reshape(-1, 1) if key.startswith("faces") else arrays[key]
         array = np.ascontiguousarray(array.reshape(len(array), -1))
-        kind = int(was.get("componentType", COMPONENT_OF[array.dtype.char if array.dtype.char != "L" else "I"]))
+        kind = int(
+            was.get("componentType", COMPONENT_OF[array.dtype.char if array.dtype.char != "L" else "I"])
+        )
         normalized = bool(was.get("normalized"))
         if (key, kind, normalized) in self._known:
             return self._known[key, kind, normalized]

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 ELSEWHERE = {"animations": "animations (the pose of the nodes is taken)", "cameras": "cameras"}
 """Parts of a document that are reported and left out."""
 
+
 def read_gltf(path: Path, data: bytes) -> RawModel:
     """Read one glTF model; each node with a mesh becomes a part.
 

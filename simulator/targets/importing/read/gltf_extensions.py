@@ -96,9 +96,13 @@ def check_extensions(path: Path, document: dict[str, Any]) -> tuple[list[str], l
         )
     for name in required:
         if name not in READ and name not in HARMLESS and name not in LOST:
-            raise UserError(f"{path} requires the glTF extension {name[:80]}, which is not read; export it without")
+            raise UserError(
+                f"{path} requires the glTF extension {name[:80]}, which is not read; export it without"
+            )
     lost = [LOST[name] for name in present if name in LOST]
-    unknown = [n for n in present if n not in READ and n not in HARMLESS and n not in LOST and n not in MESHOPT]
+    unknown = [
+        n for n in present if n not in READ and n not in HARMLESS and n not in LOST and n not in MESHOPT
+    ]
     notes = []
     if unknown:
         names = ", ".join(name[:80] for name in unknown[:8]) + ", ..." * (len(unknown) > 8)

@@ -152,7 +152,9 @@ class GltfMaterials:
         if source is None:
             source = next((e["source"] for e in record.get("extensions", {}).values() if "source" in e), None)
         if source is None:
-            self._reader.missing[f"texture {number}"] = f"{self._reader.model}: texture {number} names no image"
+            self._reader.missing[f"texture {number}"] = (
+                f"{self._reader.model}: texture {number} names no image"
+            )
             return ""
         if source not in self._pictures:
             image = self._document["images"][source]
@@ -187,7 +189,9 @@ def moved(uv: FloatArray, change: Change) -> FloatArray:
 def _base_texture(m: dict[str, Any]) -> dict[str, Any] | None:
     old = m.get("extensions", {}).get(SPECULAR_GLOSSINESS)
     found: dict[str, Any] | None = (
-        old.get("diffuseTexture") if old is not None else m.get("pbrMetallicRoughness", {}).get("baseColorTexture")
+        old.get("diffuseTexture")
+        if old is not None
+        else m.get("pbrMetallicRoughness", {}).get("baseColorTexture")
     )
     return found
 

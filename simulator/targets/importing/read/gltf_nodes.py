@@ -69,12 +69,15 @@ def placed_meshes(
 
 def _instances(extension: dict[str, Any], read: Callable[[int], FloatArray]) -> list[FloatArray]:
     """Return (4, 4) of each instance relative to its node."""
-    attributes = {key: read(number) for key, number in extension["attributes"].items() if key in INSTANCE_KEYS}
+    attributes = {
+        key: read(number) for key, number in extension["attributes"].items() if key in INSTANCE_KEYS
+    }
     counts = {len(values) for values in attributes.values()}
     if len(counts) != 1 or max(counts) > MOST_PLACED:
         raise ValueError(f"instances have {' and '.join(map(str, sorted(counts))) or 'no'} places")
     return [
-        node_matrix({INSTANCE_KEYS[key]: values[k] for key, values in attributes.items()}) for k in range(max(counts))
+        node_matrix({INSTANCE_KEYS[key]: values[k] for key, values in attributes.items()})
+        for k in range(max(counts))
     ]
 
 

@@ -36,7 +36,8 @@ def split_word(line: str) -> tuple[str, str]:
 
 def unquoted(name: str) -> str:
     """Return a name without the pair of quotes around it, if any."""
-    return name[1:-1].strip() if len(name) > 1 and name[0] == name[-1] and name[0] in "\"'" else name
+    quote = name[:1]
+    return name[1:-1].strip() if quote in ("'", '"') and name.find(quote, 1) == len(name) - 1 > 0 else name
 
 
 def read_named(model: Path, owner: Path, name: str, what: str, most_bytes: int) -> tuple[Path, bytes]:

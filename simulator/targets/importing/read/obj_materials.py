@@ -27,13 +27,21 @@ LARGEST_LIBRARY_BYTES = 16 << 20
 MOST_LIBRARIES = 100
 MOST_OPTIONS = 64
 """Words of the options before a texture's name."""
-_SEVERAL = re.compile(r"\S.*?\.mtl(?=\s|$)", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.IGNORECASE)
+_SEVERAL = re.compile(r"\S.*?\.mtl[\"']?(?=\s|$)", re.IGNORECASE)
 OPTION_WORDS = {
     "-s": 3, "-o": 3, "-t": 3, "-mm": 2, "-blendu": 1, "-blendv": 1, "-boost": 1, "-cc": 1, "-clamp": 1, "-texres": 1,
     "-bm": 1, "-imfchan": 1, "-type": 1,
 }  # fmt: skip
 """Options of a texture by name, with the words that follow each: up to three of -s, -o and -t."""
-HARMLESS_OPTIONS = {"-blendu": "on", "-blendv": "on", "-cc": "off", "-clamp": "off", "-mm": "0 1", "-t": "0 0 0"}
+HARMLESS_OPTIONS = {
+    "-blendu": "on",
+    "-blendv": "on",
+    "-cc": "off",
+    "-clamp": "off",
+    "-mm": "0 1",
+    "-t": "0 0 0",
+}
 """Values that are the default, so that leaving them out changes nothing."""
 UNUSED_OPTIONS = ("-boost", "-texres", "-bm")
 READ_WORDS = ("kd", "ns", "pm", "pr", "pc", "pcr", "map_kd")
@@ -194,7 +202,7 @@ def _lost_words(fields: dict[str, str]) -> list[str]:
     lost = []
     for word, rest in fields.items():
         value = next((x for x in rest.split() if not x.startswith("-")), "")
-        number = float(value) if re.fullmatch(r"[+-]?[\d.]+(?:e[+-]?\d+)?", value, re.IGNORECASE) else None
+        number = float(value) if _NUMBER.fullmatch(value) else None
         if word in READ_WORDS or word in HARMLESS_WORDS:
             continue
         if word in ("d", "tr"):
@@ -247,7 +255,9 @@ def _option_values(after: str, most: int, option: str) -> list[str]:
     if option not in ("-s", "-o", "-t", "-mm"):
         return words
     count = 0
-    while count < len(words) and re.fullmatch(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", words[count], re.IGNORECASE):
+    while count < len(words) and re.fullmatch(
+        r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", words[count], re.IGNORECASE
+    ):
         count += 1
     return words[:count]
 

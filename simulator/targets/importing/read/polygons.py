@@ -29,7 +29,9 @@ def are_convex(quads: FloatArray) -> BoolArray:
         normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
         sides = np.roll(quads, -1, axis=1) - quads
         turns = np.einsum("nkj,nj->nk", np.cross(np.roll(sides, 1, axis=1), sides), normal)
-        return np.asarray((turns >= -1e-12 * np.abs(turns).max(axis=1, initial=0.0, keepdims=True)).all(axis=1))
+        return np.asarray(
+            (turns >= -1e-12 * np.abs(turns).max(axis=1, initial=0.0, keepdims=True)).all(axis=1)
+        )
 
 
 def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:

@@ -21,7 +21,9 @@ MOST_SOLIDS = 4000
 _SOLID = re.compile(rb"\s*solid(?=\s|$)", re.IGNORECASE)
 _FACET = re.compile(rb"facet\s+normal\b|outer\s+loop\b|vertex\s+[-+.\d]", re.IGNORECASE)
 _END = re.compile(rb"(?<![^\s])endsolid\b", re.IGNORECASE)
-_NAME = re.compile(rb"\s*solid\b[ \t]*(.*?)(?=\s*(?:[\r\n]|\bfacet\s+normal\b|\bendsolid\b|$))", re.IGNORECASE)
+_NAME = re.compile(
+    rb"\s*solid\b[ \t]*(.*?)(?=\s*(?:[\r\n]|\bfacet\s+normal\b|\bendsolid\b|$))", re.IGNORECASE
+)
 _LOOP = re.compile(rb"\bouter\s+loop\b", re.IGNORECASE)
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
@@ -107,7 +109,9 @@ def _text_solids(path: Path, text: bytes) -> list[tuple[str, FloatArray]]:
     if _VERTEX.search(rest) or not solids:
         raise UserError(f"{path} is cut short (no endsolid); copy or export it again")
     if len(solids) > MOST_SOLIDS:
-        raise UserError(f"{path} has {len(solids):,} solids and at most {MOST_SOLIDS:,} are taken; export it with fewer")
+        raise UserError(
+            f"{path} has {len(solids):,} solids and at most {MOST_SOLIDS:,} are taken; export it with fewer"
+        )
     out = []
     for number, solid in enumerate(solids):
         # what follows endsolid on its line is the name again
@@ -119,8 +123,11 @@ def _text_solids(path: Path, text: bytes) -> list[tuple[str, FloatArray]]:
 
 def _corners(path: Path, solid: bytes) -> FloatArray:
     facets = len(_LOOP.findall(solid))
+    first = _LOOP.search(solid)  # a name before it may hold any word
     try:
-        corners = np.array(_VERTEX.findall(solid), float).reshape(-1, 3)
+        corners = np.array(_VERTEX.findall(solid, first.start() if first else len(solid)), float).reshape(
+            -1, 3
+        )
     except ValueError as error:
         raise UserError(
             f"{path} has a vertex that is no three numbers; export it again, as binary"

@@ -97,7 +97,9 @@ class PictureReader:
         try:
             place, data = read_named(self.model, owner, name, "texture", LARGEST_PICTURE_BYTES)
         except NotReadError as error:
-            why = str(error).replace(f"texture file {name[:80]!r}", f"texture {name[:80]!r} of material {material[:80]!r}")
+            why = str(error).replace(
+                f"texture file {name[:80]!r}", f"texture {name[:80]!r} of material {material[:80]!r}"
+            )
             self.missing[name] = why
             return None
         if place not in self._read:

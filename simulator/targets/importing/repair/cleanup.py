@@ -103,9 +103,7 @@ def _copies(triangles: IntArray) -> BoolArray:
     return again
 
 
-def oriented(
-    body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool
-) -> tuple[MeshBody, int]:
+def oriented(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool) -> tuple[MeshBody, int]:
     """Wind every connected piece consistently and outwards; count the faces of one-sided pieces, which stay.
 
     Closed pieces by their volume; open ones by the file's normals where it has some, else as most of their area is.

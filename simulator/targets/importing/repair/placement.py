@@ -166,9 +166,7 @@ def _origin_lines(model: RawModel, low: FloatArray, high: FloatArray, *, recentr
     return [line]
 
 
-def _check_size(
-    model: RawModel, extent_m: float, factor: float, *, said: bool, any_size: bool
-) -> list[str]:
+def _check_size(model: RawModel, extent_m: float, factor: float, *, said: bool, any_size: bool) -> list[str]:
     """Refuse a size that no spacecraft has, or return a line about it where the user confirms it."""
     if SMALLEST_M <= extent_m <= LARGEST_M:
         return []
@@ -178,9 +176,15 @@ def _check_size(
             f"{LARGEST_DRAWN_M:g} m can); correct --units or --scale"
         )
     if any_size:
-        return [f"{extent_m:.4g} m across, outside the sizes of spacecraft ({SMALLEST_M:g} to {LARGEST_M:g} m): confirmed"]
+        return [
+            f"{extent_m:.4g} m across, outside the sizes of spacecraft ({SMALLEST_M:g} to {LARGEST_M:g} m): confirmed"
+        ]
     across = f"{extent_m:.4g} m across" + (f" (scaled by {factor:g})" if said else "")
-    confirm = "--yes if it is that size" if SMALLEST_DRAWN_M <= extent_m <= LARGEST_DRAWN_M else "--scale with the factor to metres"
+    confirm = (
+        "--yes if it is that size"
+        if SMALLEST_DRAWN_M <= extent_m <= LARGEST_DRAWN_M
+        else "--scale with the factor to metres"
+    )
     raise UserError(
         f"{model.path} is {across}, not the size of a spacecraft ({SMALLEST_M:g} to {LARGEST_M:g} m); "
         f"{_proposed_unit(extent_m / factor, units_in_metres=factor)}{confirm}"
@@ -189,11 +193,13 @@ def _check_size(
 
 def _proposed_unit(extent: float, units_in_metres: float) -> str:
     """Return the advice to give the unit under which a craft of ``extent`` units is likeliest, if there is one."""
-    fits = [
-        u for u, m in UNITS_M.items() if m != units_in_metres and SMALLEST_M <= extent * m <= LIKELY_M
-    ]
+    fits = [u for u, m in UNITS_M.items() if m != units_in_metres and SMALLEST_M <= extent * m <= LIKELY_M]
     if not fits:
-        return f"add --scale with the factor to metres (--scale {1 / extent:.3g} makes it 1 m), or " if extent else ""
+        return (
+            f"add --scale with the factor to metres (--scale {1 / extent:.3g} makes it 1 m), or "
+            if extent
+            else ""
+        )
     unit = next(u for u in ("mm", "m", "cm", "in") if u in fits)
     others = "".join(f", --units {u} ({extent * UNITS_M[u]:.3g} m)" for u in fits if u != unit)
     return f"add --units {unit} if it is in {UNIT_NAMES[unit]} ({extent * UNITS_M[unit]:.3g} m){others}, or "
