@@ -110,7 +110,8 @@ def add(
         bool, typer.Option("--new-normals", help="Compute normals even where the file's fit.")
     ] = False,
     classes: Annotated[
-        Path | None, typer.Option("--classes", help="TOML file that sets the classes of parts by their names.")
+        Path | None,
+        typer.Option("--classes", help="TOML file that sets the classes of parts by their names."),
     ] = None,
     mass: Annotated[float | None, typer.Option("--mass", help="Mass of the craft [kg].")] = None,
     density: Annotated[float | None, typer.Option("--density", help="Or its mean density [kg/m3].")] = None,

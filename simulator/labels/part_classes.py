@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 PART_CLASSES: tuple[PartClass, ...] = get_args(PartClass)
 
 _NOT_OF_A_BODY = "".join(
-    f"(?<!{word}_)" for word in ("asar", "radiator", "side", "body", "access", "front", "rear", "top", "bottom", "back")
+    f"(?<!{word}_)"
+    for word in ("asar", "radiator", "side", "body", "access", "front", "rear", "top", "bottom", "back")
 )
 _WORDS: dict[PartClass, str] = {
     "solar_array": r"solar(?!_(?:probe|orbiter|sensors?|telescope|observatory|shield))|(?<!fuel_)(?<!load_)cells?|wings?"
@@ -128,6 +129,8 @@ def classes_from(document: dict[str, Any], where: str, parts: Sequence[str]) -> 
         matching = [p for p in parts if p == pattern or fnmatchcase(p, pattern)]
         if not matching:
             near = near_names(pattern, parts, 3) or list(parts[:3])
-            raise UserError(f"{where}: key classes.{pattern!r} is no part; name one, such as {', '.join(near)}")
+            raise UserError(
+                f"{where}: key classes.{pattern!r} is no part; name one, such as {', '.join(near)}"
+            )
         found |= dict.fromkeys(matching, chosen)
     return found

@@ -128,7 +128,12 @@ def bad_files(folder):
     yield "open.stl", open_box.export(file_type="stl"), ("--strict",), "open edges"
     yield "nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", (), "1 of 3 vertices are not finite"
     yield "flat.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", (), "no face with area"
-    yield "mtl.obj", b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ("--strict",), "'gone.mtl' is missing"
+    yield (
+        "mtl.obj",
+        b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+        ("--strict",),
+        "'gone.mtl' is missing",
+    )
     fin = trimesh.Trimesh([*box.vertices, [0, 3, 0]], [*box.faces, [*box.faces[0, :2], 8]], process=False)
     yield "fin.stl", fin.export(file_type="stl"), ("--strict", "--keep-holes"), "--keep-non-manifold"
     (folder / "skin.mtl").write_text("newmtl skin\nmap_Kd gone.png\n")
@@ -146,7 +151,9 @@ def bad_files(folder):
     small = trimesh.creation.box((0.02, 0.04, 0.03)).export(file_type="stl")
     yield "small.stl", small, ("--units", "m"), "--yes if it is that size"
     yield "classes.stl", stl, ("--classes", folder / "gone.toml"), "name a file of part classes"
-    (folder / "classes.toml").write_text('schema = "flyaround.part_classes"\nversion = 1\n[classes]\nwing = "sensor"')
+    (folder / "classes.toml").write_text(
+        'schema = "flyaround.part_classes"\nversion = 1\n[classes]\nwing = "sensor"'
+    )
     yield "classes.stl", stl, ("--classes", folder / "classes.toml"), "is no part; name one, such as body"
 
 
