@@ -26,10 +26,11 @@ _NOT_OF_A_BODY = "".join(
     for word in ("asar", "radiator", "side", "body", "access", "front", "rear", "top", "bottom", "back")
 )
 _WORDS: dict[PartClass, str] = {
-    "solar_array": r"solar(?!_(?:probe|orbiter|sensors?|telescope|observatory|shield))|(?<!fuel_)(?<!load_)cells?|wings?"
+    "solar_array": r"solar(?!_(?:probe|orbiter|sensors?|telescope|observatory|shield))"
+    r"|(?<!fuel_)(?<!load_)cells?|wings?"
     rf"|(?<!antenna_)(?<!phased_)arrays?|{_NOT_OF_A_BODY}panels?|busbars|trunk_cell_base|photovoltaics?|pv",
-    "antenna": r"antennas?|antennae|aerials?|dish|dishes|(?:gnss|gps|uhf|vhf|s_band|x_band)(?:_patch)?|spirals?|^rod|whips?"
-    r"|^tape|feeds?|feedhorns?|[slcxk]_band|asar|doris|ka|(?:relay|rendezvous)_boom|horns|(?<!retro_)reflectors?|relay"
+    "antenna": r"antennas?|antennae|aerials?|dish|dishes|(?:gnss|gps|uhf|vhf|s_band|x_band)(?:_patch)?|spirals?|^rod"
+    r"|whips?|^tape|feeds?|feedhorns?|[slcxk]_band|asar|doris|ka|(?:relay|rendezvous)_boom|horns|(?<!retro_)reflectors?|relay"
     r"|hga|mga|lga|patch",
     "propulsion": r"thrusters?|engines?|nozzles?|tanks?|chamber|draco|rcs|propulsion|propellant",
     "docking": r"docking|hatch|capture_petals|soft_capture|guide_(?:petals|ring)|berthing|^probe(?:_arms|_base)?$"

@@ -9,7 +9,6 @@ import numpy as np
 
 from simulator.runtime.arrays import Float32Array, FloatArray, IntArray, Mat3, Vec3
 
-
 PartClass = Literal["solar_array", "antenna", "propulsion", "docking", "sensor", "radiator", "body"]
 
 

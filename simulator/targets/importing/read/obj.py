@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.targets.importing.read.obj_materials import MaterialLibraries
 from simulator.targets.importing.read.named_files import split_word, text_lines, unquoted
+from simulator.targets.importing.read.obj_materials import MaterialLibraries
 from simulator.targets.importing.read.polygons import are_convex, fan, polygon_triangles
 from simulator.targets.importing.read.raw_model import UNNAMED_SURFACE, RawModel, RawPart, unique_names
 from simulator.targets.importing.read.textures import linear_from_srgb
@@ -28,8 +28,8 @@ LARGEST_NUMBER = 2**40
 
 CURVES = ("l", "p", "curv", "curv2", "surf")
 HARMLESS = (
-    "s", "mg", "vp", "bevel", "c_interp", "d_interp", "lod", "shadow_obj", "trace_obj", "ctech", "stech", "cstype", "deg",
-    "bmat", "step", "parm", "trim", "hole", "scrv", "sp", "end", "con",
+    "s", "mg", "vp", "bevel", "c_interp", "d_interp", "lod", "shadow_obj", "trace_obj", "ctech", "stech", "cstype",
+    "deg", "bmat", "step", "parm", "trim", "hole", "scrv", "sp", "end", "con",
 )  # fmt: skip
 """Statements of the format that change no triangle, or belong to curves, which are reported as such."""
 _COMMENT = re.compile(r"(?:^|\s)#.*")
@@ -107,9 +107,8 @@ def _statements(path: Path, data: bytes) -> _Statements:
         word, rest = split_word(line)
         if word not in rows and word != "f":
             word = word.lower()
-        if word in rows or word in ("f", "fo"):
-            if "#" in rest:
-                rest = _COMMENT.sub("", rest)
+        if (word in rows or word in ("f", "fo")) and "#" in rest:
+            rest = _COMMENT.sub("", rest)
         if word in rows:
             rows[word].append(rest)
         elif word in ("f", "fo"):

@@ -83,7 +83,8 @@ def _is_text(data: bytes) -> bool:
 def _binary_corners(path: Path, data: bytes, notes: list[str]) -> FloatArray:
     if len(data) < HEADER_BYTES:
         raise UserError(
-            f"{path} is cut short or no STL ({len(data)} bytes; a binary one has {HEADER_BYTES} at least); export it again"
+            f"{path} is cut short or no STL ({len(data)} bytes; a binary one has {HEADER_BYTES} at least); "
+            "export it again"
         )
     count = int.from_bytes(data[80:84], "little")
     whole, rest = divmod(len(data) - HEADER_BYTES, RECORD.itemsize)

@@ -81,7 +81,7 @@ class PictureReader:
         """One sentence about the textures that were not read, if any."""
         if not self.missing:
             return []
-        (name, why), *others = self.missing.items()
+        (_, why), *others = self.missing.items()
         named = ", ".join(repr(n) for n, _ in others[:5]) + ", ..." * (len(others) > 5)
         more = f" (and {len(others)} more: {named})" if others else ""
         return [f"{why}{more}: drawn in the factor colour of the material"]

@@ -113,10 +113,10 @@ def test_keypoints_are_spread_over_the_craft_and_not_along_its_boom(tmp_path):
     pieces.append(
         trimesh.creation.box((5.0, 0.05, 0.05), trimesh.transformations.translation_matrix((3.1, 0, 0)))
     )
-    for x in np.arange(1.0, 5.5, 0.5):
-        pieces.append(
-            trimesh.creation.box((0.08, 0.12, 0.12), trimesh.transformations.translation_matrix((x, 0, 0)))
-        )
+    pieces += [
+        trimesh.creation.box((0.08, 0.12, 0.12), trimesh.transformations.translation_matrix((x, 0, 0)))
+        for x in np.arange(1.0, 5.5, 0.5)
+    ]
     path = tmp_path / "boom.stl"
     path.write_bytes(trimesh.util.concatenate(pieces).export(file_type="stl"))
     points = np.array([k.position_m for k in import_mesh(path, "boom")[0].keypoints])
