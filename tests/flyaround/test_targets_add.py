@@ -251,10 +251,31 @@ def test_unwritable_data_folder(capsys, mesh_file, monkeypatch, tmp_path):
     assert "set FLYAROUND_DATA_DIR" in error
 
 
+def open_satellite(path):
+    """The satellite with a bus that lacks its lid, wings that are sheets, and a fin on an edge of the bus."""
+    (_, bus), (_, py), (_, ny), (_, mast) = satellite()
+    bus = trimesh.Trimesh(bus.vertices, bus.faces[bus.face_normals[:, 2] < 0.9], process=False)
+    top = [trimesh.Trimesh(w.vertices, w.faces[w.face_normals[:, 2] > 0.9], process=False) for w in (py, ny)]
+    fin = [[0.5, 0.4, -0.3], [-0.5, 0.4, -0.3], [0.0, 0.9, -0.3]]
+    corners = np.concatenate([bus.vertices, fin])
+    n = len(bus.vertices)
+    with_fin = trimesh.Trimesh(corners, [*bus.faces, [n, n + 1, n + 2]], process=False)
+    scene = trimesh.Scene()
+    for name, mesh in (("bus", with_fin), ("wing_py", top[0]), ("wing_ny", top[1]), ("mast", mast)):
+        scene.add_geometry(mesh, node_name=name, geom_name=name)
+    path.write_bytes(scene.export(file_type="glb"))
+    return path
+
+
 @pytest.mark.gl
-def test_render_capture_check_and_contact_sheet_of_an_added_mesh(capsys, mesh_file, tmp_path):
+def test_render_capture_check_and_contact_sheet_of_an_added_mesh(capsys, tmp_path):
+    """A mesh of open sheets and branching edges: its labels hold from both sides."""
+    mesh_file = open_satellite(tmp_path / "My Sat.glb")
     code, out, _ = command(capsys, "add", mesh_file, "--up", "z", "--json")
     assert code == 0
+    report = " / ".join(json.loads(out)["report"])
+    assert "kept 4 open outlines" in report
+    assert "kept 1 edges of three or more faces" in report
     page = Path(json.loads(out)["contact_sheet"])
     assert page == data_folder() / "my-sat-sheet" / "index.html"
     text = page.read_text()

@@ -163,7 +163,7 @@ def read_surface(
     """
     model = read_mesh(path)
     if options.strict and model.faults:
-        raise UserError("; ".join(model.faults))
+        raise UserError(f"{path}: {'; '.join(model.faults)}")
     check_numbers(model)
     check_count(model, options.decimate)
     check_parts(model)

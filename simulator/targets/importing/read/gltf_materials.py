@@ -152,9 +152,7 @@ class GltfMaterials:
         if source is None:
             source = next((e["source"] for e in record.get("extensions", {}).values() if "source" in e), None)
         if source is None:
-            self._reader.missing[f"texture {number}"] = (
-                f"{self._reader.model}: texture {number} names no image"
-            )
+            self._reader.missing[f"texture {number}"] = f"texture {number} names no image"
             return ""
         if source not in self._pictures:
             image = self._document["images"][source]

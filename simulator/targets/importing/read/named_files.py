@@ -12,8 +12,8 @@ _LINE_END = re.compile(r"\r\n?")
 _CONTINUED = re.compile(r"\\[ \t]*\n")
 
 
-class NotReadError(UserError):
-    """A file beside the model that is missing or cannot be read; the model can be drawn without it."""
+class NotReadError(Exception):
+    """A file beside the model that is missing or cannot be read: its message says which and why, without a path."""
 
 
 def text_lines(data: bytes) -> list[str]:
@@ -75,7 +75,7 @@ def read_named(model: Path, owner: Path, name: str, what: str, most_bytes: int) 
             first = first or UserError(
                 f"{owner}: {what} file {name[:80]!r} is missing; put it beside the model"
             )
-    raise NotReadError(str(first or f"{owner}: {what} file without a name"))
+    raise NotReadError(str(first or f"{what} file without a name").removeprefix(f"{owner}: "))
 
 
 def _in_other_capitals(place: Path) -> Path:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 
 LARGEST_NUMBER = 2**40
+MOST_CLIPPING = 50e6
+"""Sum of the squared numbers of corners of polygons that are no triangles or convex quadrilaterals."""
 
 
 CURVES = ("l", "p", "curv", "curv2", "surf")
@@ -82,7 +84,7 @@ def read_obj(path: Path, data: bytes) -> RawModel:
         model.notes.append("not carried over: points, lines and curves")
     if has_weights:
         model.notes.append("not carried over: weights of vertices (their fourth number)")
-    _materials(model, used, known, has_libraries=len(palette) > 0)
+    _materials(model, used, known, has_libraries=len(palette) > 0, names_libraries=bool(found.libraries))
     model.notes += palette.notes
     model.faults += palette.faults
     number = {m.name: k for k, m in enumerate(model.materials)}
@@ -135,20 +137,26 @@ def _statements(path: Path, data: bytes) -> _Statements:
 
 
 def _materials(
-    model: RawModel, used: list[str], known: dict[str, ObjMaterial], *, has_libraries: bool
+    model: RawModel,
+    used: list[str],
+    known: dict[str, ObjMaterial],
+    *,
+    has_libraries: bool,
+    names_libraries: bool,
 ) -> None:
     absent = [n for n in used if n and n not in known]
-    if absent and has_libraries:
+    if absent and (has_libraries or not names_libraries):
         names = ", ".join(repr(n[:80]) for n in absent[:5]) + ", ..." * (len(absent) > 5)
-        plural = "s" * (len(absent) > 1)
-        model.faults.append(
-            f"material{plural} {names} {'are' if plural else 'is'} in none of the .mtl files that were read: drawn grey"
-        )
+        which = f"material{'s' * (len(absent) > 1)} {names} {'are' if len(absent) > 1 else 'is'}"
+        if has_libraries:
+            model.faults.append(f"{which} in none of the .mtl files that were read: drawn grey")
+        else:
+            model.notes.append(f"{which} named, but no .mtl file: drawn grey")
     model.materials = [known[n].material for n in used if n in known] + [UNNAMED_SURFACE]
     model.pictures = {p.name: p for n in used if n in known and (p := known[n].picture) is not None}
     lost = sorted({k for n in used if n in known for k in known[n].lost})
     if lost:
-        model.notes.append(f"not carried over: {', '.join(lost[:12])}" + ", ..." * (len(lost) > 12))
+        model.notes.append(f"not carried over: {', '.join(lost[:20])}" + ", ..." * (len(lost) > 20))
     if has_libraries and "" in used:
         model.notes.append("some faces name no material: given a mid-grey paint")
 
@@ -227,9 +235,15 @@ def _faces(path: Path, lines: list[str], v: FloatArray) -> tuple[IntArray, int]:
     fans = four & (convex | wrong)
     faces = [np.flatnonzero(three), np.flatnonzero(fans), np.flatnonzero(fans)]
     triples = [start[three, None] + (0, 1, 2), start[fans, None] + (0, 1, 2), start[fans, None] + (0, 2, 3)]
-    for k in np.flatnonzero((counts > 3) & ~fans):
+    rest = np.flatnonzero((counts > 3) & ~fans)
+    if float((counts[rest].astype(float) ** 2).sum()) > MOST_CLIPPING:
+        raise UserError(f"{path} has too many polygons of many corners; export it as triangles")
+    for k in rest:
         mine = start[k] + np.arange(counts[k])
-        cut = fan(len(mine)) if wrong[k] else polygon_triangles(v[at[mine]])
+        try:
+            cut = fan(len(mine)) if wrong[k] else polygon_triangles(v[at[mine]])
+        except ValueError as error:
+            raise UserError(f"{path} has {error}, too many to cut; export it as triangles") from error
         faces.append(np.full(len(cut), k))
         triples.append(mine[np.array(cut)])
     order = np.argsort(np.concatenate(faces), kind="stable")

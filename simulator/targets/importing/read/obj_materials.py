@@ -207,7 +207,7 @@ def _lost_words(fields: dict[str, str]) -> list[str]:
             continue
         if word in ("d", "tr"):
             if number is None or (number < 1 if word == "d" else number > 0):
-                lost.append(f"transparency ({'Tr' if word == 'tr' else 'd'} {rest[:20]}: drawn opaque)")
+                lost.append(f"transparency ({'Tr' if word == 'tr' else 'd'}: drawn opaque)")
         elif word == "ke":
             if any(x.strip("0.+-") for x in rest.split()):
                 lost.append("emission (Ke)")

@@ -14,8 +14,8 @@ import numpy as np
 if TYPE_CHECKING:
     from simulator.runtime.arrays import BoolArray, FloatArray
 
-MOST_CORNERS = 2000
-"""Larger polygons are fans: clipping takes the square of the number of corners."""
+MOST_CORNERS, MOST_TESTS = 2000, 50
+"""Corners of a concave polygon, and triangles looked at for each of them: clipping takes the square of their number."""
 
 
 def fan(count: int) -> list[tuple[int, int, int]]:
@@ -44,15 +44,23 @@ def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
     Returns
     -------
     Positions of the three corners of each triangle.
+
+    Raises
+    ------
+    ValueError
+        If it is concave and has too many corners.
     """
     n = len(corners)
     flat = _projected(corners)
     turns = _turn(np.roll(flat, 1, axis=0), flat, np.roll(flat, -1, axis=0))
-    if n > MOST_CORNERS or not np.isfinite(flat).all() or (turns >= -1e-12 * np.abs(turns).max()).all():
+    if not np.isfinite(flat).all() or (turns >= -1e-12 * np.abs(turns).max()).all():
         return fan(n)
-    out, left = [], list(range(n))
+    out, left, tests = [], list(range(n)), MOST_TESTS * n
     while len(left) > 3:
-        k = _ear(flat, left)
+        k, looked = _ear(flat, left)
+        tests -= looked
+        if n > MOST_CORNERS or tests < 0:
+            raise ValueError(f"a concave polygon of {n:,} corners")
         if k < 0:  # the outline crosses itself
             return fan(n)
         out.append((left[k - 1], left[k], left[(k + 1) % len(left)]))
@@ -60,18 +68,19 @@ def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
     return [*out, (left[0], left[1], left[2])]
 
 
-def _ear(flat: FloatArray, left: list[int]) -> int:
-    """Return the place in ``left`` of a corner whose triangle holds no other corner, or -1."""
+def _ear(flat: FloatArray, left: list[int]) -> tuple[int, int]:
+    """Return the place in ``left`` of a corner whose triangle holds no other, or -1; and how many were tested."""
     p = flat[left]
     before, after = np.roll(p, 1, axis=0), np.roll(p, -1, axis=0)
-    for k in np.flatnonzero(_turn(before, p, after) > 0):
+    looked = 0
+    for looked, k in enumerate(np.flatnonzero(_turn(before, p, after) > 0), 1):
         a, b, c = before[k], p[k], after[k]
         inside = (_turn(a, b, p) >= 0) & (_turn(b, c, p) >= 0) & (_turn(c, a, p) >= 0)
         # corners at the same places as the triangle's own do not lie in it
         own = (p == a).all(axis=1) | (p == b).all(axis=1) | (p == c).all(axis=1)
         if not (inside & ~own).any():
-            return int(k)
-    return -1
+            return int(k), looked
+    return -1, looked
 
 
 def _projected(corners: FloatArray) -> FloatArray:

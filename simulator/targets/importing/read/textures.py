@@ -97,10 +97,9 @@ class PictureReader:
         try:
             place, data = read_named(self.model, owner, name, "texture", LARGEST_PICTURE_BYTES)
         except NotReadError as error:
-            why = str(error).replace(
+            self.missing[name] = str(error).replace(
                 f"texture file {name[:80]!r}", f"texture {name[:80]!r} of material {material[:80]!r}"
             )
-            self.missing[name] = why
             return None
         if place not in self._read:
             found = self.from_bytes(place.relative_to(self.model.parent).as_posix(), data)
@@ -120,7 +119,7 @@ class PictureReader:
         where = f"{self.model}: texture {name[:80]!r}"
         kind = next((what for magic, what in NOT_READ.items() if magic in data[:16]), "")
         if kind or picture_size(data) is None:
-            self.missing[name] = f"{where} is {kind or 'not a picture that can be read'}; convert it to PNG"
+            self.missing[name] = _unreadable(name, kind)
             return None
         check_picture(data, where)
         width, height = picture_size(data) or (0, 0)
@@ -134,7 +133,7 @@ class PictureReader:
             )
         image = decode_image(data)
         if image is None:
-            self.missing[name] = f"{where} is not a picture that can be read; convert it to PNG"
+            self.missing[name] = _unreadable(name)
             return None
         if max(image.shape[:2]) > LARGEST_PX:
             before = f"{image.shape[1]} x {image.shape[0]}"
@@ -146,6 +145,10 @@ class PictureReader:
             return TextureImage(name=name, data=data)
         written = cv2.imencode(".png", image[..., ::-1])[1]
         return TextureImage(name=name, data=np.asarray(written).tobytes())
+
+
+def _unreadable(name: str, kind: str = "") -> str:
+    return f"texture {name[:80]!r} is {kind or 'not a picture that can be read'}; convert it to PNG"
 
 
 def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
