@@ -13,7 +13,7 @@ from rich.table import Table
 from flyaround.commands.terminal import progress_bar, say, terminal
 from simulator.contact_sheets.targets_page import write_contact_sheet
 from simulator.errors import UserError
-from simulator.labels.part_classes import class_lines, classes_from
+from simulator.labels.part_classes import class_lines, classes_from, target_classes
 from simulator.runtime.files import empty_folder
 from simulator.runtime.untrusted_files import read_regular
 from simulator.scenario.load import toml_table
@@ -150,6 +150,7 @@ def add(
         document = _summary(target) | {
             "path": str(path),
             "report": lines,
+            "part_classes": dict(zip((p.name for p in target.parts), target_classes(target), strict=True)),
             "contact_sheet": str(page) if page else None,
             "estimator": expect,
         }

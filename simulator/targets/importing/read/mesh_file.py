@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 ENDINGS = ("glb", "gltf", "obj", "stl")
 OBJ_WORDS = {"v", "vn", "vt", "f", "o", "g", "mtllib", "usemtl", "s", "vp", "l", "p"}
 OTHERS = {
+    b"version https://git-lfs": "a Git LFS pointer instead of the mesh (`git lfs pull` brings it)",
     b"ply": "a PLY mesh",
     b"PK": "a ZIP archive (3MF, USDZ or packed files)",
     b"\x89PN": "a PNG image",

@@ -322,12 +322,13 @@ def _vertices(path: Path, rows: list[str]) -> tuple[FloatArray, FloatArray | Non
     """
     table = _numbers(path, rows, 3, "v")
     width = table.shape[1]
+    weighted = np.isfinite(table[:, 3]) & (table[:, 3] != 1) if width > 3 else np.zeros(len(table), bool)
     if width < 6:
-        return table[:, :3], None, width > 3 and bool((np.nan_to_num(table[:, 3], nan=1.0) != 1).any())
+        return table[:, :3], None, bool(weighted.any())
     colours = table[:, 3:6]
     known = colours[np.isfinite(colours).all(axis=1)]
     if not len(known) or (known == known[0]).all():
-        return table[:, :3], None, False
+        return table[:, :3], None, bool((weighted & np.isnan(table[:, 4])).any())
     colours = np.clip(colours / (255.0 if known.max() > 1 else 1.0), 0, 1)
     return table[:, :3], linear_from_srgb(colours), False
 

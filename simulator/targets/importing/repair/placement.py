@@ -15,7 +15,7 @@ UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 UNIT_NAMES = {"mm": "millimetres", "cm": "centimetres", "m": "metres", "in": "inches"}
 SMALLEST_M, LARGEST_M = 0.05, 150.0
 """From a PocketQube (50 mm) to beyond the International Space Station (109 m); outside it ``--yes`` is needed."""
-SMALLEST_DRAWN_M, LARGEST_DRAWN_M = 0.005, 1000.0
+SMALLEST_DRAWN_M, LARGEST_DRAWN_M = 0.005, 10_000.0
 """Sizes that the cameras' ranges and the depth buffer serve, whatever is confirmed."""
 LIKELY_M = 30.0
 """Size up to which a unit is proposed."""
@@ -173,7 +173,7 @@ def _check_size(model: RawModel, extent_m: float, factor: float, *, said: bool, 
     if not SMALLEST_DRAWN_M <= extent_m <= LARGEST_DRAWN_M and (any_size or extent_m == 0):
         raise UserError(
             f"{model.path} would be {extent_m:.4g} m across, which cannot be drawn ({SMALLEST_DRAWN_M:g} to "
-            f"{LARGEST_DRAWN_M:g} m can); correct --units or --scale"
+            f"{LARGEST_DRAWN_M:,.0f} m can); correct --units or --scale"
         )
     if any_size:
         return [

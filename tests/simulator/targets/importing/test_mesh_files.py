@@ -137,6 +137,11 @@ def test_a_file_that_is_not_what_its_ending_says(tmp_path):
     assert "holds a .glb file" in refusal(tmp_path / "b.stl")
     (tmp_path / "c.obj").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(100))
     assert "a PNG image" in refusal(tmp_path / "c.obj")
+    for kind in ("glb", "obj", "stl"):
+        (tmp_path / f"lfs.{kind}").write_bytes(
+            b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
+        )
+        assert "Git LFS pointer" in refusal(tmp_path / f"lfs.{kind}")
     (tmp_path / "d.stl").write_bytes(b"")
     assert "is empty" in refusal(tmp_path / "d.stl")
     (tmp_path / "e.fbx").write_bytes(b"Kaydara")

@@ -88,6 +88,12 @@ def test_vertices_with_too_few_numbers_are_refused(tmp_path):
         model_of(tmp_path, SQUARE.replace("v 1 0 0", "v 1 0") + FACE)
 
 
+@pytest.mark.parametrize("rows", ["v 1 0 0 0.5", "v 1 0 0 0.5\nv 9 9 9 1", "v 1 0 0 2"])
+def test_weights_of_vertices_are_said(tmp_path, rows):
+    model = model_of(tmp_path, SQUARE.replace("v 1 0 0", rows) + "f 1 2 3\n")
+    assert any("weights of vertices" in note for note in model.notes)
+
+
 def test_concave_polygons_keep_their_outline(tmp_path):
     """An L, a star and a dart, whose fans would cover more than they do."""
     t = np.linspace(0, 2 * np.pi, 10, endpoint=False)
