@@ -312,7 +312,10 @@ def _summary(target: Target, openings: int | None = None) -> str:
     """Return what the target is: size, parts, triangles and, where they were counted, openings."""
     size = np.ptp(np.concatenate([p.positions_m for p in target.parts]), axis=0)
     triangles, parts = sum(len(p.triangles) for p in target.parts), len(target.parts)
-    what = f"{' x '.join(f'{s:.4g}' for s in size)} m, {parts} part{'s' * (parts != 1)}, {triangles:,} triangle{'s' * (triangles != 1)}"
+    what = (
+        f"{' x '.join(f'{s:.4g}' for s in size)} m, {parts} part{'s' * (parts != 1)}, "
+        f"{triangles:,} triangle{'s' * (triangles != 1)}"
+    )
     if openings is not None:
         what += f", {openings:,} open outline{'s' * (openings != 1)}" if openings else ", closed"
     return f"{target.name}: {what}"
