@@ -74,7 +74,8 @@ class GltfMaterials:
         samplers = self._document.get("samplers", [])
         sampler = samplers[record["sampler"]] if "sampler" in record else {}
         wraps = (sampler.get("wrapS", REPEAT), sampler.get("wrapT", REPEAT))
-        beyond = (np.nan_to_num(uv) < -1e-3).any(axis=(0, 1)) | (np.nan_to_num(uv) > 1.001).any(axis=(0, 1))
+        corners = np.nan_to_num(uv).reshape(-1, 2)
+        beyond = ((corners < -1e-3) | (corners > 1.001)).any(axis=0).tolist()
         if any(wrap != REPEAT and out for wrap, out in zip(wraps, beyond, strict=True)):
             self._lost.add("textures that clamp or mirror at their edges (they repeat)")
 
@@ -85,7 +86,8 @@ class GltfMaterials:
         base = np.asarray(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], float)
         name = str(m.get("name") or "")
         if SPECULAR_GLOSSINESS in extensions:
-            base, metallic, roughness = self._from_specular(extensions[SPECULAR_GLOSSINESS])
+            colour, metallic, roughness = self._from_specular(extensions[SPECULAR_GLOSSINESS])
+            base = np.asarray(colour)
         self._report(m, coat)
         r, g, b = np.clip(base, 0, 1).tolist()
         return Material(
