@@ -81,8 +81,10 @@ def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, 
 def _breadth(bodies: list[MeshBody], points: FloatArray, extent_m: float) -> FloatArray:
     """(K,) ratio of the second to the first principal axis of the surface about each point: small along a boom."""
     samples = surface_points(bodies, SAMPLES, vertices=False).points_m
+    tree = cKDTree(samples)
     out = np.ones(len(points))
-    for k, near in enumerate(cKDTree(samples).query_ball_point(points, NEIGHBOURHOOD * extent_m)):
+    for k, point in enumerate(points):
+        near = np.asarray(tree.query_ball_point(point, NEIGHBOURHOOD * extent_m), np.int64)
         if len(near) > 3:
             axes = np.linalg.eigvalsh(np.cov(samples[near].T))
             out[k] = np.sqrt(max(axes[1], 0.0) / max(axes[2], 1e-300))
