@@ -74,8 +74,9 @@ class GltfMaterials:
         samplers = self._document.get("samplers", [])
         sampler = samplers[record["sampler"]] if "sampler" in record else {}
         wraps = (sampler.get("wrapS", REPEAT), sampler.get("wrapT", REPEAT))
-        corners = np.nan_to_num(uv).reshape(-1, 2)
-        beyond: list[bool] = ((corners < -1e-3) | (corners > 1.001)).any(axis=0).tolist()
+        beyond = [
+            bool(((axis < -1e-3) | (axis > 1.001)).any()) for axis in np.nan_to_num(uv).reshape(-1, 2).T
+        ]
         if any(wrap != REPEAT and out for wrap, out in zip(wraps, beyond, strict=True)):
             self._lost.add("textures that clamp or mirror at their edges (they repeat)")
 
