@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace as changed
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +13,10 @@ from rich.table import Table
 from flyaround.commands.terminal import progress_bar, say, terminal
 from simulator.contact_sheets.targets_page import write_contact_sheet
 from simulator.errors import UserError
+from simulator.labels.part_classes import class_lines, classes_from, target_classes
 from simulator.runtime.files import empty_folder
+from simulator.runtime.untrusted_files import read_regular
+from simulator.scenario.load import toml_table
 from simulator.targets.board_model.outer_faces import MOST_TRIANGLES
 from simulator.targets.board_model.write import write_board_model
 from simulator.targets.glb.write import write_glb
@@ -20,7 +24,9 @@ from simulator.targets.importing.add import ImportOptions, import_mesh
 from simulator.targets.installed import check_name, install, sheet_folder, user_targets
 from simulator.targets.installed import remove as remove_target
 from simulator.targets.library import built_in_targets, list_targets, load_target
-from simulator.targets.model import Target
+from simulator.targets.model import PartClass, Target
+
+LARGEST_CLASSES_BYTES = 1 << 20
 
 
 def overview(
@@ -78,19 +84,35 @@ def add(
         bool,
         typer.Option("--recentre", help="Move the origin to the middle of the mesh: poses are the origin's."),
     ] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Take a size that no spacecraft has: under 0.05 m or over 150 m.")
+    ] = False,
     decimate: Annotated[int | None, typer.Option(help="Reduce to at most so many triangles.")] = None,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict", help="Refuse missing files, open outlines, branching and one-sided surfaces."
+        ),
+    ] = False,
     fill_holes: Annotated[
         bool, typer.Option("--fill-holes", help="Cap openings where that leaves a solid.")
     ] = False,
     keep_holes: Annotated[
-        bool, typer.Option("--keep-holes", help="Take open surfaces as sheets seen from both sides.")
+        bool,
+        typer.Option(
+            "--keep-holes", help="With --strict: allow open surfaces, as sheets seen from both sides."
+        ),
     ] = False,
     keep_non_manifold: Annotated[
-        bool, typer.Option("--keep-non-manifold", help="Take edges of three or more faces as they are.")
+        bool, typer.Option("--keep-non-manifold", help="With --strict: allow edges of three or more faces.")
     ] = False,
     new_normals: Annotated[
         bool, typer.Option("--new-normals", help="Compute normals even where the file's fit.")
     ] = False,
+    classes: Annotated[
+        Path | None,
+        typer.Option("--classes", help="TOML file that sets the classes of parts by their names."),
+    ] = None,
     mass: Annotated[float | None, typer.Option("--mass", help="Mass of the craft [kg].")] = None,
     density: Annotated[float | None, typer.Option("--density", help="Or its mean density [kg/m3].")] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Overwrite a target of this name.")] = False,
@@ -105,6 +127,8 @@ def add(
         units=units,
         up=up,
         recentre=recentre,
+        any_size=yes,
+        strict=strict,
         decimate=decimate,
         fill_holes=fill_holes,
         keep_holes=keep_holes,
@@ -114,6 +138,9 @@ def add(
         density_kg_m3=density,
     )
     target, lines = import_mesh(file, chosen, options)
+    if classes is not None:
+        target = changed(target, part_classes={**target.part_classes, **_read_classes(classes, target)})
+    lines[-1:-1] = class_lines(target)
     expect = _expected_of_the_estimator(target)
     path = install(target)
     page: Path | None = None
@@ -123,19 +150,28 @@ def add(
         document = _summary(target) | {
             "path": str(path),
             "report": lines,
+            "part_classes": dict(zip((p.name for p in target.parts), target_classes(target), strict=True)),
             "contact_sheet": str(page) if page else None,
             "estimator": expect,
         }
         typer.echo(json.dumps(document))
         return
-    for line in lines:
+    *findings, what = lines
+    for line in findings:
         say(f"- {line}")
     say(f"target {chosen!r} in {path}")
     if page is not None:
         say(f"look at it: {page}")
     say("exposure: [sensor] exposure_s of your scenario; capture says how much of the craft is burnt out")
-    if expect:
-        say(f"estimator: {expect}")
+    say(f"{what}; estimator: {expect or 'its learned proposal is shipped'}")
+
+
+def _read_classes(path: Path, target: Target) -> dict[str, PartClass]:
+    try:
+        content = read_regular(path, LARGEST_CLASSES_BYTES)
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}; name a file of part classes") from error
+    return classes_from(toml_table(content, str(path)), str(path), [p.name for p in target.parts])
 
 
 def _expected_of_the_estimator(target: Target) -> str:

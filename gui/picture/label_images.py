@@ -11,8 +11,9 @@ import numpy as np
 
 from gui import style
 from gui.flight.relative_map import nice_step
-from simulator.labels.part_classes import PART_CLASSES, PartClass, part_class
+from simulator.labels.part_classes import PART_CLASSES, part_class
 from simulator.labels.request import LabelRequest
+from simulator.targets.model import PartClass
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -106,7 +106,7 @@ def _check_posed(paths: Sequence[Path], camera: Camera, poses: dict[str, Pose], 
 
 
 def _read(path: Path, camera: Camera, pose: Pose | None) -> Reference:
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     if image is None:
         raise UserError(f"{path} is not a picture that OpenCV reads; take it out of the folder or convert it")
     record = path.with_suffix(".json")

@@ -13,8 +13,8 @@ import msgspec
 from simulator.camera.lens.camera_model import Camera
 from simulator.dataset.record_fields import RECORD_FIELDS
 from simulator.errors import UserError
-from simulator.labels.part_classes import PartClass
 from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_link_out, without_mark
+from simulator.targets.model import PartClass
 
 CARD_NAME = "dataset.json"
 MOST_BYTES = 64_000_000  # of a card: with every frame of a large set in quarantine

@@ -6,24 +6,132 @@ First that applies: solar_array, antenna, propulsion, docking, sensor, radiator,
 from __future__ import annotations
 
 import re
-from typing import Literal, get_args
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-PartClass = Literal["solar_array", "antenna", "propulsion", "docking", "sensor", "radiator", "body"]
+import msgspec
+
+from simulator.errors import UserError, near_names
+from simulator.targets.model import PartClass
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.targets.model import Target
+
 PART_CLASSES: tuple[PartClass, ...] = get_args(PartClass)
 
+_NOT_OF_A_BODY = "".join(
+    f"(?<!{word}_)"
+    for word in ("asar", "radiator", "side", "body", "access", "front", "rear", "top", "bottom", "back")
+)
 _WORDS: dict[PartClass, str] = {
-    "solar_array": r"cells?|wings?|array|panel|busbars|trunk_cell_base",
-    "antenna": r"antennas?|dish|patch|spirals?|rod|whip|tape|feed|s_band|x_band|asar|doris|ka|boom|horns|reflectors"
-    r"|gimbal|relay",
-    "propulsion": r"thrusters?|engines?|nozzle|tanks?|abort|chamber|draco",
-    "docking": r"docking|hatch|capture|guides?|probe|grips?|hooks|target|petals|soft|collar|berthing|interface|forward",
-    "sensor": r"sensors?|lens(es)?|tracker|camera|telescope|instruments?|periscope|meris|mipas|gomos|aatsr|sciamachy"
-    r"|mwr|ra|navigation|windows?|panes|porthole|prisms|retroreflector",
-    "radiator": r"radiators?|shield",
+    "solar_array": r"solar(?!_(?:probe|orbiter|sensors?|telescope|observatory|shield))"
+    r"|(?<!fuel_)(?<!load_)cells?|wings?"
+    rf"|(?<!antenna_)(?<!phased_)arrays?|{_NOT_OF_A_BODY}panels?|busbars|trunk_cell_base|photovoltaics?|pv",
+    "antenna": r"antennas?|antennae|aerials?|dish|dishes|(?:gnss|gps|uhf|vhf|s_band|x_band)(?:_patch)?|spirals?|^rod"
+    r"|whips?|^tape|feeds?|feedhorns?|[slcxk]_band|asar|doris|ka|(?:relay|rendezvous)_boom|horns|(?<!retro_)reflectors?|relay"
+    r"|hga|mga|lga|patch",
+    "propulsion": r"thrusters?|engines?|nozzles?|tanks?|chamber|draco|rcs|propulsion|propellant",
+    "docking": r"docking|hatch|capture_petals|soft_capture|guide_(?:petals|ring)|berthing|^probe(?:_arms|_base)?$"
+    r"|^target_(?:cross|disc)$|^grip_feet$|collar|interface_(?:deck|ring)|forward_ring",
+    "sensor": r"sensors?|lens(?:es)?|(?:star_)?trackers?|cameras?|telescopes?|instruments?|periscope|meris|mipas|gomos"
+    r"|aatsr|sciamachy|mwr|ra_2|navigation|windows?|panes|portholes?|prisms|retro_?reflectors?|lidar|magnetometers?"
+    r"|spectrometers?|radiometers?|altimeters?|imagers?",
+    "radiator": r"radiators?|(?:heat|engine)_shield|louvers?",
+    "body": r"body|bus|hull|chassis|structure|frames?|shell|plates?|module|truss|box|mli|blankets?",
 }
-_RULES = tuple((name, re.compile(rf"(^|_)({words})\d*(_|$)")) for name, words in _WORDS.items())
+_STEMS: dict[PartClass, str] = {
+    "solar_array": "solarpane|solararray|solarcell|solarwing|photovoltaic",
+    "antenna": "antenna",
+    "propulsion": "thruster|nozzle",
+    "docking": "docking|berthing",
+    "sensor": "startracker|telescope|camera|spectrometer|magnetometer",
+    "radiator": "radiator",
+}
+"""Words that are found within a longer one, of names that run together."""
+_RULES = tuple((name, re.compile(rf"(?:^|_)(?:{words})(?:_|$)")) for name, words in _WORDS.items())
+_WITHIN = tuple((name, re.compile(stems)) for name, stems in _STEMS.items())
+_WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[^\W\d_A-Z]+|[A-Z]+|\d+")
+
+
+def known_class(part: str) -> PartClass | None:
+    """Return the class that a part's name says, or None.
+
+    Words are told apart by changes of case, digits and any other sign: ``SolarPanel``, ``solar-panel.001``.
+    """
+    name = "_".join(_WORD.findall(part)).lower()
+    found = (c for rules in (_RULES, _WITHIN) for c, rule in rules if rule.search(name))
+    return next(found, None)
 
 
 def part_class(part: str) -> PartClass:
-    """The class of a part by its name."""
-    return next((name for name, rule in _RULES if rule.search(part)), "body")
+    """Return the class of a part by its name: ``body`` if the name says none."""
+    return known_class(part) or "body"
+
+
+def target_classes(target: Target) -> tuple[PartClass, ...]:
+    """Return the classes of a target's parts in their order: those that were set, else by their names."""
+    return tuple(target.part_classes.get(part.name) or part_class(part.name) for part in target.parts)
+
+
+def class_lines(target: Target) -> list[str]:
+    """Return lines for the user: the classes that parts have, and the parts whose names say none."""
+    of_class: dict[str, list[str]] = {}
+    unknown = []
+    for part, chosen in zip(target.parts, target_classes(target), strict=True):
+        of_class.setdefault(chosen, []).append(part.name)
+        if part.name not in target.part_classes and known_class(part.name) is None:
+            unknown.append(part.name)
+    taken = "; ".join(f"{c} {_named(of_class[c])}" for c in PART_CLASSES if c in of_class)
+    lines = [f"classes of parts by their names (--classes FILE sets them): {taken}"]
+    if unknown:
+        lines.append(f"class not known from the name, body taken: {_named(unknown)}")
+    return lines
+
+
+def _named(parts: list[str]) -> str:
+    """Return how many parts there are, and the names of the first."""
+    return f"{len(parts)} ({', '.join(p[:60] for p in parts[:5])}{', ...' * (len(parts) > 5)})"
+
+
+class PartClassFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A file that sets classes: by name of a part, or by a pattern with ``*`` and ``?``; the last that fits counts."""
+
+    schema: Literal["flyaround.part_classes"]
+    version: Literal[1]
+    classes: dict[str, PartClass]
+
+
+def classes_from(document: dict[str, Any], where: str, parts: Sequence[str]) -> dict[str, PartClass]:
+    """Return the classes of the parts that a file sets.
+
+    Parameters
+    ----------
+    document : the parsed file.
+    where : str
+        Name of the file, for messages.
+    parts : names of the target's parts.
+
+    Raises
+    ------
+    UserError
+        If the file has a mistake, or names no part of the target.
+    """
+    try:
+        file = msgspec.convert(document, PartClassFile)
+    except msgspec.ValidationError as error:
+        raise UserError(
+            f'{where}: {error}; it has schema = "flyaround.part_classes", version = 1, and under [classes] a line '
+            f'"PART" = "CLASS" for each part, CLASS one of {", ".join(PART_CLASSES)}'
+        ) from error
+    found: dict[str, PartClass] = {}
+    for pattern, chosen in file.classes.items():
+        matching = [p for p in parts if p == pattern or fnmatchcase(p, pattern)]
+        if not matching:
+            near = near_names(pattern, parts, 3) or list(parts[:3])
+            raise UserError(
+                f"{where}: key classes.{pattern!r} is no part; name one, such as {', '.join(near)}"
+            )
+        found |= dict.fromkeys(matching, chosen)
+    return found

@@ -90,12 +90,13 @@ def refuse_link_out(path: Path, folder: Path) -> None:
         )
 
 
-def find_beside(owner: Path, name: str, what: str) -> Path:
+def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> Path:
     """Where a file lies that another names: within that one's folder, whatever links there are.
 
     Parameters
     ----------
     owner : the file that names it. name : as it stands there, relative, with / or backslashes. what : it is.
+    root : folder that must not be left; the owner's by default.
 
     Raises
     ------
@@ -108,12 +109,12 @@ def find_beside(owner: Path, name: str, what: str) -> Path:
         raise UserError(f"{quoted} has no name that a file can have; export the model again")
     if "://" in plain or (urlsplit(plain).scheme and not PureWindowsPath(plain).drive):
         raise UserError(f"{quoted} is an address, which is not fetched; put the file beside the model")
-    folder = owner.parent.resolve()
+    folder = (root or owner.parent).resolve()
     if Path(plain).is_absolute() or PureWindowsPath(plain).anchor or PureWindowsPath(plain).drive:
         inside = False
     else:
         try:
-            inside = (folder / plain).resolve().is_relative_to(folder)
+            inside = (owner.parent.resolve() / plain).resolve().is_relative_to(folder)
         except (OSError, RuntimeError):  # links in a circle
             inside = False
     if not inside:

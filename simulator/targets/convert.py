@@ -112,6 +112,7 @@ def record_of(target: Target) -> TargetRecord:
         crinkle={m.name: m.crinkle for m in target.materials if m.crinkle > 0},
         grain={m.name: m.grain for m in target.materials if m.anisotropy > 0},
         turned=tuple(m.name for m in target.materials if m.anisotropy > 0 and m.turned),
+        part_classes=target.part_classes or msgspec.UNSET,
     )
 
 

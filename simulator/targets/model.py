@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from simulator.runtime.arrays import Float32Array, FloatArray, IntArray, Mat3, Vec3
+
+PartClass = Literal["solar_array", "antenna", "propulsion", "docking", "sensor", "radiator", "body"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,6 +139,7 @@ class Target:
     symmetry : rotations (quaternions, model axes) under which the craft looks nearly the same.
     notes : sources of the dimensions.
     pictures : the textures that materials name.
+    part_classes : classes of parts by name, where they were set; those of others follow from their names.
     """
 
     name: str
@@ -151,3 +155,4 @@ class Target:
     notes: str = ""
     occluders: Occluders = field(default_factory=Occluders)
     pictures: tuple[TextureImage, ...] = ()
+    part_classes: dict[str, PartClass] = field(default_factory=dict)

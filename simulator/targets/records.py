@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from simulator.runtime.arrays import Mat3, Quat, Vec3
+from simulator.targets.model import PartClass
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -62,7 +63,8 @@ class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     """The `flyaround` object in the extras of a target file's scene (glTF 2.0, binary).
 
     Lengths in metres, model frame; `crinkle` holds the amplitude of insulation's wrinkles by material,
-    `grain` the direction of brushed metals, `turned` those of them whose grain runs around it.
+    `grain` the direction of brushed metals, `turned` those of them whose grain runs around it, `part_classes` the
+    classes of parts where they were set.
     """
 
     schema: Literal["flyaround.target"]
@@ -80,6 +82,7 @@ class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     crinkle: dict[str, Fraction] = {}
     grain: dict[str, Vec3] = {}
     turned: tuple[str, ...] = ()
+    part_classes: dict[str, PartClass] | msgspec.UnsetType = msgspec.UNSET
 
 
 class OutlinesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

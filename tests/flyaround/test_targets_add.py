@@ -13,6 +13,7 @@ from flyaround.__main__ import run
 from hil.board.svd import BoardModel as BoardView
 from simulator.dataset.check.verify import check_dataset
 from simulator.errors import UserError
+from simulator.labels.part_classes import target_classes
 from simulator.targets.board_model.write import write_board_model
 from simulator.targets.glb.write import write_glb
 from simulator.targets.library import list_targets, load_target
@@ -119,20 +120,25 @@ def bad_files(folder):
         "huge.stl",
         trimesh.creation.box((4e4, 4e4, 4e4)).export(file_type="stl"),
         ("--units", "m"),
-        "no spacecraft",
+        "not the size of a spacecraft",
     )
     yield "wrong.obj", stl, (), "holds a .stl file"
     yield "cut.glb", box.export(file_type="glb")[:300], (), "cut short"
     open_box = trimesh.Trimesh(box.vertices, box.faces[2:], process=False)
-    yield "open.stl", open_box.export(file_type="stl"), (), "open edges"
+    yield "open.stl", open_box.export(file_type="stl"), ("--strict",), "open edges"
     yield "nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", (), "1 of 3 vertices are not finite"
     yield "flat.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", (), "no face with area"
-    yield "mtl.obj", b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", (), "'gone.mtl' is missing"
+    yield (
+        "mtl.obj",
+        b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+        ("--strict",),
+        "'gone.mtl' is missing",
+    )
     fin = trimesh.Trimesh([*box.vertices, [0, 3, 0]], [*box.faces, [*box.faces[0, :2], 8]], process=False)
-    yield "fin.stl", fin.export(file_type="stl"), ("--keep-holes",), "--keep-non-manifold"
+    yield "fin.stl", fin.export(file_type="stl"), ("--strict", "--keep-holes"), "--keep-non-manifold"
     (folder / "skin.mtl").write_text("newmtl skin\nmap_Kd gone.png\n")
     skinned = b"mtllib skin.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl skin\nf 1 2 3\n"
-    yield "skin.obj", skinned, (), "texture 'gone.png' of material 'skin' is missing"
+    yield "skin.obj", skinned, ("--strict",), "texture 'gone.png' of material 'skin' is missing"
     first, *others = (tango := load_target("tango", "low")).keypoints
     moved = replace(first, position_m=(1.0, 1.0, 1.0))
     write_glb(replace(tango, name="off", keypoints=(moved, *others)), folder / "off.glb")
@@ -142,9 +148,16 @@ def bad_files(folder):
     yield "both.stl", stl, ("--units", "mm", "--scale", "2"), "not both"
     yield "few.stl", stl, ("--decimate", "3"), "--decimate 3 is out of range"
     yield "mass.stl", stl, ("--mass", "0"), "--mass 0 is not a positive number"
+    small = trimesh.creation.box((0.02, 0.04, 0.03)).export(file_type="stl")
+    yield "small.stl", small, ("--units", "m"), "--yes if it is that size"
+    yield "classes.stl", stl, ("--classes", folder / "gone.toml"), "name a file of part classes"
+    (folder / "classes.toml").write_text(
+        'schema = "flyaround.part_classes"\nversion = 1\n[classes]\nwing = "sensor"'
+    )
+    yield "classes.stl", stl, ("--classes", folder / "classes.toml"), "is no part; name one, such as body"
 
 
-@pytest.mark.parametrize("number", range(15))
+@pytest.mark.parametrize("number", range(18))
 def test_a_bad_file_is_one_sentence_and_writes_nothing(capsys, tmp_path, number):
     name, data, options, says = list(bad_files(tmp_path))[number]
     (tmp_path / name).write_bytes(data)
@@ -175,6 +188,49 @@ def test_what_is_safe_is_repaired_and_said(capsys, tmp_path):
     assert volume == pytest.approx(1.0)
 
 
+def test_an_open_mesh_without_its_materials_is_taken_and_all_findings_said_at_once(capsys, tmp_path):
+    """One pass: the size, the openings, what is missing, the classes, and at the end what it is and what to expect."""
+    text = "mtllib gone.mtl\no SolarPanel\nv 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\nusemtl cells\nf 1 2 3 4\nfoo\n"
+    text += "o Cube.001\nv 0 0 1\nv 2 0 1\nv 2 1 1\nv 0 1 2\nf 5 6 7\nf 5 7 8\nf 5 7 6\nf 5 7 1\n"
+    (tmp_path / "a.obj").write_text(text)
+    code, out, error = command(capsys, "add", tmp_path / "a.obj", "--no-sheet")
+    assert code == 0, error
+    lines = " ".join(out.split())
+    order = (
+        "- size 2 x 1 x 2 m",
+        "open outlines",
+        "edges of three or more faces",
+        "'gone.mtl' is missing",
+        "1 lines begin with a word that OBJ does not have",
+        "proposed",
+        "classes of parts by their names (--classes FILE sets them): solar_array 1 (SolarPanel); body 1 (Cube.001)",
+        "class not known from the name, body taken: 1 (Cube.001)",
+        "a: 2 x 1 x 2 m, 2 parts,",
+        "; estimator: no learned proposal",
+    )
+    places = [lines.find(word) for word in order]
+    assert -1 not in places, (places, out)
+    assert places == sorted(places)
+    assert command(capsys, "add", tmp_path / "a.obj", "--no-sheet", "--replace", "--strict")[0] == 2
+
+
+def test_a_size_of_no_spacecraft_is_taken_when_confirmed(capsys, tmp_path):
+    path = tmp_path / "a.stl"
+    path.write_bytes(trimesh.creation.box((0.02, 0.04, 0.03)).export(file_type="stl"))
+    code, out, _ = command(capsys, "add", path, "--yes", "--no-sheet", "--json")
+    assert code == 0
+    assert "0.04 m across, outside the sizes of spacecraft" in json.loads(out)["report"][0]
+
+
+def test_classes_of_a_file_reach_the_target(capsys, mesh_file, tmp_path):
+    (tmp_path / "classes.toml").write_text(
+        'schema = "flyaround.part_classes"\nversion = 1\n[classes]\n"mast" = "antenna"\n"bus*" = "sensor"\n'
+    )
+    code, _, error = command(capsys, "add", mesh_file, "--no-sheet", "--classes", tmp_path / "classes.toml")
+    assert code == 0, error
+    assert target_classes(load_target("my-sat")) == ("sensor", "solar_array", "solar_array", "antenna")
+
+
 def test_a_damaged_target_does_not_hide_the_others(capsys, mesh_file):
     assert command(capsys, "add", mesh_file, "--no-sheet")[0] == 0
     file = data_folder() / "my-sat.glb"
@@ -195,10 +251,31 @@ def test_unwritable_data_folder(capsys, mesh_file, monkeypatch, tmp_path):
     assert "set FLYAROUND_DATA_DIR" in error
 
 
+def open_satellite(path):
+    """The satellite with a bus that lacks its lid, wings that are sheets, and a fin on an edge of the bus."""
+    (_, bus), (_, py), (_, ny), (_, mast) = satellite()
+    bus = trimesh.Trimesh(bus.vertices, bus.faces[bus.face_normals[:, 2] < 0.9], process=False)
+    top = [trimesh.Trimesh(w.vertices, w.faces[w.face_normals[:, 2] > 0.9], process=False) for w in (py, ny)]
+    fin = [[0.5, 0.4, -0.3], [-0.5, 0.4, -0.3], [0.0, 0.9, -0.3]]
+    corners = np.concatenate([bus.vertices, fin])
+    n = len(bus.vertices)
+    with_fin = trimesh.Trimesh(corners, [*bus.faces, [n, n + 1, n + 2]], process=False)
+    scene = trimesh.Scene()
+    for name, mesh in (("bus", with_fin), ("wing_py", top[0]), ("wing_ny", top[1]), ("mast", mast)):
+        scene.add_geometry(mesh, node_name=name, geom_name=name)
+    path.write_bytes(scene.export(file_type="glb"))
+    return path
+
+
 @pytest.mark.gl
-def test_render_capture_check_and_contact_sheet_of_an_added_mesh(capsys, mesh_file, tmp_path):
+def test_render_capture_check_and_contact_sheet_of_an_added_mesh(capsys, tmp_path):
+    """A mesh of open sheets and branching edges: its labels hold from both sides."""
+    mesh_file = open_satellite(tmp_path / "My Sat.glb")
     code, out, _ = command(capsys, "add", mesh_file, "--up", "z", "--json")
     assert code == 0
+    report = " / ".join(json.loads(out)["report"])
+    assert "kept 4 open outlines" in report
+    assert "kept 1 edges of three or more faces" in report
     page = Path(json.loads(out)["contact_sheet"])
     assert page == data_folder() / "my-sat-sheet" / "index.html"
     text = page.read_text()

@@ -67,7 +67,7 @@ class Textures:
 
 def _decoded(target: Target, name: str, data: bytes) -> ByteArray:
     """(H, W, 3) RGB, rows from the top."""
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     if image is None:
         raise UserError(
             f"texture {name!r} of target {target.name} is damaged; export the model again with a PNG picture"

@@ -89,6 +89,7 @@ def target_from(data: bytes, path: Path, *, checked: bool = False) -> Target:
             notes=record.notes,
             occluders=occluders_of(record),
             pictures=pictures,
+            part_classes=record.part_classes or {},
         )
     except BROKEN as error:
         raise UserError(

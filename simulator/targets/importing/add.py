@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,7 +56,9 @@ class ImportOptions:
     ----------
     scale, units : factor to metres, or mm, cm, m, in. up : y or z.
     recentre : move the origin to the middle of the box about the model.
+    any_size : take a size that no spacecraft has.
     decimate : reduce to at most so many triangles.
+    strict : refuse what is missing, open, branches or is one-sided, unless one of the next three allows it.
     fill_holes, keep_holes, keep_non_manifold : what to do where the surface is not closed or branches; openings are
         filled where that leaves a solid.
     new_normals : compute normals even where the file's fit.
@@ -67,13 +69,35 @@ class ImportOptions:
     units: str | None = None
     up: str | None = None
     recentre: bool = False
+    any_size: bool = False
     decimate: int | None = None
+    strict: bool = False
     fill_holes: bool = False
     keep_holes: bool = False
     keep_non_manifold: bool = False
     new_normals: bool = False
     mass_kg: float | None = None
     density_kg_m3: float | None = None
+
+
+@dataclass
+class Findings:
+    """What was found, assumed, repaired or lost, by weight: a line each, with the option that changes it.
+
+    Parameters
+    ----------
+    shape : what poses, masks and labels depend on.
+    look : what pictures alone depend on.
+    repairs : what was mended without loss.
+    """
+
+    shape: list[str] = field(default_factory=list)
+    look: list[str] = field(default_factory=list)
+    repairs: list[str] = field(default_factory=list)
+
+    def lines(self) -> list[str]:
+        """Return all lines, the weightiest first."""
+        return [*self.shape, *self.look, *self.repairs]
 
 
 def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> tuple[Target, list[str]]:
@@ -88,7 +112,8 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     _check_weights(options)
     ready = _target_file(path, name, options)
     if ready is not None:
-        return ready, ["already a target file: geometry, keypoints, wireframe and mass taken as they are"]
+        taken = "already a target file: geometry, keypoints, wireframe and mass taken as they are"
+        return ready, [taken, _summary(ready)]
     model, bodies, extent, materials, parts, lines = read_surface(path, options)
     mass, how = mass_properties_of(bodies, options.mass_kg, options.density_kg_m3)
     keypoints = propose_keypoints(bodies, extent)
@@ -118,6 +143,7 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
         pictures=pictures,
     )
     check_target(target, str(path))
+    lines.append(_summary(target, model.openings))
     return target, lines
 
 
@@ -136,19 +162,25 @@ def read_surface(
         As `import_mesh`.
     """
     model = read_mesh(path)
+    if options.strict and model.faults:
+        raise UserError(f"{path}: {'; '.join(model.faults)}")
     check_numbers(model)
     check_count(model, options.decimate)
     check_parts(model)
-    lines = place_model(model, options.scale, options.units, options.up, recentre=options.recentre)
+    found = Findings()
+    found.shape += place_model(
+        model, options.scale, options.units, options.up, recentre=options.recentre, any_size=options.any_size
+    )
     if options.decimate is not None and model.triangle_count > options.decimate:
         bake_textures(model)  # reduced faces are no longer where their texture coordinates say
-    lines += model.notes
-    bodies, extent = _bodies(model, options, lines)
+    bodies, extent = _bodies(model, options, found)
+    found.look += model.faults + model.notes
     everything, notes = plain_where_unwrapped(bodies, model.materials, model.pictures)
-    lines += notes
+    found.look += notes
     materials, notes = used_materials(bodies, everything)
-    lines += notes
-    return model, bodies, extent, materials, _parts(bodies, materials, options, lines), lines
+    found.look += notes
+    parts = _parts(bodies, materials, options, found.repairs)
+    return model, bodies, extent, materials, parts, found.lines()
 
 
 def _check_weights(options: ImportOptions) -> None:
@@ -164,7 +196,8 @@ def _target_file(path: Path, name: str, options: ImportOptions) -> Target | None
 
     A target file that is unsound is refused: as a plain mesh it would quietly lose its keypoints.
     """
-    if options != ImportOptions() or path.suffix.lower() != ".glb" or not holds_target(path):
+    plain = replace(options, strict=False, any_size=False) == ImportOptions()
+    if not plain or path.suffix.lower() != ".glb" or not holds_target(path):
         return None
     try:
         return replace(load_glb(path), name=name)
@@ -172,7 +205,7 @@ def _target_file(path: Path, name: str, options: ImportOptions) -> Target | None
         raise UserError(f"{error}; or add --units m to take it as a plain mesh with new keypoints") from error
 
 
-def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[list[MeshBody], float]:
+def _bodies(model: RawModel, options: ImportOptions, found: Findings) -> tuple[list[MeshBody], float]:
     """Welded, reduced, filled and outward bodies, and the craft's extent [m]."""
     low, high = bounds(model)
     extent = float((high - low).max())
@@ -183,10 +216,9 @@ def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[
         if len(body.triangles):
             bodies.append(body)
         else:
-            lines.append(f"part {part.name!r} has no face with area: left out")
+            found.shape.append(f"part {part.name!r} has no face with area: left out")
     if not bodies:
         raise UserError(f"{model.path} has no face with area; export the model again")
-    summary = ""
     reduced = options.decimate is not None and sum(len(b.triangles) for b in bodies) > options.decimate
     if reduced and options.decimate is not None:
         before = sum(len(b.triangles) for b in bodies)
@@ -195,37 +227,60 @@ def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[
         bodies = [without_slivers(b, extent, RepairCounts()) for b in bodies]
         bodies = [b for b in bodies if len(b.triangles)]
         after = sum(len(b.triangles) for b in bodies)
-        summary = (
+        found.shape.append(
             f"reduced {before:,} triangles to {after:,}: {off.rms_m * 1e3:.3g} mm off in the mean (rms), "
             f"{off.largest_m * 1e3:.3g} mm at most"
         )
-    holes = rims = branches = 0
-    out = []
     if options.fill_holes:
         capped = cap_solids(bodies, extent)
         tally.filled, tally.left_open = capped.filled, capped.left
         bodies = [without_slivers(b, extent, tally) for b in capped.bodies]
-    for closed in bodies:
-        where = f"{model.path}, part {closed.name!r}"
-        found = check_surface(
-            closed,
+    out = _checked(model, bodies, options, tally, found, reduced=reduced)
+    found.repairs += tally.lines()
+    found.shape += coincidence_lines(out, extent)
+    return out, extent
+
+
+def _checked(
+    model: RawModel,
+    bodies: list[MeshBody],
+    options: ImportOptions,
+    tally: RepairCounts,
+    found: Findings,
+    *,
+    reduced: bool,
+) -> list[MeshBody]:
+    """Return the bodies wound outwards; open outlines and branching edges are counted, or refused by ``--strict``."""
+    holes = rims = branches = one_sided = 0
+    lenient = not options.strict or reduced  # reducing may open seams and pinch edges
+    out = []
+    for body in bodies:
+        where = f"{model.path}, part {body.name!r}"
+        counts = check_surface(
+            body,
             where,
-            # reducing may open seams and pinch edges: reported, never refused
-            keep_holes=options.keep_holes or reduced,
-            keep_non_manifold=options.keep_non_manifold or reduced,
+            keep_holes=options.keep_holes or lenient,
+            keep_non_manifold=options.keep_non_manifold or lenient,
             tried_to_fill=options.fill_holes,
         )
-        holes, rims, branches = holes + found[0], rims + found[1], branches + found[2]
-        out.append(oriented(closed, where, tally, lenient=options.keep_non_manifold or reduced))
-    lines += tally.lines()
-    if summary:
-        lines.append(summary)
+        holes, rims, branches = holes + counts[0], rims + counts[1], branches + counts[2]
+        turned, twisted = oriented(body, where, tally, lenient=options.keep_non_manifold or lenient)
+        out.append(turned)
+        one_sided += twisted
+    model.openings = holes
     if holes:
-        lines.append(f"kept {holes} open outlines ({rims:,} open edges) as sheets seen from both sides")
+        found.shape.append(
+            f"kept {holes:,} open outlines ({rims:,} open edges) as sheets seen from both sides"
+            + (" (--fill-holes caps those that then bound a solid)" if not options.fill_holes else "")
+        )
     if branches:
-        lines.append(f"kept {branches:,} edges of three or more faces")
-    lines += coincidence_lines(out, extent)
-    return out, extent
+        advice = "" if options.keep_non_manifold else " (--strict refuses them and names the first)"
+        found.shape.append(f"kept {branches:,} edges of three or more faces{advice}")
+    if one_sided:
+        found.shape.append(
+            f"kept {one_sided:,} faces of one-sided surfaces (--strict refuses them and names the first)"
+        )
+    return out
 
 
 def _parts(
@@ -251,6 +306,19 @@ def _parts(
         lines.append(f"computed normals anew of {wrong} part{'s' * (wrong > 1)} {why}, creased at 32 degrees")
     names = unique_names((p.name for p in parts), "part")
     return [replace(p, name=n) for p, n in zip(parts, names, strict=True)]
+
+
+def _summary(target: Target, openings: int | None = None) -> str:
+    """Return what the target is: size, parts, triangles and, where they were counted, openings."""
+    size = np.ptp(np.concatenate([p.positions_m for p in target.parts]), axis=0)
+    triangles, parts = sum(len(p.triangles) for p in target.parts), len(target.parts)
+    what = (
+        f"{' x '.join(f'{s:.4g}' for s in size)} m, {parts} part{'s' * (parts != 1)}, "
+        f"{triangles:,} triangle{'s' * (triangles != 1)}"
+    )
+    if openings is not None:
+        what += f", {openings:,} open outline{'s' * (openings != 1)}" if openings else ", closed"
+    return f"{target.name}: {what}"
 
 
 def _proposals(keypoints: int, edges: int, left_out: int, occluders: int) -> list[str]:

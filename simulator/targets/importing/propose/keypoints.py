@@ -6,10 +6,11 @@ import itertools
 
 import cv2
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from simulator.runtime.arrays import FloatArray, IntArray, vec3
 from simulator.targets.builders.mesh import across
+from simulator.targets.importing.propose.surface_points import surface_points
 from simulator.targets.importing.propose.wireframe import crease_edges
 from simulator.targets.importing.repair.decimate import decimate
 from simulator.targets.importing.repair.topology import (
@@ -25,6 +26,10 @@ MOST_CANDIDATES = 4000
 FEWEST_VIEWS = 3
 CLOSEST = 0.02
 """Share of the craft: nearer points would be one to an estimator."""
+SAMPLES, NEIGHBOURHOOD = 6000, 0.12
+"""Points of the surface, and the radius about a keypoint as a share of the craft, that tell a boom from a body."""
+BROAD, ON_A_BOOM = 0.4, 0.3
+"""Ratio of principal axes from which a surface is no boom, and the weight of a point on a line."""
 TURN_COS = float(np.cos(np.deg2rad(25.0)))
 
 
@@ -33,7 +38,8 @@ def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, 
 
     The first is the one farthest from the middle, each next the one farthest from those before it; what is seen
     from more sides counts more, corners count a quarter more than round rims, and what sticks out (the hull of
-    the craft) two fifths more. The same mesh always gives the same points.
+    the craft) two fifths more. Along a boom points count less, so that it does not take them from the body. The same
+    mesh always gives the same points.
     """
     points, is_corner = _candidates(bodies)
     if not len(points):
@@ -45,9 +51,15 @@ def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, 
     visible = seen >= FEWEST_VIEWS
     if visible.sum() >= WANTED:
         points, is_corner, seen = points[visible], is_corner[visible], seen[visible]
+    on_hull = _on_hull(points)
     weight = (
         np.where(is_corner, 1.25, 1.0)
-        * np.where(_on_hull(points), 1.4, 1.0)
+        * np.where(on_hull, 1.4, 1.0)
+        * np.where(
+            on_hull,
+            1.0,
+            ON_A_BOOM + (1 - ON_A_BOOM) * np.clip(_breadth(bodies, points, extent) / BROAD, 0, 1),
+        )
         * (0.3 + seen / len(DIRECTIONS)) ** 1.5
     )
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -64,6 +76,19 @@ def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, 
         Keypoint(name=f"{'corner' if is_corner[k] else 'tip'}_{number + 1:02d}", position_m=vec3(points[k]))
         for number, k in enumerate(chosen)
     )
+
+
+def _breadth(bodies: list[MeshBody], points: FloatArray, extent_m: float) -> FloatArray:
+    """(K,) ratio of the second to the first principal axis of the surface about each point: small along a boom."""
+    samples = surface_points(bodies, SAMPLES, vertices=False).points_m
+    tree = cKDTree(samples)
+    out = np.ones(len(points))
+    for k, point in enumerate(points):
+        near = np.asarray(tree.query_ball_point(point, NEIGHBOURHOOD * extent_m), np.int64)
+        if len(near) > 3:
+            axes = np.linalg.eigvalsh(np.cov(samples[near].T))
+            out[k] = np.sqrt(max(axes[1], 0.0) / max(axes[2], 1e-300))
+    return out
 
 
 def _candidates(bodies: list[MeshBody]) -> tuple[FloatArray, np.ndarray]:

@@ -27,10 +27,14 @@ class SurfacePoints:
     pieces: int
 
 
-def surface_points(bodies: list[MeshBody], count: int) -> SurfacePoints:
+def surface_points(bodies: list[MeshBody], count: int, *, vertices: bool = True) -> SurfacePoints:
     """About ``count`` points, evenly by area and the same for the same bodies, and every vertex of the bodies.
 
     Stratified along the list of faces, so that small faces get their share; seeded.
+
+    Parameters
+    ----------
+    vertices : add the vertices.
     """
     rng = np.random.default_rng(0)
     areas = [np.linalg.norm(b.face_vectors, axis=1) for b in bodies]
@@ -48,7 +52,7 @@ def surface_points(bodies: list[MeshBody], count: int) -> SurfacePoints:
         u, v = np.where(u + v > 1, (1 - u, 1 - v), (u, v))
         p = body.positions_m[body.triangles]
         inside = p[face, 0] + u[:, None] * (p[face, 1] - p[face, 0]) + v[:, None] * (p[face, 2] - p[face, 0])
-        used, first = np.unique(body.triangles, return_index=True)
+        used, first = np.unique(body.triangles if vertices else body.triangles[:0], return_index=True)
         face = np.concatenate([face, first // 3])
         unit = body.face_vectors / np.maximum(area[:, None], 1e-300)
         rows.append(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.errors import UserError
+from simulator.targets.importing.read.gltf_accessors import COMPONENTS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,8 +54,7 @@ def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> 
         accessors = document["accessors"]
         for name, number in extension["attributes"].items():
             was = accessors[p["attributes"][name]] if name in p["attributes"] else {}
-            kept = {"normalized": True} if was.get("normalized") else {}
-            p["attributes"][name] = added.accessor(f"{stream}_{int(number)}", arrays, kept)
+            p["attributes"][name] = added.accessor(f"{stream}_{int(number)}", arrays, was)
         p["indices"] = added.accessor(f"faces_{stream}", arrays, {})
         p["mode"] = 4
         del p["extensions"][DRACO]
@@ -68,14 +68,26 @@ class _Added:
         self._document, self._buffer = document, buffer
         self._blocks: list[bytes] = []
         self._length = 0
-        self._known: dict[tuple[str, bool], int] = {}
+        self._known: dict[tuple[str, int, bool], int] = {}
 
-    def accessor(self, key: str, arrays: dict[str, NDArray[Any]], more: dict[str, Any]) -> int:
-        """The number of an accessor of an array; faces become one row of indices."""
-        if (key, bool(more)) in self._known:
-            return self._known[key, bool(more)]
+    def accessor(self, key: str, arrays: dict[str, NDArray[Any]], was: dict[str, Any]) -> int:
+        """Return the number of an accessor of an array; faces become one row of indices.
+
+        Parameters
+        ----------
+        was : the accessor that stands for it in the document, whose component type and ``normalized`` hold: the
+            decoder returns whole numbers as floats.
+        """
         array = arrays[key].reshape(-1, 1) if key.startswith("faces") else arrays[key]
         array = np.ascontiguousarray(array.reshape(len(array), -1))
+        kind = int(
+            was.get("componentType", COMPONENT_OF[array.dtype.char if array.dtype.char != "L" else "I"])
+        )
+        normalized = bool(was.get("normalized"))
+        if (key, kind, normalized) in self._known:
+            return self._known[key, kind, normalized]
+        with np.errstate(invalid="ignore"):
+            array = array.astype(COMPONENTS[kind])
         data = array.tobytes()
         self._document["bufferViews"].append(
             {"buffer": self._buffer, "byteOffset": self._length, "byteLength": len(data)}
@@ -83,16 +95,16 @@ class _Added:
         self._document["accessors"].append(
             {
                 "bufferView": len(self._document["bufferViews"]) - 1,
-                "componentType": COMPONENT_OF[array.dtype.char if array.dtype.char != "L" else "I"],
+                "componentType": kind,
+                "normalized": normalized,
                 "count": len(array),
                 "type": TYPE_OF[array.shape[1]],
-                **more,
             }
         )
         self._blocks.append(data)
         self._length += len(data)
-        self._known[key, bool(more)] = len(self._document["accessors"]) - 1
-        return self._known[key, bool(more)]
+        self._known[key, kind, normalized] = len(self._document["accessors"]) - 1
+        return self._known[key, kind, normalized]
 
     def data(self) -> bytes:
         """All arrays, one after the other."""

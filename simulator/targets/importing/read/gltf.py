@@ -12,17 +12,12 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.runtime.untrusted_files import find_beside, read_regular
-from simulator.targets.glb.read import (
-    ANISOTROPY,
-    BROKEN,
-    CLEARCOAT,
-    LARGEST_FILE_BYTES,
-    parse_json,
-    read_chunks,
-)
+from simulator.targets.glb.read import ANISOTROPY, BROKEN, LARGEST_FILE_BYTES, parse_json, read_chunks
 from simulator.targets.importing.read.brushed import anisotropy_of, common_grain, corners_of, face_grain
-from simulator.targets.importing.read.draco import DRACO, unpack_draco
+from simulator.targets.importing.read.draco import unpack_draco
 from simulator.targets.importing.read.gltf_accessors import read_accessor
+from simulator.targets.importing.read.gltf_extensions import check_extensions
+from simulator.targets.importing.read.gltf_materials import GltfMaterials, moved, transform
 from simulator.targets.importing.read.gltf_nodes import (
     FAN,
     STRIP,
@@ -35,27 +30,18 @@ from simulator.targets.importing.read.raw_model import (
     UNNAMED_SURFACE,
     RawModel,
     RawPart,
-    unique_name,
     unique_names,
 )
-from simulator.targets.importing.read.textures import LARGEST_PICTURE_BYTES, PictureReader
-from simulator.targets.model import Material, TextureImage
+from simulator.targets.importing.read.textures import PictureReader
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from simulator.runtime.arrays import FloatArray, IntArray
+    from simulator.targets.model import Material
 
-COMPRESSED = {"EXT_meshopt_compression": "meshopt"}
-UNDERSTOOD = (
-    DRACO,
-    "KHR_materials_",
-    "KHR_mesh_quantization",
-    "KHR_lights",
-    "KHR_texture_transform",
-    "EXT_texture_",
-)
-SPECULAR = "KHR_materials_pbrSpecularGlossiness"
+ELSEWHERE = {"animations": "animations (the pose of the nodes is taken)", "cameras": "cameras"}
+"""Parts of a document that are reported and left out."""
 
 
 def read_gltf(path: Path, data: bytes) -> RawModel:
@@ -78,18 +64,9 @@ def read_gltf(path: Path, data: bytes) -> RawModel:
         raise UserError(f"{path} holds JSON that is not a glTF document; export it again")
     if str(document["asset"].get("version", "2")).startswith("1"):
         raise UserError(f"{path} is glTF version 1; export it as version 2")
-    required = document.get("extensionsRequired") or []
-    for name in map(str, required if isinstance(required, list) else [required]):
-        if name in COMPRESSED:
-            raise UserError(
-                f"{path} is compressed with {COMPRESSED[name]}; export it without mesh compression"
-            )
-        if not name.startswith(UNDERSTOOD):
-            raise UserError(
-                f"{path} requires the glTF extension {name}, which is not read; export it without"
-            )
+    lost, notes = check_extensions(path, document)
     try:
-        return _Reader(path, document, blob).model()
+        return _Reader(path, document, blob, lost, notes).model()
     except BROKEN as error:
         raise UserError(
             f"{path} breaks the rules of glTF 2.0 ({type(error).__name__}: {str(error)[:200]}); export it again"
@@ -99,30 +76,32 @@ def read_gltf(path: Path, data: bytes) -> RawModel:
 class _Reader:
     """One document on its way to parts."""
 
-    def __init__(self, path: Path, document: dict[str, Any], blob: bytes) -> None:
+    def __init__(
+        self, path: Path, document: dict[str, Any], blob: bytes, lost: list[str], notes: list[str]
+    ) -> None:
         self.path, self.document = path, document
-        self.notes: list[str] = []
+        self.notes, self.lost = notes, set(lost)
         self.files: dict[Path, bytes] = {}
         packed = [self._buffer(b, blob, k) for k, b in enumerate(document.get("buffers", []))]
-        self.pictures: dict[int, TextureImage] = {}
         self.reader = PictureReader(path, self.notes)
-        self.lost: set[str] = set()
+        self.materials = GltfMaterials(document, self.reader, self._image, self.lost)
         self.grain: dict[int, FloatArray] = {}
         self.buffers = unpack_draco(path, document, packed)
 
     def model(self) -> RawModel:
         document = self.document
-        materials = [self._material(m) for m in document.get("materials", [])]
+        materials = self.materials.all()
         names = unique_names((m.name for m in materials), "material")
         materials = [replace(m, name=n) for m, n in zip(materials, names, strict=True)]
         materials.append(UNNAMED_SURFACE)
-        found = placed_meshes(document, self.notes)
+        found = placed_meshes(document, self.notes, self._read)
         check_weight(document, found, sum(map(len, self.buffers)))
         meshes = {number for _, number, _ in found}
         if any("skin" in node for node in document.get("nodes", [])) or any(
             "targets" in p for number in meshes for p in document["meshes"][number]["primitives"]
         ):
             self.lost.add("skins and morph targets (the rest pose is taken)")
+        self.lost |= {what for key, what in ELSEWHERE.items() if document.get(key)}
         parts = []
         for name, (_, mesh, matrix) in zip(unique_names((f[0] for f in found), "part"), found, strict=True):
             part = self._part(name, document["meshes"][mesh], matrix, len(materials) - 1)
@@ -136,7 +115,7 @@ class _Reader:
             self.notes.append(f"not carried over: {', '.join(sorted(self.lost))}")
         return RawModel(
             path=self.path, kind="gltf", parts=parts, materials=materials, in_metres=True, up="y", notes=self.notes,
-            pictures={p.name: p for p in self.pictures.values()},
+            pictures=self.materials.pictures, faults=self.reader.faults,
         )  # fmt: skip
 
     def _part(self, name: str, mesh: dict[str, Any], matrix: FloatArray, no_material: int) -> RawPart | None:
@@ -233,7 +212,10 @@ class _Reader:
     def _colours(self, primitive: dict[str, Any], triangles: IntArray, count: int) -> FloatArray | None:
         """(F, 3) colour of each face from its vertices, where the file gives them one and no texture."""
         attributes, factor = primitive["attributes"], np.ones(3)
-        if "COLOR_0" not in attributes or self._textures(primitive):
+        if "COLOR_0" not in attributes:
+            return None
+        if self.materials.textures(primitive):
+            self.lost.add("colours of vertices beside textures")
             return None
         if "material" in primitive:
             pbr = self.document["materials"][primitive["material"]].get("pbrMetallicRoughness", {})
@@ -243,96 +225,29 @@ class _Reader:
 
     def _coordinates(self, primitive: dict[str, Any], triangles: IntArray) -> FloatArray | None:
         """(F, 3, 2) texture coordinates of the corners for the material's textures."""
-        textures = self._textures(primitive)
+        textures = self.materials.textures(primitive)
         if not textures:
             return None
-        change, number = _transform(textures[0])
-        if any(_transform(other) != (change, number) for other in textures[1:]):
+        change, number = transform(textures[0])
+        if any(transform(other) != (change, number) for other in textures[1:]):
             self.lost.add("texture coordinates of their own for maps beside the base colour")
         key = f"TEXCOORD_{number}"
         if key not in primitive["attributes"]:
             return None
         uv = self._read(primitive["attributes"][key])[:, :2]
-        (su, sv), angle, (ou, ov) = change
-        c, s = np.cos(angle), np.sin(angle)
-        # KHR_texture_transform: offset x rotation x scale
-        turned = np.stack(
-            [c * su * uv[:, 0] + s * sv * uv[:, 1], -s * su * uv[:, 0] + c * sv * uv[:, 1]], axis=1
-        )
         with np.errstate(invalid="ignore"):
-            return np.asarray((turned + np.array((ou, ov)))[np.clip(triangles, 0, len(uv) - 1)])
+            corners = moved(uv, change)[np.clip(triangles, 0, len(uv) - 1)]
+        for reference in textures:
+            self.materials.check_wrapping(reference, corners)
+        return np.asarray(corners)
 
-    def _textures(self, primitive: dict[str, Any]) -> list[dict[str, Any]]:
-        """References of the primitive's material to pictures, the base colour first."""
-        if "material" not in primitive:
-            return []
-        m = self.document["materials"][primitive["material"]]
-        pbr = m.get("pbrMetallicRoughness", {})
-        old = m.get("extensions", {}).get(SPECULAR, {})
-        found = (
-            pbr.get("baseColorTexture") or old.get("diffuseTexture"),
-            pbr.get("metallicRoughnessTexture"),
-            m.get("normalTexture"),
-        )
-        return [f for f in found if f is not None]
-
-    def _material(self, m: dict[str, Any]) -> Material:
-        pbr, extensions = m.get("pbrMetallicRoughness", {}), m.get("extensions", {})
-        coat = extensions.get(CLEARCOAT, {})
-        metallic, roughness = float(pbr.get("metallicFactor", 1.0)), float(pbr.get("roughnessFactor", 1.0))
-        base = pbr.get("baseColorFactor", [1, 1, 1, 1])
-        if SPECULAR in extensions:
-            old = extensions[SPECULAR]
-            base, metallic = old.get("diffuseFactor", [1, 1, 1, 1]), 0.0
-            roughness = 1.0 - float(old.get("glossinessFactor", 1.0))
-        diffuse = pbr.get("baseColorTexture") or extensions.get(SPECULAR, {}).get("diffuseTexture")
-        for key, what in (("emissiveTexture", "emission"), ("occlusionTexture", "occlusion maps")):
-            if key in m or (what == "emission" and any(m.get("emissiveFactor", ()))):
-                self.lost.add(what)
-        if any(key.endswith("Texture") for key in (*coat, *extensions.get(ANISOTROPY, {}))):
-            self.lost.add("textures of clear coats and of brushing (their factors are taken)")
-        if m.get("normalTexture", {}).get("scale", 1) != 1:
-            self.lost.add("scales of normal maps (1 is taken)")
-        if m.get("alphaMode", "OPAQUE") != "OPAQUE":
-            self.lost.add("transparency (drawn opaque)")
-        r, g, b = (float(np.clip(c, 0, 1)) for c in base[:3])
-        return Material(
-            name=str(m.get("name") or ""),
-            base_color=(r, g, b),
-            metallic=float(np.clip(metallic, 0, 1)),
-            roughness=float(np.clip(roughness, 0.03, 1)),
-            clearcoat=float(np.clip(coat.get("clearcoatFactor", 0.0), 0, 1)),
-            clearcoat_roughness=float(
-                np.clip(coat.get("clearcoatRoughnessFactor", Material.clearcoat_roughness), 0, 1)
-            ),
-            anisotropy=anisotropy_of(m, ANISOTROPY)[0],
-            base_color_texture=self._picture(diffuse),
-            metallic_roughness_texture=self._picture(pbr.get("metallicRoughnessTexture")),
-            normal_texture=self._picture(m.get("normalTexture")),
-        )
-
-    def _picture(self, reference: dict[str, Any] | None) -> str:
-        """The name under which the picture of a texture is kept; empty when there is none."""
-        if reference is None:
-            return ""
-        record = self.document["textures"][reference["index"]]
-        source = record.get("source")
-        if source is None:
-            source = next((e["source"] for e in record.get("extensions", {}).values() if "source" in e), None)
-        if source is None:
-            return ""
-        if source not in self.pictures:
-            image = self.document["images"][source]
-            if "bufferView" in image:
-                view = self.document["bufferViews"][image["bufferView"]]
-                start = view.get("byteOffset", 0)
-                raw = self.buffers[view["buffer"]][start : start + view["byteLength"]] if start >= 0 else b""
-            else:
-                raw = self._file(image["uri"], "texture", LARGEST_PICTURE_BYTES)
-            what = str(image.get("name") or image.get("uri", "") or f"image {source}")[:60]
-            name = unique_name(what, {p.name for p in self.pictures.values()})
-            self.pictures[source] = self.reader.read(name, raw)
-        return self.pictures[source].name
+    def _image(self, image: dict[str, Any]) -> bytes | None:
+        """Return the bytes of an embedded image; None if it is a file of its own."""
+        if "bufferView" in image:
+            view = self.document["bufferViews"][image["bufferView"]]
+            start = view.get("byteOffset", 0)
+            return self.buffers[view["buffer"]][start : start + view["byteLength"]] if start >= 0 else b""
+        return embedded(self.path, image["uri"], "texture")
 
     def _buffer(self, record: dict[str, Any], blob: bytes, number: int) -> bytes:
         length = int(record["byteLength"])
@@ -344,14 +259,12 @@ class _Reader:
         return data
 
     def _file(self, uri: str, what: str, most_bytes: int) -> bytes:
-        if uri.startswith("data:"):
-            try:
-                return base64.b64decode(uri.partition(",")[2], validate=True)
-            except binascii.Error as error:
-                raise UserError(f"{self.path}: an embedded {what} is damaged; export it again") from error
+        data = embedded(self.path, uri, what)
+        if data is not None:
+            return data
         place = find_beside(self.path, unquote(uri), what)
         try:
-            if place not in self.files:  # as many buffers and pictures as are written may name one file
+            if place not in self.files:  # as many buffers as are written may name one file
                 self.files[place] = read_regular(place, most_bytes)
             return self.files[place]
         except OSError as error:
@@ -363,14 +276,20 @@ class _Reader:
         return read_accessor(self.document, self.buffers, number)
 
 
-def _transform(
-    reference: dict[str, Any],
-) -> tuple[tuple[tuple[float, float], float, tuple[float, float]], int]:
-    """Scale, rotation and offset of a texture reference, and the number of its coordinates."""
-    change = reference.get("extensions", {}).get("KHR_texture_transform", {})
-    (su, sv), (ou, ov) = change.get("scale", (1.0, 1.0)), change.get("offset", (0.0, 0.0))
-    number = change.get("texCoord", reference.get("texCoord", 0))
-    return ((float(su), float(sv)), float(change.get("rotation", 0.0)), (float(ou), float(ov))), int(number)
+def embedded(path: Path, uri: str, what: str) -> bytes | None:
+    """Return the bytes of a data URI; None if it is none.
+
+    Raises
+    ------
+    UserError
+        If they are damaged.
+    """
+    if not uri.startswith("data:"):
+        return None
+    try:
+        return base64.b64decode(uri.partition(",")[2], validate=True)
+    except binascii.Error as error:
+        raise UserError(f"{path}: an embedded {what} is damaged; export it again") from error
 
 
 def _joined(

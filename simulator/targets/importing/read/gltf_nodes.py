@@ -6,19 +6,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from simulator.targets.importing.read.gltf_extensions import INSTANCING, VISIBILITY
+
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from simulator.runtime.arrays import FloatArray, IntArray
 
 
 MOST_ROWS = 4_000_000
 """Vertices and corners of all placed meshes, unless the file itself holds more: a mesh placed often takes as often."""
 
+MOST_PLACED = 100_000
+INSTANCE_KEYS = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
+
 Placed = tuple[str, int, "FloatArray"]
 """Name, mesh number, and (4, 4) scene from mesh."""
 
 
-def placed_meshes(document: dict[str, Any], notes: list[str]) -> list[Placed]:
+def placed_meshes(
+    document: dict[str, Any], notes: list[str], read: Callable[[int], FloatArray]
+) -> list[Placed]:
     """The meshes of the scene that is shown, each where it stands, in the order of the tree.
+
+    Parameters
+    ----------
+    read : callable
+        Returns the values of an accessor (EXT_mesh_gpu_instancing).
 
     Raises
     ------
@@ -28,18 +42,43 @@ def placed_meshes(document: dict[str, Any], notes: list[str]) -> list[Placed]:
     nodes, found = document.get("nodes", []), list[Placed]()
     waiting = [(int(k), np.eye(4)) for k in reversed(_roots(document, notes))]
     seen: set[int] = set()
+    hidden = 0
     while waiting:
         number, parent = waiting.pop()
         if number in seen:
             raise ValueError(f"node {number} is reached twice: nodes form no tree")
         seen.add(number)
         node = nodes[number]
+        extensions = node.get("extensions", {})
+        if not extensions.get(VISIBILITY, {}).get("visible", True):
+            hidden += 1
+            continue
         matrix = parent @ node_matrix(node)
         if "mesh" in node:
             mesh = document["meshes"][node["mesh"]]
-            found.append((str(node.get("name") or mesh.get("name") or ""), int(node["mesh"]), matrix))
+            name = str(node.get("name") or mesh.get("name") or "")
+            places = _instances(extensions[INSTANCING], read) if INSTANCING in extensions else [np.eye(4)]
+            found += [(name, int(node["mesh"]), matrix @ place) for place in places]
+            if len(found) > MOST_PLACED:
+                raise ValueError(f"its nodes place more than {MOST_PLACED:,} meshes")
         waiting += [(int(child), matrix) for child in reversed(node.get("children", []))]
+    if hidden:
+        notes.append(f"left out {hidden:,} nodes that {VISIBILITY} hides, with all below them")
     return found
+
+
+def _instances(extension: dict[str, Any], read: Callable[[int], FloatArray]) -> list[FloatArray]:
+    """Return (4, 4) of each instance relative to its node."""
+    attributes = {
+        key: read(number) for key, number in extension["attributes"].items() if key in INSTANCE_KEYS
+    }
+    counts = {len(values) for values in attributes.values()}
+    if len(counts) != 1 or max(counts) > MOST_PLACED:
+        raise ValueError(f"instances have {' and '.join(map(str, sorted(counts))) or 'no'} places")
+    return [
+        node_matrix({INSTANCE_KEYS[key]: values[k] for key, values in attributes.items()})
+        for k in range(max(counts))
+    ]
 
 
 def check_weight(document: dict[str, Any], placed: list[Placed], n_bytes: int) -> None:

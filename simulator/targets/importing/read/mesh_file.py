@@ -8,8 +8,9 @@ from simulator.errors import UserError
 from simulator.runtime.untrusted_files import read_regular
 from simulator.targets.glb.read import LARGEST_FILE_BYTES
 from simulator.targets.importing.read.gltf import read_gltf
+from simulator.targets.importing.read.named_files import split_word, text_lines
 from simulator.targets.importing.read.obj import read_obj
-from simulator.targets.importing.read.stl import is_binary_stl, read_stl
+from simulator.targets.importing.read.stl import is_stl, read_stl
 from simulator.targets.importing.read.textures import bake_colours
 
 if TYPE_CHECKING:
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
     from simulator.targets.importing.read.raw_model import RawModel
 
 ENDINGS = ("glb", "gltf", "obj", "stl")
+OBJ_WORDS = {"v", "vn", "vt", "f", "o", "g", "mtllib", "usemtl", "s", "vp", "l", "p"}
 OTHERS = {
+    b"version https://git-lfs": "a Git LFS pointer instead of the mesh (`git lfs pull` brings it)",
     b"ply": "a PLY mesh",
     b"PK": "a ZIP archive (3MF, USDZ or packed files)",
     b"\x89PN": "a PNG image",
@@ -50,7 +53,8 @@ def read_mesh(path: Path) -> RawModel:
     if not data.strip():
         raise UserError(f"{path} is empty; export the model again")
     found = detected_format(data)
-    if found != kind:
+    # a binary STL has no mark of its own
+    if found != kind and not (found == "" and kind == "stl"):
         what = f"a .{found} file" if found in ENDINGS else found or "no mesh that is known"
         hint = (
             f"rename it to {path.with_suffix('.' + found).name}" if found in ENDINGS else "export it as .glb"
@@ -74,19 +78,16 @@ def detected_format(data: bytes) -> str:
     """The ending that a file's content deserves, or a few words on what it is, or nothing."""
     if data[:4] == b"glTF":
         return "glb"
-    if is_binary_stl(data):
+    if is_stl(data):
         return "stl"
-    head = data[:4096].lstrip()
-    if head[:5].lower() == b"solid" and head[5:6] in b" \t\r\n":
-        return "stl"
+    head = data[:4096].removeprefix(b"\xef\xbb\xbf").lstrip()
     if head[:1] == b"{":
         return "gltf"
     for magic, what in OTHERS.items():
         if head.startswith(magic):
             return what
-    lines = [line.split(None, 1)[0] for line in data[:65536].splitlines()[:-1] or [data] if line.strip()]
-    words = {b"v", b"vn", b"vt", b"f", b"o", b"g", b"mtllib", b"usemtl", b"s", b"vp", b"l"}
-    real = [w for w in lines if not w.startswith(b"#")]
-    if not real or sum(w in words for w in real) > len(real) // 2:
+    words = [split_word(line)[0].lower() for line in text_lines(data[:65536])[:-1] or text_lines(data)]
+    real = [w for w in words if w and not w.startswith("#")]
+    if not real or sum(w in OBJ_WORDS for w in real) > len(real) // 2:
         return "obj"
     return ""

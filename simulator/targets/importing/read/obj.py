@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -9,8 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
+from simulator.targets.importing.read.named_files import split_word, text_lines, unquoted
 from simulator.targets.importing.read.obj_materials import MaterialLibraries
+from simulator.targets.importing.read.polygons import are_convex, fan, polygon_triangles
 from simulator.targets.importing.read.raw_model import UNNAMED_SURFACE, RawModel, RawPart, unique_names
+from simulator.targets.importing.read.textures import linear_from_srgb
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,6 +24,17 @@ if TYPE_CHECKING:
 
 
 LARGEST_NUMBER = 2**40
+MOST_CLIPPING = 50e6
+"""Sum of the squared numbers of corners of polygons that are no triangles or convex quadrilaterals."""
+
+
+CURVES = ("l", "p", "curv", "curv2", "surf")
+HARMLESS = (
+    "s", "mg", "vp", "bevel", "c_interp", "d_interp", "lod", "shadow_obj", "trace_obj", "ctech", "stech", "cstype",
+    "deg", "bmat", "step", "parm", "trim", "hole", "scrv", "sp", "end", "con",
+)  # fmt: skip
+"""Statements of the format that change no triangle, or belong to curves, which are reported as such."""
+_COMMENT = re.compile(r"(?:^|\s)#.*")
 
 
 @dataclass(eq=False)
@@ -29,63 +44,56 @@ class _Block:
     part: str
     material: str
     lines: list[str] = field(default_factory=list)
-    seen: tuple[int, int, int] = (0, 0, 0)
+
+
+@dataclass(eq=False)
+class _Statements:
+    """The statements of a file, sorted by kind and still text."""
+
+    rows: dict[str, list[str]] = field(default_factory=lambda: {"v": [], "vt": [], "vn": []})
+    blocks: list[_Block] = field(default_factory=list)
+    libraries: list[str] = field(default_factory=list)
+    has_curves: bool = False
+    unknown: int = 0
+    first_unknown: str = ""
 
 
 def read_obj(path: Path, data: bytes) -> RawModel:
-    """Read an OBJ; polygons are cut into fans of triangles.
+    """Read an OBJ; polygons become triangles.
 
     Raises
     ------
     UserError
-        If its material library or a texture is missing, or a line cannot be read.
+        If a line cannot be read, or textures are too large.
     """
-    rows: dict[str, list[str]] = {"v": [], "vt": [], "vn": []}
-    blocks: list[_Block] = []
-    libraries: list[str] = []
-    part, material = "body", ""
-    text = data.decode("utf-8", "replace").replace("\\\n", " ").replace("\\\r\n", " ")
-    lost = False
-    for line in text.splitlines():
-        word, _, rest = line.strip().partition(" ")
-        if word in rows:
-            rows[word].append(rest)
-        elif word == "f":
-            if not blocks or (blocks[-1].part, blocks[-1].material) != (part, material):
-                blocks.append(_Block(part, material))
-            blocks[-1].lines.append(rest)
-            if "-" in rest:  # counted from the last vertex so far
-                try:
-                    rest = _absolute(rest, (len(rows["v"]), len(rows["vt"]), len(rows["vn"])))
-                except ValueError as error:
-                    raise _unreadable_face(path, rest) from error
-                blocks[-1].lines[-1] = rest
-        elif word in ("o", "g"):
-            part = rest.strip() or "body"
-        elif word == "usemtl":
-            material = rest.strip()
-        elif word == "mtllib":
-            libraries.append(rest.strip())
-        elif word in ("l", "p", "curv", "surf"):
-            lost = True
-    v = _numbers(path, rows["v"], 3, "v")
-    vt = _numbers(path, rows["vt"], 2, "vt")
-    vn = _numbers(path, rows["vn"], 3, "vn")
-    palette = MaterialLibraries(path, libraries)
-    used = list(dict.fromkeys(b.material for b in blocks))
+    found = _statements(path, data)
+    rows = found.rows
+    v, colours, has_weights = _vertices(path, rows["v"])
+    vt = _numbers(path, rows["vt"], 1, "vt")[:, :2]
+    vn = _numbers(path, rows["vn"], 3, "vn")[:, :3]
+    palette = MaterialLibraries(path, found.libraries)
+    used = list(dict.fromkeys(b.material for b in found.blocks))
     known = {name: palette[name] for name in used if name in palette}
     model = RawModel(path=path, kind="obj", parts=[], materials=[])
-    if lost:
+    if found.unknown:
+        model.notes.append(
+            f"{found.unknown:,} lines begin with a word that OBJ does not have and were not read (the first is "
+            f"{found.first_unknown})"
+        )
+    if found.has_curves:
         model.notes.append("not carried over: points, lines and curves")
-    _materials(path, model, used, known, has_libraries=len(palette) > 0)
+    if has_weights:
+        model.notes.append("not carried over: weights of vertices (their fourth number)")
+    _materials(model, used, known, has_libraries=len(palette) > 0, names_libraries=bool(found.libraries))
     model.notes += palette.notes
+    model.faults += palette.faults
     number = {m.name: k for k, m in enumerate(model.materials)}
     of_part: dict[str, list[_Block]] = {}
-    for block in blocks:
+    for block in found.blocks:
         of_part.setdefault(block.part, []).append(block)
     short = 0
     for name, mine in zip(unique_names(of_part, "body"), of_part.values(), strict=True):
-        body, dropped = _part(path, name, mine, (v, vt, vn), known, number)
+        body, dropped = _part(path, name, mine, (v, vt, vn, colours), known, number)
         model.parts.append(body)
         short += dropped
     if short:
@@ -93,20 +101,63 @@ def read_obj(path: Path, data: bytes) -> RawModel:
     return model
 
 
+def _statements(path: Path, data: bytes) -> _Statements:
+    found = _Statements()
+    rows, blocks = found.rows, found.blocks
+    part, material = "body", ""
+    for number, line in enumerate(text_lines(data), 1):
+        word, rest = split_word(line)
+        if word not in rows and word != "f":
+            word = word.lower()
+        if (word in rows or word in ("f", "fo")) and "#" in rest:
+            rest = _COMMENT.sub("", rest)
+        if word in rows:
+            rows[word].append(rest)
+        elif word in ("f", "fo"):
+            if not blocks or (blocks[-1].part, blocks[-1].material) != (part, material):
+                blocks.append(_Block(part, material))
+            if "-" in rest:  # counted from the last vertex so far
+                try:
+                    rest = _absolute(rest, (len(rows["v"]), len(rows["vt"]), len(rows["vn"])))
+                except ValueError as error:
+                    raise _unreadable_face(path, rest) from error
+            blocks[-1].lines.append(rest)
+        elif word in ("o", "g"):
+            part = unquoted(rest) or "body"
+        elif word == "usemtl":
+            material = unquoted(rest)
+        elif word == "mtllib":
+            found.libraries.append(rest)
+        elif word in CURVES:
+            found.has_curves = True
+        elif word and not word.startswith("#") and word not in HARMLESS:
+            found.unknown += 1
+            found.first_unknown = found.first_unknown or f"{word[:20]!r}, line {number:,}"
+    return found
+
+
 def _materials(
-    path: Path, model: RawModel, used: list[str], known: dict[str, ObjMaterial], *, has_libraries: bool
+    model: RawModel,
+    used: list[str],
+    known: dict[str, ObjMaterial],
+    *,
+    has_libraries: bool,
+    names_libraries: bool,
 ) -> None:
-    for name in used:
-        if name and name not in known and has_libraries:
-            raise UserError(
-                f"{path}: material {name!r} is in none of its .mtl files; export the model with its materials"
-            )
+    absent = [n for n in used if n and n not in known]
+    if absent and (has_libraries or not names_libraries):
+        names = ", ".join(repr(n[:80]) for n in absent[:5]) + ", ..." * (len(absent) > 5)
+        which = f"material{'s' * (len(absent) > 1)} {names} {'are' if len(absent) > 1 else 'is'}"
+        if has_libraries:
+            model.faults.append(f"{which} in none of the .mtl files that were read: drawn grey")
+        else:
+            model.notes.append(f"{which} named, but no .mtl file: drawn grey")
     model.materials = [known[n].material for n in used if n in known] + [UNNAMED_SURFACE]
     model.pictures = {p.name: p for n in used if n in known and (p := known[n].picture) is not None}
     lost = sorted({k for n in used if n in known for k in known[n].lost})
     if lost:
-        model.notes.append(f"not carried over: maps {', '.join(lost)}")
-    if has_libraries and any(n not in known for n in used):
+        model.notes.append(f"not carried over: {', '.join(lost[:20])}" + ", ..." * (len(lost) > 20))
+    if has_libraries and "" in used:
         model.notes.append("some faces name no material: given a mid-grey paint")
 
 
@@ -114,15 +165,15 @@ def _part(
     path: Path,
     name: str,
     blocks: list[_Block],
-    data: tuple[FloatArray, FloatArray, FloatArray],
+    data: tuple[FloatArray, FloatArray, FloatArray, FloatArray | None],
     known: dict[str, ObjMaterial],
     number: dict[str, int],
 ) -> tuple[RawPart, int]:
-    v, vt, vn = data
-    corners, materials, coordinates = [], [], []
+    v, vt, vn, vertex_colours = data
+    corners, materials, coordinates, colours = [], [], [], []
     short = 0
     for block in blocks:
-        c, dropped = _faces(path, block.lines)
+        c, dropped = _faces(path, block.lines, v)
         short += dropped
         for column, count, what in ((0, len(v), "vertex"), (1, len(vt), "vt"), (2, len(vn), "vn")):
             bad = (c[..., column] > count) | (c[..., column] < (1 if column == 0 else 0))
@@ -135,10 +186,20 @@ def _part(
         corners.append(c)
         materials.append(np.full(len(c), number.get(block.material, len(number) - 1), np.int64))
         uv = np.full((len(c), 3, 2), np.nan)
-        if block.material in known and known[block.material].picture is not None and (c[..., 1] > 0).all():
+        mine = known.get(block.material)
+        if mine is not None and mine.picture is not None and len(vt):
+            with np.errstate(over="ignore", invalid="ignore"):
+                moved = vt * mine.scale + mine.offset
             # OBJ counts texture rows from the bottom
-            uv = np.stack([vt[:, 0], 1 - vt[:, 1]], axis=1)[c[..., 1] - 1]
+            uv = np.stack([moved[:, 0], 1 - moved[:, 1]], axis=1)[c[..., 1] - 1]
+            uv[c[..., 1] == 0] = np.nan
         coordinates.append(uv)
+        if vertex_colours is not None:
+            factor = np.asarray(mine.material.base_color) if mine is not None else 1.0
+            plain = mine is None or mine.picture is None
+            colours.append(
+                vertex_colours[c[..., 0] - 1].mean(axis=1) * factor if plain else np.full((len(c), 3), np.nan)
+            )
     c = np.concatenate(corners)
     flat = c.reshape(-1, 3)
     key, inverse = np.unique(flat[:, 0] * (len(vn) + 1) + flat[:, 2], return_inverse=True)
@@ -151,40 +212,68 @@ def _part(
         triangles=inverse.reshape(-1, 3),
         face_material=np.concatenate(materials),
         normals=vn[normal_at] if with_normals else None,
+        face_colour=np.concatenate(colours) if colours else None,
         corner_uv=None if np.isnan(uv).all() else uv,
     )
     return part, short
 
 
-def _faces(path: Path, lines: list[str]) -> tuple[IntArray, int]:
+def _faces(path: Path, lines: list[str], v: FloatArray) -> tuple[IntArray, int]:
     """(F, 3, 3) of vertex, texture and normal number, from 1; 0 where the file gives none.
 
     And how many faces had fewer than three corners: some exporters write edges so.
     """
-    first = lines[0].split() or [""]
-    slashes, double = first[0].count("/"), "//" in first[0]
-    plain = all(line.count("/") == 3 * slashes and ("//" in line) == double for line in lines)
-    if plain and all(len(line.split()) == 3 for line in lines):
+    corners, counts = _corners(path, lines)
+    at = corners[:, 0] - 1
+    start = np.cumsum(counts) - counts
+    of_face = np.repeat(np.arange(len(counts)), counts)
+    wrong = np.zeros(len(counts), bool)
+    wrong[of_face[(at < 0) | (at >= len(v))]] = True  # named later
+    three, four = counts == 3, counts == 4
+    convex = np.zeros(len(counts), bool)
+    convex[four & ~wrong] = are_convex(v[at[start[four & ~wrong][:, None] + np.arange(4)]])
+    fans = four & (convex | wrong)
+    faces = [np.flatnonzero(three), np.flatnonzero(fans), np.flatnonzero(fans)]
+    triples = [start[three, None] + (0, 1, 2), start[fans, None] + (0, 1, 2), start[fans, None] + (0, 2, 3)]
+    rest = np.flatnonzero((counts > 3) & ~fans)
+    if float((counts[rest].astype(float) ** 2).sum()) > MOST_CLIPPING:
+        raise UserError(f"{path} has too many polygons of many corners; export it as triangles")
+    for k in rest:
+        mine = start[k] + np.arange(counts[k])
+        try:
+            cut = fan(len(mine)) if wrong[k] else polygon_triangles(v[at[mine]])
+        except ValueError as error:
+            raise UserError(f"{path} has {error}, too many to cut; export it as triangles") from error
+        faces.append(np.full(len(cut), k))
+        triples.append(mine[np.array(cut)])
+    order = np.argsort(np.concatenate(faces), kind="stable")
+    return corners[np.concatenate(triples)[order]].reshape(-1, 3, 3), int((counts < 3).sum())
+
+
+def _corners(path: Path, lines: list[str]) -> tuple[IntArray, IntArray]:
+    """Return vertex, texture and normal number (C, 3) of all faces' corners, and the number of corners of each face."""
+    counts = np.array([len(line.split()) for line in lines], np.int64)
+    first = (lines[0].split() or [""])[0]
+    slashes, double = first.count("/"), "//" in first
+    if all(x.count("/") == n * slashes and ("//" in x) == double for x, n in zip(lines, counts, strict=True)):
         numbers = _whole_numbers(" ".join(lines).replace("//", " ").replace("/", " "))
         width = slashes + 1 - double
-        if numbers.size == len(lines) * 3 * width:
-            table = numbers.reshape(-1, 3, width)
-            out = np.zeros((len(lines), 3, 3), np.int64)
-            out[..., 0] = table[..., 0]
+        if width <= 3 and numbers.size == counts.sum() * width:
+            table = numbers.reshape(-1, width)
+            out = np.zeros((len(table), 3), np.int64)
+            out[:, 0] = table[:, 0]
             if width > 1:
-                out[..., 2 if double else 1] = table[..., 1]
+                out[:, 2 if double else 1] = table[:, 1]
             if width > 2:
-                out[..., 2] = table[..., 2]
-            return out, 0
-    faces, short = [], 0
+                out[:, 2] = table[:, 2]
+            return out, counts
+    rows = []
     for line in lines:
         try:
-            corners = [_corner(token) for token in line.partition("#")[0].split()]
+            rows += [_corner(token) for token in line.split()]
         except ValueError as error:
             raise _unreadable_face(path, line) from error
-        short += len(corners) < 3
-        faces += [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
-    return np.array(faces, np.int64).reshape(-1, 3, 3), short
+    return np.array(rows, np.int64).reshape(-1, 3), counts
 
 
 def _whole_numbers(text: str) -> IntArray:
@@ -212,26 +301,57 @@ def _unreadable_face(path: Path, line: str) -> UserError:
 def _absolute(text: str, counts: tuple[int, int, int]) -> str:
     """Face corners counted from the end, counted from the start."""
     out = []
-    for token in text.partition("#")[0].split():
+    for token in text.split():
         fields = [
-            str(n + 1 + int(x)) if x.startswith("-") else x
+            str(_from_start(int(x), n)) if x.startswith("-") else x
             for x, n in zip(token.split("/"), counts, strict=False)
         ]
         out.append("/".join(fields))
     return " ".join(out)
 
 
-def _numbers(path: Path, rows: list[str], width: int, word: str) -> FloatArray:
-    """(N, width) from the rows after ``word``; columns beyond are colours or weights and are left out."""
+def _from_start(index: int, count: int) -> int:
+    """Return an index counted from 1; one before the first vertex stays negative, and is named later."""
+    return count + 1 + index if count + index >= 0 else index
+
+
+def _vertices(path: Path, rows: list[str]) -> tuple[FloatArray, FloatArray | None, bool]:
+    """Return places (N, 3), linear colours (N, 3) or None, and whether there are weights other than 1.
+
+    Three numbers are a place, four a place and a weight, six or seven a place and a colour.
+    """
+    table = _numbers(path, rows, 3, "v")
+    width = table.shape[1]
+    weighted = np.isfinite(table[:, 3]) & (table[:, 3] != 1) if width > 3 else np.zeros(len(table), bool)
+    if width < 6:
+        return table[:, :3], None, bool(weighted.any())
+    colours = table[:, 3:6]
+    known = colours[np.isfinite(colours).all(axis=1)]
+    if not len(known) or (known == known[0]).all():
+        return table[:, :3], None, bool((weighted & np.isnan(table[:, 4])).any())
+    colours = np.clip(colours / (255.0 if known.max() > 1 else 1.0), 0, 1)
+    return table[:, :3], linear_from_srgb(colours), False
+
+
+def _numbers(path: Path, rows: list[str], least: int, word: str) -> FloatArray:
+    """(N, width) from the rows after ``word``, at least three or ``least`` wide; NaN where a row is shorter."""
     if not rows:
-        return np.zeros((0, width))
+        return np.zeros((0, max(least, 2)))
+    columns = len(rows[0].split())
     try:
-        columns = len(rows[0].split())
         flat = np.array(" ".join(rows).split(), float)
-        if columns >= width and flat.size == columns * len(rows):
-            return flat.reshape(len(rows), columns)[:, :width].copy()
-        return np.array([[float(x) for x in (row.split() + ["0"] * width)[:width]] for row in rows])
+        if not (least <= columns <= 8 and flat.size == columns * len(rows)):
+            flat = np.array([(row.split() + ["nan"] * 8)[:8] for row in rows], float)
+            columns = 8
     except ValueError as error:
         raise UserError(
             f"{path}: a {word} line holds something that is no number ({error}); export it again"
         ) from error
+    table = flat.reshape(len(rows), columns)
+    counts = np.array([len(row.split()) for row in rows]) if columns == 8 else np.full(len(rows), columns)
+    if counts.min() < least:
+        k = int(np.argmin(counts))
+        raise UserError(
+            f"{path}: {word} line {k + 1:,} has {counts[k]} numbers where {least} are needed; export it again"
+        )
+    return np.column_stack([table, np.zeros(len(rows))]) if columns < 2 else table

@@ -2,46 +2,72 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.runtime.untrusted_files import find_beside, read_regular
-from simulator.targets.importing.read.textures import LARGEST_PICTURE_BYTES, PictureReader
+from simulator.targets.importing.read.named_files import (
+    NotReadError,
+    read_named,
+    split_word,
+    text_lines,
+    unquoted,
+)
+from simulator.targets.importing.read.textures import PictureReader
 from simulator.targets.model import Material, TextureImage
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 
-OTHER_MAPS = (
-    "map_ka",
-    "map_ks",
-    "map_ns",
-    "map_d",
-    "map_bump",
-    "bump",
-    "norm",
-    "disp",
-    "map_pr",
-    "map_pm",
-    "map_ke",
-)
-
-
 LARGEST_LIBRARY_BYTES = 16 << 20
 MOST_LIBRARIES = 100
+MOST_OPTIONS = 64
+"""Words of the options before a texture's name."""
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.IGNORECASE)
+_SEVERAL = re.compile(r"\S.*?\.mtl[\"']?(?=\s|$)", re.IGNORECASE)
+OPTION_WORDS = {
+    "-s": 3, "-o": 3, "-t": 3, "-mm": 2, "-blendu": 1, "-blendv": 1, "-boost": 1, "-cc": 1, "-clamp": 1, "-texres": 1,
+    "-bm": 1, "-imfchan": 1, "-type": 1,
+}  # fmt: skip
+"""Options of a texture by name, with the words that follow each: up to three of -s, -o and -t."""
+HARMLESS_OPTIONS = {
+    "-blendu": "on",
+    "-blendv": "on",
+    "-cc": "off",
+    "-clamp": "off",
+    "-mm": "0 1",
+    "-t": "0 0 0",
+}
+"""Values that are the default, so that leaving them out changes nothing."""
+UNUSED_OPTIONS = ("-boost", "-texres", "-bm")
+READ_WORDS = ("kd", "ns", "pm", "pr", "pc", "pcr", "map_kd")
+HARMLESS_WORDS = ("ka", "ks", "ni", "illum", "sharpness", "map_ka", "map_aat", "ps", "anisor")
+"""Statements whose loss is not reported: ambient and specular colours belong to another lighting model."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObjMaterial:
-    """A material and its base-colour picture, if any; and what of it is not read."""
+    """A material, its base-colour picture and the scale and offset of its coordinates, and what of it is not read."""
 
     material: Material
     picture: TextureImage | None
     lost: tuple[str, ...] = ()
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass
+class _MapLine:
+    """A map statement taken apart."""
+
+    name: str
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+    lost: list[str] = field(default_factory=list)
 
 
 class MaterialLibraries:
@@ -52,28 +78,34 @@ class MaterialLibraries:
 
     Parameters
     ----------
-    path : the model. libraries : the .mtl files that it names.
+    path : the model. libraries : what stands after ``mtllib`` in each of its lines.
 
     Raises
     ------
     UserError
-        If a library is missing, unreadable, or not within the model's folder.
+        If there are too many.
     """
 
     def __init__(self, path: Path, libraries: list[str]) -> None:
-        self._pictures: dict[Path, TextureImage] = {}
+        self._path = path
+        self._missing: list[str] = []
         self._reader = PictureReader(path)
         self._fields: dict[str, tuple[Path, dict[str, str]]] = {}
-        names = list(dict.fromkeys(libraries))
-        if len(names) > MOST_LIBRARIES:
-            raise UserError(f"{path} names {len(names):,} material files; export it with one")
-        for library in names:
-            self._read(path, library)
+        lines = list(dict.fromkeys(libraries))
+        if len(lines) > MOST_LIBRARIES:
+            raise UserError(f"{path} names {len(lines):,} material files; export it with one")
+        for line in lines:
+            self._read_line(unquoted(line))
 
     @property
     def notes(self) -> list[str]:
-        """What was done to the pictures, a line each."""
+        """What was done to the pictures."""
         return self._reader.notes
+
+    @property
+    def faults(self) -> list[str]:
+        """Libraries and pictures that were not read."""
+        return [f"{why}: its materials are drawn grey" for why in self._missing] + self._reader.faults
 
     def __contains__(self, name: str) -> bool:
         return name in self._fields
@@ -85,63 +117,154 @@ class MaterialLibraries:
         place, fields = self._fields[name]
         return self._material(place, name, fields)
 
-    def _read(self, path: Path, library: str) -> None:
-        place = find_beside(path, library, "material")
+    def _read_line(self, line: str) -> None:
+        """Read the libraries of one line: one whose name may have blanks, or several."""
+        several = [unquoted(n) for n in (_SEVERAL.findall(line) or line.split())][:MOST_LIBRARIES]
+        failures = []
+        for names in [[line], several] if several != [line] else [[line]]:
+            failures = [why for name in names if (why := self._read(name))]
+            if len(failures) < len(names):
+                break
+        self._missing += failures
+
+    def _read(self, library: str) -> str:
+        """Read a library; return why it was not read, or nothing."""
         try:
-            text = read_regular(place, LARGEST_LIBRARY_BYTES).decode("utf-8", "replace")
-        except OSError as error:
-            raise UserError(
-                f"{path}: material file {library[:80]!r} is missing; put it beside the model, or remove the line mtllib"
-            ) from error
+            place, data = read_named(self._path, self._path, library, "material", LARGEST_LIBRARY_BYTES)
+        except NotReadError as error:
+            return str(error)
         name, fields = "", dict[str, str]()
-        for line in [*text.splitlines(), "newmtl"]:
-            word, _, rest = line.strip().partition(" ")
+        for line in [*text_lines(data), "newmtl"]:
+            word, rest = split_word(line)
             if word.lower() == "newmtl":
                 if name:
                     self._fields[name] = (place, fields)
-                name, fields = rest.strip(), {}
-            elif word:
-                fields[word.lower()] = rest.strip()
+                name, fields = unquoted(rest), {}
+            elif word and not word.startswith("#"):
+                fields[word.lower()] = rest
+        return ""
 
     def _material(self, place: Path, name: str, fields: dict[str, str]) -> ObjMaterial:
+        lost = _lost_words(fields)
         try:
-            r, g, b = np.clip([float(x) for x in fields.get("kd", "0.6 0.6 0.6").split()[:3]], 0, 1).tolist()
-            exponent = float(fields.get("ns", "10").split()[0])
-            metallic = float(fields.get("pm", "0").split()[0])
-            roughness = (
-                float(fields["pr"].split()[0]) if "pr" in fields else (2 / (max(exponent, 0) + 2)) ** 0.25
+            colour = _colour(fields.get("kd", "0.6 0.6 0.6"))
+            exponent = _number(fields, "ns", 10.0)
+            metallic, coat, coat_roughness = (
+                _number(fields, key, default)
+                for key, default in (("pm", 0.0), ("pc", 0.0), ("pcr", Material.clearcoat_roughness))
             )
-            if not np.isfinite([r, g, b, metallic, roughness]).all():
+            roughness = _number(fields, "pr", (2 / (max(exponent, 0) + 2)) ** 0.25)
+            if not np.isfinite([*colour, metallic, roughness, coat, coat_roughness]).all():
                 raise ValueError("not finite")
         except (ValueError, IndexError) as error:
             raise UserError(
                 f"{place}: material {name[:80]!r} has a value that is no number; correct it"
             ) from error
-        found = self._picture(place, name, fields["map_kd"]) if fields.get("map_kd") else None
+        map_line = _map_line(fields.get("map_kd", ""))
+        picture = None
+        if map_line.name:
+            picture = self._reader.from_file(place, map_line.name.replace("\\", "/"), name)
+            lost += map_line.lost
+        if picture is not None and not any(colour):
+            colour = (1.0, 1.0, 1.0)
+            lost.append("Kd 0 0 0 beside a texture (the texture is drawn as it is)")
+        if max(colour) > 1:
+            lost.append("colours above 1 (clipped)")
+        r, g, b = np.clip(colour, 0, 1).tolist()
         surface = Material(
             name=name,
             base_color=(r, g, b),
             metallic=float(np.clip(metallic, 0, 1)),
             roughness=float(np.clip(roughness, 0.05, 1)),
-            base_color_texture="" if found is None else found.name,
+            clearcoat=float(np.clip(coat, 0, 1)),
+            clearcoat_roughness=float(np.clip(coat_roughness, 0, 1)),
+            base_color_texture="" if picture is None else picture.name,
         )
-        return ObjMaterial(surface, found, tuple(sorted(k for k in fields if k in OTHER_MAPS)))
+        return ObjMaterial(surface, picture, tuple(lost), map_line.scale, map_line.offset)
 
-    def _picture(self, place: Path, material: str, text: str) -> TextureImage:
-        """The picture of a line map_Kd: options such as -s 1 1 1 stand before the name, which may hold spaces."""
-        file = text.replace("\\", "/")
-        for name in (file, file.split()[-1]):
-            picture = find_beside(place, name, "texture")
-            if picture in self._pictures:
-                return self._pictures[picture]
-            try:
-                data = read_regular(picture, LARGEST_PICTURE_BYTES)
-            except OSError:
-                continue
-            kept = self._reader.read(picture.relative_to(place.parent).as_posix(), data)
-            self._pictures[picture] = kept
-            return kept
-        raise UserError(
-            f"{place}: texture {file[:80]!r} of material {material[:80]!r} is missing; put it there, or remove the "
-            "line map_Kd"
-        )
+
+def _colour(text: str) -> tuple[float, ...]:
+    """Return the colour of a statement: three numbers, or one that stands for all three."""
+    values = [float(x) for x in text.split()[:3]]
+    if len(values) == 1:
+        values *= 3
+    if len(values) != 3:
+        raise ValueError("a colour has three numbers")
+    return tuple(values)
+
+
+def _number(fields: dict[str, str], key: str, default: float) -> float:
+    return float(fields[key].split()[0]) if key in fields else default
+
+
+def _lost_words(fields: dict[str, str]) -> list[str]:
+    """Return what a material's statements ask for that is not carried over."""
+    lost = []
+    for word, rest in fields.items():
+        value = next((x for x in rest.split() if not x.startswith("-")), "")
+        number = float(value) if _NUMBER.fullmatch(value) else None
+        if word in READ_WORDS or word in HARMLESS_WORDS:
+            continue
+        if word in ("d", "tr"):
+            if number is None or (number < 1 if word == "d" else number > 0):
+                lost.append(f"transparency ({'Tr' if word == 'tr' else 'd'}: drawn opaque)")
+        elif word == "ke":
+            if any(x.strip("0.+-") for x in rest.split()):
+                lost.append("emission (Ke)")
+        elif word == "tf":
+            if set(rest) - set("1.0 \t"):
+                lost.append("transmission (Tf)")
+        elif word.startswith("map_") or word in ("bump", "disp", "decal", "refl", "norm"):
+            lost.append(f"maps {word}")
+        elif word == "aniso":
+            lost.append("brushing (aniso)")
+        else:
+            lost.append(f"statements {word[:20]!r}")
+    return lost
+
+
+def _map_line(text: str) -> _MapLine:
+    """Take a map statement apart: options stand before the name, which may have blanks."""
+    found, rest = _MapLine(""), text.strip()
+    for _ in range(MOST_OPTIONS):
+        word, after = split_word(rest)
+        option = word.lower()
+        if option not in OPTION_WORDS:
+            break
+        values = _option_values(after, OPTION_WORDS[option], option)
+        rest = after
+        for _value in values:
+            rest = split_word(rest)[1]
+        numbers = [float(v) for v in values] if option in ("-s", "-o") else []
+        if option == "-s" and numbers:
+            found.scale = (numbers[0], numbers[1] if len(numbers) > 1 else 1.0)
+        elif option == "-o" and numbers:
+            found.offset = (numbers[0], numbers[1] if len(numbers) > 1 else 0.0)
+        elif option not in UNUSED_OPTIONS and not _is_default(option, values):
+            found.lost.append(f"option {option} of map_Kd")
+    if rest.startswith("-") and len(rest.split()) > 1:
+        found.lost.append(f"option {rest.split()[0][:20]} of map_Kd")
+        rest = rest.split()[-1]
+    found.name = unquoted(rest)
+    return found
+
+
+def _option_values(after: str, most: int, option: str) -> list[str]:
+    """Return the words that belong to an option."""
+    words = after.split(None, most)[:most]
+    if option not in ("-s", "-o", "-t", "-mm"):
+        return words
+    count = 0
+    while count < len(words) and re.fullmatch(
+        r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", words[count], re.IGNORECASE
+    ):
+        count += 1
+    return words[:count]
+
+
+def _is_default(option: str, values: list[str]) -> bool:
+    default = HARMLESS_OPTIONS.get(option, "").split()
+    try:
+        return [float(v) for v in values] == [float(v) for v in default[: len(values)]]
+    except ValueError:
+        return [v.lower() for v in values] == default

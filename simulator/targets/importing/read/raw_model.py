@@ -50,7 +50,9 @@ class RawModel:
     in_metres : the format says so (glTF); STL and OBJ carry no unit.
     up : the axis that points up by the format's rules (glTF: y), or None.
     notes : what was done or lost, a line each, for the user.
+    faults : what is missing or wrong in the file but not needed to draw it, a line each; ``--strict`` refuses them.
     pictures : the textures that materials name, by name.
+    openings : open outlines that are left when its surface has been checked.
     """
 
     path: Path
@@ -60,7 +62,9 @@ class RawModel:
     in_metres: bool = False
     up: str | None = None
     notes: list[str] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
     pictures: dict[str, TextureImage] = field(default_factory=dict)
+    openings: int = 0
 
     @property
     def triangle_count(self) -> int:

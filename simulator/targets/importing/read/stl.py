@@ -1,4 +1,4 @@
-"""STL, binary and text: one body without units, materials or shared vertices."""
+"""STL, binary and text: solids without units, materials or shared vertices."""
 
 from __future__ import annotations
 
@@ -8,60 +8,127 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.targets.importing.read.raw_model import UNNAMED_SURFACE, RawModel, RawPart
+from simulator.targets.importing.read.raw_model import UNNAMED_SURFACE, RawModel, RawPart, unique_names
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from simulator.runtime.arrays import FloatArray
 
-HEADER_BYTES, RECORD_BYTES = 84, 50
-VERTEX = re.compile(rb"^\s*vertex[ \t]+(.*)$", re.IGNORECASE | re.MULTILINE)
-FACET = re.compile(rb"^\s*facet\b", re.IGNORECASE | re.MULTILINE)
+HEADER_BYTES = 84
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+MOST_SOLIDS = 4000
+_SOLID = re.compile(rb"\s*solid(?=\s|$)", re.IGNORECASE)
+_FACET = re.compile(rb"facet\s+normal\b|outer\s+loop\b|vertex\s+[-+.\d]", re.IGNORECASE)
+_END = re.compile(rb"(?<![^\s])endsolid\b", re.IGNORECASE)
+_NAME = re.compile(
+    rb"\s*solid\b[ \t]*(.*?)(?=\s*(?:[\r\n]|\bfacet\s+normal\b|\bendsolid\b|$))", re.IGNORECASE
+)
+_LOOP = re.compile(rb"\bouter\s+loop\b", re.IGNORECASE)
+_VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
-def is_binary_stl(data: bytes) -> bool:
-    """Whether the length is the one that the count of triangles in the header asks for."""
-    if len(data) < HEADER_BYTES:
-        return False
-    count = int.from_bytes(data[80:84], "little")
-    return count > 0 and len(data) == HEADER_BYTES + count * RECORD_BYTES
+def is_stl(data: bytes) -> bool:
+    """Return True if the bytes are a binary STL by their length, or begin as a text one."""
+    return _is_text(data) or _has_counted_length(data)
 
 
 def read_stl(path: Path, data: bytes) -> RawModel:
-    """Read one STL; its face normals are ignored, for the winding says the same.
+    """Read one STL; its face normals are ignored, because the winding says the same.
 
     Raises
     ------
     UserError
         If it is cut short or not STL.
     """
-    if is_binary_stl(data):
-        raw = np.frombuffer(data, RECORD, offset=HEADER_BYTES)["corners"].reshape(-1, 3)
-        with np.errstate(invalid="ignore"):  # vertices that are not finite are named later
-            corners = raw.astype(float)
-    elif b"facet" in data.lower():
-        corners = _text(path, data)
+    model = RawModel(path=path, kind="stl", parts=[], materials=[UNNAMED_SURFACE])
+    if not _has_counted_length(data) and _is_text(data):
+        solids = _text_solids(path, _plain_text(data))
     else:
-        expected = HEADER_BYTES + int.from_bytes(data[80:84], "little") * RECORD_BYTES
-        raise UserError(f"{path} is cut short ({len(data)} of {expected} bytes); copy or export it again")
-    part = RawPart(
-        name="body",
-        positions_m=corners,
-        triangles=np.arange(len(corners)).reshape(-1, 3),
-        face_material=np.zeros(len(corners) // 3, np.int64),
+        solids = [("body", _binary_corners(path, data, model.notes))]
+    names = unique_names((name for name, _ in solids), "body")
+    for name, (_, corners) in zip(names, solids, strict=True):
+        model.parts.append(
+            RawPart(
+                name=name,
+                positions_m=corners,
+                triangles=np.arange(len(corners)).reshape(-1, 3),
+                face_material=np.zeros(len(corners) // 3, np.int64),
+            )
+        )
+    return model
+
+
+def _has_counted_length(data: bytes) -> bool:
+    if len(data) < HEADER_BYTES:
+        return False
+    count = int.from_bytes(data[80:84], "little")
+    return count > 0 and len(data) == HEADER_BYTES + count * RECORD.itemsize
+
+
+def _plain_text(data: bytes) -> bytes:
+    """Return the text without a byte order mark, one byte a character."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return data.decode("utf-16", "replace").encode()
+    return data.removeprefix(b"\xef\xbb\xbf")
+
+
+def _is_text(data: bytes) -> bool:
+    head = _plain_text(data[:4096])
+    return _SOLID.match(head) is not None and (
+        _FACET.search(head) is not None or (b"\0" not in head and _END.search(_plain_text(data)) is not None)
     )
-    return RawModel(path=path, kind="stl", parts=[part], materials=[UNNAMED_SURFACE])
 
 
-def _text(path: Path, data: bytes) -> FloatArray:
-    if b"endsolid" not in data[-4096:].lower():
+def _binary_corners(path: Path, data: bytes, notes: list[str]) -> FloatArray:
+    if len(data) < HEADER_BYTES:
+        raise UserError(
+            f"{path} is cut short or no STL ({len(data)} bytes; a binary one has {HEADER_BYTES} at least); "
+            "export it again"
+        )
+    count = int.from_bytes(data[80:84], "little")
+    whole, rest = divmod(len(data) - HEADER_BYTES, RECORD.itemsize)
+    if count == 0 and whole and not rest:
+        notes.append(f"its header counts no triangles: all {whole:,} that follow were read")
+        count = whole
+    if count > whole:
+        expected = HEADER_BYTES + count * RECORD.itemsize
+        raise UserError(f"{path} is cut short ({len(data)} of {expected} bytes); copy or export it again")
+    trailing = len(data) - HEADER_BYTES - count * RECORD.itemsize
+    if trailing:
+        notes.append(f"{trailing:,} bytes after its {count:,} triangles were not read")
+    records = np.frombuffer(data, RECORD, count, HEADER_BYTES)
+    if (records["attribute"] != 0).any() or b"COLOR=" in data[:80]:
+        notes.append("not carried over: colours of faces (attribute bytes of the STL)")
+    with np.errstate(invalid="ignore"):  # vertices that are not finite are named later
+        return records["corners"].reshape(-1, 3).astype(float)
+
+
+def _text_solids(path: Path, text: bytes) -> list[tuple[str, FloatArray]]:
+    """Return name and corners (3 F, 3) of each solid."""
+    *solids, rest = _END.split(text)
+    if _VERTEX.search(rest) or not solids:
         raise UserError(f"{path} is cut short (no endsolid); copy or export it again")
-    vertices = VERTEX.findall(data)
-    facets = len(FACET.findall(data))
+    if len(solids) > MOST_SOLIDS:
+        raise UserError(
+            f"{path} has {len(solids):,} solids and at most {MOST_SOLIDS:,} are taken; export it with fewer"
+        )
+    out = []
+    for number, solid in enumerate(solids):
+        # what follows endsolid on its line is the name again
+        start = solid if number == 0 else solid[max(solid.lower().find(b"solid"), 0) :]
+        name = _NAME.match(start[:1000])
+        out.append((name[1].decode("utf-8", "replace") if name else "", _corners(path, solid)))
+    return out
+
+
+def _corners(path: Path, solid: bytes) -> FloatArray:
+    facets = len(_LOOP.findall(solid))
+    first = _LOOP.search(solid)  # a name before it may hold any word
     try:
-        corners = np.array([v.split() for v in vertices], float).reshape(-1, 3)
+        corners = np.array(_VERTEX.findall(solid, first.start() if first else len(solid)), float).reshape(
+            -1, 3
+        )
     except ValueError as error:
         raise UserError(
             f"{path} has a vertex that is no three numbers; export it again, as binary"

@@ -11,6 +11,7 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.runtime.arrays import vec3
+from simulator.targets.importing.read.named_files import NotReadError, read_named
 from simulator.targets.importing.read.raw_model import unique_names
 from simulator.targets.model import Material, TextureImage
 from simulator.targets.textures import check_picture, mime_of, picture_size
@@ -24,6 +25,14 @@ MOST_PIXELS_OF_ALL = 512 << 20
 """Of all pictures of a model: thirty of 4096 on a side."""
 LARGEST_PICTURE_BYTES, MOST_BYTES_OF_ALL = 256 << 20, 512 << 20
 MOST_PICTURES = 1000
+NOT_READ = {
+    b"\xabKTX": "a KTX texture (KHR_texture_basisu), which is not read",
+    b"DDS ": "a DDS texture, which is not read",
+    b"ftypavi": "an AVIF picture, which is not read",
+    b"8BPS": "a Photoshop file, which is not read",
+    b"<svg": "an SVG drawing, which is not read",
+}
+"""First bytes of pictures that users have and that are not read."""
 MOST_COLOURS = 6
 SAME_COLOUR = 0.04
 """Root mean square distance in linear RGB within which faces count as of one colour."""
@@ -33,7 +42,7 @@ BARYCENTRIC = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], float)
 def decode_image(data: bytes) -> ByteArray | None:
     """(H, W, 3) sRGB image, or None when it is none that OpenCV reads."""
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error:
         return None
     return None if image is None else np.ascontiguousarray(image[..., ::-1])
@@ -46,29 +55,72 @@ def linear_from_srgb(value: FloatArray) -> FloatArray:
 
 @dataclass(eq=False)
 class PictureReader:
-    """Pictures of one model made what target files hold, PNG or JPEG and not too large.
+    """Reader of one model's textures: PNG or JPEG files, not too large, each read once.
 
     Parameters
     ----------
-    owner : the file that names them. notes : what had to be done, a line each. count, pixels, n_bytes : of all pictures
-        so far.
+    model : path of the model.
+    notes : list of str
+        What was done to the pictures.
+    missing : dict
+        Names of the textures that were not read, with the reason; their materials keep their factor colour.
+    count, pixels, n_bytes : int
+        Totals of the pictures so far.
     """
 
-    owner: Path
+    model: Path
     notes: list[str] = field(default_factory=list)
+    missing: dict[str, str] = field(default_factory=dict)
     count: int = 0
     pixels: int = 0
     n_bytes: int = 0
+    _read: dict[Path, TextureImage] = field(default_factory=dict)
 
-    def read(self, name: str, data: bytes) -> TextureImage:
-        """A picture under a name.
+    @property
+    def faults(self) -> list[str]:
+        """One sentence about the textures that were not read, if any."""
+        if not self.missing:
+            return []
+        (_, why), *others = self.missing.items()
+        named = ", ".join(repr(n) for n, _ in others[:5]) + ", ..." * (len(others) > 5)
+        more = f" (and {len(others)} more: {named})" if others else ""
+        return [f"{why}{more}: drawn in the factor colour of the material"]
+
+    def from_file(self, owner: Path, name: str, material: str) -> TextureImage | None:
+        """Read the texture that ``owner`` names; None if it cannot be read, which `faults` then reports.
 
         Raises
         ------
         UserError
-            If it cannot be read, or it or all together have too many pixels; found before it is decoded.
+            If the textures are too large.
         """
-        where = f"{self.owner}: texture {name[:80]!r}"
+        try:
+            place, data = read_named(self.model, owner, name, "texture", LARGEST_PICTURE_BYTES)
+        except NotReadError as error:
+            self.missing[name] = str(error).replace(
+                f"texture file {name[:80]!r}", f"texture {name[:80]!r} of material {material[:80]!r}"
+            )
+            return None
+        if place not in self._read:
+            found = self.from_bytes(place.relative_to(self.model.parent).as_posix(), data)
+            if found is None:
+                return None
+            self._read[place] = found
+        return self._read[place]
+
+    def from_bytes(self, name: str, data: bytes) -> TextureImage | None:
+        """Return a picture as a texture; None if it cannot be read, which `faults` then reports.
+
+        Raises
+        ------
+        UserError
+            If it, or all together, have too many pixels; found before it is decoded.
+        """
+        where = f"{self.model}: texture {name[:80]!r}"
+        kind = next((what for magic, what in NOT_READ.items() if magic in data[:16]), "")
+        if kind or picture_size(data) is None:
+            self.missing[name] = _unreadable(name, kind)
+            return None
         check_picture(data, where)
         width, height = picture_size(data) or (0, 0)
         self.count += 1
@@ -76,12 +128,13 @@ class PictureReader:
         self.n_bytes += len(data)
         if self.pixels > MOST_PIXELS_OF_ALL or self.n_bytes > MOST_BYTES_OF_ALL or self.count > MOST_PICTURES:
             raise UserError(
-                f"{self.owner}: its textures are more than {MOST_PICTURES}, or have together more than "
+                f"{self.model}: its textures are more than {MOST_PICTURES}, or have together more than "
                 f"{MOST_PIXELS_OF_ALL >> 20} million pixels or {MOST_BYTES_OF_ALL >> 20} MB; make them fewer or smaller"
             )
         image = decode_image(data)
         if image is None:
-            raise UserError(f"{where} is not a picture that can be read; convert it to PNG")
+            self.missing[name] = _unreadable(name)
+            return None
         if max(image.shape[:2]) > LARGEST_PX:
             before = f"{image.shape[1]} x {image.shape[0]}"
             factor = LARGEST_PX / max(image.shape[:2])
@@ -92,6 +145,10 @@ class PictureReader:
             return TextureImage(name=name, data=data)
         written = cv2.imencode(".png", image[..., ::-1])[1]
         return TextureImage(name=name, data=np.asarray(written).tobytes())
+
+
+def _unreadable(name: str, kind: str = "") -> str:
+    return f"texture {name[:80]!r} is {kind or 'not a picture that can be read'}; convert it to PNG"
 
 
 def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:

@@ -103,8 +103,8 @@ def _copies(triangles: IntArray) -> BoolArray:
     return again
 
 
-def oriented(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool) -> MeshBody:
-    """Wind every connected piece consistently and outwards.
+def oriented(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool) -> tuple[MeshBody, int]:
+    """Wind every connected piece consistently and outwards; count the faces of one-sided pieces, which stay.
 
     Closed pieces by their volume; open ones by the file's normals where it has some, else as most of their area is.
 
@@ -148,7 +148,7 @@ def oriented(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool)
     if uv is not None:
         uv = uv.copy()
         uv[flip] = uv[flip][:, ::-1]
-    return replace(body, triangles=triangles, corner_normals=normals, corner_uv=uv)
+    return replace(body, triangles=triangles, corner_normals=normals, corner_uv=uv), int(one_sided.sum())
 
 
 def _look_inwards(body: MeshBody, table: EdgeTable, piece: IntArray, flip: BoolArray) -> BoolArray:
@@ -178,7 +178,7 @@ def _look_inwards(body: MeshBody, table: EdgeTable, piece: IntArray, flip: BoolA
 def check_surface(
     body: MeshBody, where: str, *, keep_holes: bool, keep_non_manifold: bool, tried_to_fill: bool = False
 ) -> tuple[int, int, int]:
-    """Holes and edges of three faces: refused by name unless they are to be kept.
+    """Count holes and edges of three or more faces; refuse them unless they are to be kept.
 
     Returns
     -------

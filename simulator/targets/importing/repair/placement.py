@@ -13,9 +13,12 @@ from simulator.targets.importing.repair.topology import used_vertices
 
 UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 UNIT_NAMES = {"mm": "millimetres", "cm": "centimetres", "m": "metres", "in": "inches"}
-SMALLEST_M, LARGEST_M = 0.03, 150.0
-"""From a printed-circuit satellite to the International Space Station (109 m); outside it the unit must be said."""
-SMALLEST_SAID_M, LARGEST_SAID_M = 0.005, 1000.0
+SMALLEST_M, LARGEST_M = 0.05, 150.0
+"""From a PocketQube (50 mm) to beyond the International Space Station (109 m); outside it ``--yes`` is needed."""
+SMALLEST_DRAWN_M, LARGEST_DRAWN_M = 0.005, 10_000.0
+"""Sizes that the cameras' ranges and the depth buffer serve, whatever is confirmed."""
+LIKELY_M = 30.0
+"""Size up to which a unit is proposed."""
 MOST_TRIANGLES, MOST_PARTS = 500_000, 4000
 OFF, FARTHEST = 0.1, 100.0
 """Extents between origin and model beyond which it is said, and beyond which vertices lose 1e-5 of the craft."""
@@ -79,13 +82,20 @@ def check_parts(model: RawModel) -> None:
 
 
 def place_model(
-    model: RawModel, scale: float | None, units: str | None, up: str | None, *, recentre: bool = False
+    model: RawModel,
+    scale: float | None,
+    units: str | None,
+    up: str | None,
+    *,
+    recentre: bool = False,
+    any_size: bool = False,
 ) -> list[str]:
-    """Bring the model to metres and its up axis to z, in place; says what was assumed.
+    """Bring the model to metres and its up axis to z, in place; return what was assumed.
 
     Parameters
     ----------
     recentre : move the origin to the middle of the box about the model.
+    any_size : the user confirms a size that no spacecraft has.
 
     Raises
     ------
@@ -105,7 +115,7 @@ def place_model(
     said = scale is not None or units is not None
     low, high = bounds(model)
     extent = float((high - low).max()) * factor
-    _check_size(model, extent, said=said)
+    unusual = _check_size(model, extent, factor, said=said, any_size=any_size)
     axis = up or model.up or "z"
     for part in model.parts:
         part.positions_m = part.positions_m * factor
@@ -121,9 +131,14 @@ def place_model(
     if said:
         how = f"scaled by {factor:g}"
     else:
-        how = "glTF is in metres" if model.in_metres else "taken as metres, for the file names no unit"
+        how = (
+            "glTF is in metres"
+            if model.in_metres
+            else "taken as metres, because the file names no unit: --units mm, cm or in if it is not"
+        )
     turned = "y turned to z (up)" if axis == "y" else "axes as in the file, z up"
-    return [f"size {size} m ({how}); {turned}", *_origin_lines(model, low, high, recentre=recentre)]
+    turned += "" if up else f" (--up {'z' if axis == 'y' else 'y'} if that is wrong)"
+    return [*unusual, f"size {size} m ({how}); {turned}", *_origin_lines(model, low, high, recentre=recentre)]
 
 
 def _origin_lines(model: RawModel, low: FloatArray, high: FloatArray, *, recentre: bool) -> list[str]:
@@ -151,30 +166,43 @@ def _origin_lines(model: RawModel, low: FloatArray, high: FloatArray, *, recentr
     return [line]
 
 
-def _check_size(model: RawModel, extent: float, *, said: bool) -> None:
-    low, high = (SMALLEST_SAID_M, LARGEST_SAID_M) if said else (SMALLEST_M, LARGEST_M)
-    if low <= extent <= high:
-        return
-    if said or extent == 0:
+def _check_size(model: RawModel, extent_m: float, factor: float, *, said: bool, any_size: bool) -> list[str]:
+    """Refuse a size that no spacecraft has, or return a line about it where the user confirms it."""
+    if SMALLEST_M <= extent_m <= LARGEST_M:
+        return []
+    if not SMALLEST_DRAWN_M <= extent_m <= LARGEST_DRAWN_M and (any_size or extent_m == 0):
         raise UserError(
-            f"{model.path} would be {extent:.4g} m across, which is no spacecraft; correct --units or --scale"
+            f"{model.path} would be {extent_m:.4g} m across, which cannot be drawn ({SMALLEST_DRAWN_M:g} to "
+            f"{LARGEST_DRAWN_M:,.0f} m can); correct --units or --scale"
         )
-    # the unit under which it is likeliest a craft: the largest that makes it one
-    fits = [u for u in ("cm", "in", "mm") if SMALLEST_M <= extent * UNITS_M[u] <= 30.0]
-    if extent > high and fits:
-        unit = "mm" if "mm" in fits else fits[0]
-        hint = f"say --units {unit} if it is in {UNIT_NAMES[unit]} ({extent * UNITS_M[unit]:.3g} m)"
-    elif extent > high:
-        hint = "say --scale with the factor to metres"
-    else:
-        hint = (
-            "say --units m if it is that small, or --scale with the factor to metres "
-            f"(--scale {1 / extent:.3g} makes it 1 m)"
-        )
-    raise UserError(
-        f"{model.path} is {extent:.4g} m across, not the size of a spacecraft "
-        f"({SMALLEST_M:g} to {LARGEST_M:g} m); {hint}"
+    if any_size:
+        return [
+            f"{extent_m:.4g} m across, outside the sizes of spacecraft ({SMALLEST_M:g} to {LARGEST_M:g} m): confirmed"
+        ]
+    across = f"{extent_m:.4g} m across" + (f" (scaled by {factor:g})" if said else "")
+    confirm = (
+        "--yes if it is that size"
+        if SMALLEST_DRAWN_M <= extent_m <= LARGEST_DRAWN_M
+        else "--scale with the factor to metres"
     )
+    raise UserError(
+        f"{model.path} is {across}, not the size of a spacecraft ({SMALLEST_M:g} to {LARGEST_M:g} m); "
+        f"{_proposed_unit(extent_m / factor, units_in_metres=factor)}{confirm}"
+    )
+
+
+def _proposed_unit(extent: float, units_in_metres: float) -> str:
+    """Return the advice to give the unit under which a craft of ``extent`` units is likeliest, if there is one."""
+    fits = [u for u, m in UNITS_M.items() if m != units_in_metres and SMALLEST_M <= extent * m <= LIKELY_M]
+    if not fits:
+        return (
+            f"add --scale with the factor to metres (--scale {1 / extent:.3g} makes it 1 m), or "
+            if extent
+            else ""
+        )
+    unit = next(u for u in ("mm", "m", "cm", "in") if u in fits)
+    others = "".join(f", --units {u} ({extent * UNITS_M[u]:.3g} m)" for u in fits if u != unit)
+    return f"add --units {unit} if it is in {UNIT_NAMES[unit]} ({extent * UNITS_M[unit]:.3g} m){others}, or "
 
 
 def bounds(model: RawModel) -> tuple[FloatArray, FloatArray]:

@@ -1,6 +1,7 @@
 """Openings are capped where that leaves a solid, and faces that coincide are found and said."""
 
 import time
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -69,7 +70,7 @@ def test_windows_of_a_frame_are_not_capped(tmp_path):
     with pytest.raises(
         UserError, match=r"part 'frame': .*--keep-holes too, for capped they would leave no solid"
     ):
-        surface(path, FILL)
+        surface(path, replace(FILL, strict=True))
     bodies, lines = surface(path, FILL_OR_KEEP)
     assert "filled 1 holes with flat fans" in lines
     assert any(line.startswith("left 1,226 openings as they are") for line in lines)
@@ -112,13 +113,13 @@ def test_caps_within_caps_are_not_made(tmp_path):
     assert np.allclose(high - low, (2, 2, 0))
     path = save(tmp_path / "a.glb", tray=tray)
     with pytest.raises(UserError, match=r"2 holes .*--keep-holes too"):
-        surface(path, FILL)
+        surface(path, replace(FILL, strict=True))
 
 
 def test_advice_names_keeping_before_filling(tmp_path):
     path = save(tmp_path / "a.glb", hull=open_box())
     with pytest.raises(UserError, match=r"add --keep-holes .* or --fill-holes to cap what then is a solid"):
-        surface(path, ImportOptions(up="z"))
+        surface(path, ImportOptions(up="z", strict=True))
 
 
 def decal(gap_m, *, up=True, side_m=0.4):

@@ -123,13 +123,16 @@ def test_files_are_read_from_the_models_own_folder_alone(folder, name, says):
         "textures": [{"source": 0}],
         "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
     }
-    assert says in refused(gltf(folder, **images))
+    paths = [gltf(folder, **images), folder / "a.obj", folder / "b.obj"]
     body = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl skin\nf 1 2 3\n"
-    (folder / "a.obj").write_text(f"mtllib {name}\n{body}")
-    assert says in refused(folder / "a.obj")
-    (folder / "a.mtl").write_text(f"newmtl skin\nmap_Kd {name}\n")
-    (folder / "a.obj").write_text(f"mtllib a.mtl\n{body}")
-    assert says in refused(folder / "a.obj")
+    paths[1].write_text(f"mtllib {name}\n{body}")
+    (folder / "b.mtl").write_text(f"newmtl skin\nmap_Kd {name}\n")
+    paths[2].write_text(f"mtllib b.mtl\n{body}")
+    for path in paths:
+        model, *_, lines = read_surface(path, ImportOptions())
+        assert model.pictures == {}
+        assert sum(says in line and "drawn" in line for line in lines) == 1, lines
+        assert says in refused(path, ImportOptions(strict=True))
 
 
 def test_files_in_the_folder_and_below_it_are_still_read(folder):
@@ -236,7 +239,7 @@ def test_faces_of_obj_that_are_no_numbers(folder, face, says):
 def test_values_of_mtl_that_are_no_numbers(folder, line):
     (folder / "a.mtl").write_text(f"newmtl skin\n{line}\n")
     (folder / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl skin\nf 1 2 3\n")
-    text = refused(folder / "a.obj")
+    text = refused(folder / "a.obj", ImportOptions(strict=True))
     assert "has a value that is no number" in text or "open edges" in text  # Ns inf is a mirror
 
 
@@ -249,7 +252,7 @@ def test_pictures_are_weighed_before_they_are_decoded(folder, width, height):
     (folder / "big.png").write_bytes(data)
     (folder / "a.mtl").write_text("newmtl skin\nmap_Kd big.png\n")
     (folder / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl skin\nf 1 2 3\n")
-    text = refused(folder / "a.obj")
+    text = refused(folder / "a.obj", ImportOptions(strict=True))
     assert "'big.png'" in text
     assert "make it smaller" in text or "not a picture that can be read" in text
 

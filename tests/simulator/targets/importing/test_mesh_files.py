@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 import struct
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 import trimesh
 
 from simulator.errors import UserError
+from simulator.targets.importing.add import ImportOptions, read_surface
 from simulator.targets.importing.read.mesh_file import read_mesh
+from simulator.targets.importing.read.raw_model import UNNAMED_SURFACE
 from simulator.targets.importing.repair.placement import check_count, check_numbers, place_model
 
 CUBE = trimesh.creation.box((2.0, 1.0, 0.5))
@@ -134,6 +137,11 @@ def test_a_file_that_is_not_what_its_ending_says(tmp_path):
     assert "holds a .glb file" in refusal(tmp_path / "b.stl")
     (tmp_path / "c.obj").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(100))
     assert "a PNG image" in refusal(tmp_path / "c.obj")
+    for kind in ("glb", "obj", "stl"):
+        (tmp_path / f"lfs.{kind}").write_bytes(
+            b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
+        )
+        assert "Git LFS pointer" in refusal(tmp_path / f"lfs.{kind}")
     (tmp_path / "d.stl").write_bytes(b"")
     assert "is empty" in refusal(tmp_path / "d.stl")
     (tmp_path / "e.fbx").write_bytes(b"Kaydara")
@@ -150,14 +158,21 @@ def test_missing_files_are_named(tmp_path):
     assert "'hull data.bin' is missing" in refusal(write_gltf(tmp_path / "a.gltf", CUBE, change=elsewhere))
     body = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl skin\nf 1 2 3\n"
     (tmp_path / "b.obj").write_text("mtllib gone.mtl\n" + body)
-    assert "material file 'gone.mtl' is missing" in refusal(tmp_path / "b.obj")
-    (tmp_path / "c.mtl").write_text("newmtl skin\nmap_Kd gone.png\n")
+    (tmp_path / "c.mtl").write_text("newmtl skin\nKd 1 0 0\nmap_Kd gone.png\n")
     (tmp_path / "c.obj").write_text("mtllib c.mtl\n" + body)
-    with pytest.raises(UserError, match=r"texture 'gone\.png' of material 'skin' is missing"):
-        read_mesh(tmp_path / "c.obj")
     (tmp_path / "d.mtl").write_text("newmtl other\n")
     (tmp_path / "d.obj").write_text("mtllib d.mtl\n" + body)
-    assert "material 'skin' is in none" in refusal(tmp_path / "d.obj")
+    for name, says in (
+        ("b.obj", "material file 'gone.mtl' is missing"),
+        ("c.obj", "texture 'gone.png' of material 'skin' is missing"),
+        ("d.obj", "material 'skin' is in none"),
+    ):
+        model = read_mesh(tmp_path / name)
+        assert [says in fault for fault in model.faults] == [True]
+        drawn = model.materials[int(model.parts[0].face_material[0])]
+        assert drawn.base_color == ((1, 0, 0) if name == "c.obj" else UNNAMED_SURFACE.base_color)
+        with pytest.raises(UserError, match=re.escape(says)):
+            read_surface(tmp_path / name, ImportOptions(strict=True))
 
 
 def test_compressed_and_broken_gltf(tmp_path):
@@ -215,7 +230,9 @@ def test_obj_that_is_malformed(tmp_path):
     ("factor", "says"),
     [
         (740.0, "--units mm if it is in millimetres (0.74 m)"),
-        (40_000.0, "say --units mm if it is in millimetres (40 m)|--scale with the factor"),
+        (1471.0, "--units mm if it is in millimetres (1.47 m)"),
+        (400_000.0, "--scale with the factor"),
+        (0.04, "--yes if it is that size"),
         (1e-4, "--scale 1e+04 makes it 1 m"),
     ],
 )
@@ -240,7 +257,8 @@ def test_units_and_axes(tmp_path):
         ((None, "feet", None), "unknown unit 'feet'"),
         ((-1.0, None, None), "not a positive number"),
         ((None, None, "x"), "unknown axis 'x'"),
-        ((1e4, None, None), "no spacecraft"),
+        ((1e4, None, None), "not the size of a spacecraft"),
+        ((None, "m", None), "--units mm if it is in millimetres"),
     ):
         with pytest.raises(UserError, match=says):
             place_model(read_mesh(path), *arguments)

@@ -101,3 +101,27 @@ def test_an_edge_that_fittings_interrupt_is_one(tmp_path):
     two, _ = import_mesh(tmp_path / "two.stl", "two")
     lengths = sorted((float(np.linalg.norm(np.subtract(e.b_m, e.a_m))) for e in two.wireframe), reverse=True)
     assert lengths[:4] == pytest.approx([0.98] * 4)
+
+
+def test_keypoints_are_spread_over_the_craft_and_not_along_its_boom(tmp_path):
+    """A bus with fittings and a boom four times as long, with a collar every half metre: many corners on a line."""
+    pieces = [trimesh.creation.box((1.2, 1.0, 1.0))]
+    for x, y in ((-0.4, -0.3), (0.4, -0.3), (-0.4, 0.3), (0.4, 0.3)):
+        pieces.append(
+            trimesh.creation.box((0.2, 0.2, 0.15), trimesh.transformations.translation_matrix((x, y, 0.58)))
+        )
+    pieces.append(
+        trimesh.creation.box((5.0, 0.05, 0.05), trimesh.transformations.translation_matrix((3.1, 0, 0)))
+    )
+    pieces += [
+        trimesh.creation.box((0.08, 0.12, 0.12), trimesh.transformations.translation_matrix((x, 0, 0)))
+        for x in np.arange(1.0, 5.5, 0.5)
+    ]
+    path = tmp_path / "boom.stl"
+    path.write_bytes(trimesh.util.concatenate(pieces).export(file_type="stl"))
+    points = np.array([k.position_m for k in import_mesh(path, "boom")[0].keypoints])
+    assert len(points) == 16
+    on_boom = points[:, 0] > 0.7
+    assert 1 <= on_boom.sum() <= 5
+    assert points[:, 0].max() > 5.5
+    assert np.ptp(points[~on_boom], axis=0).min() > 0.9

@@ -149,7 +149,7 @@ def test_holes_are_refused_filled_or_kept(tmp_path):
     with pytest.raises(
         UserError, match=r"a\.stl, part 'body': 1 hole with 4 open edges \(the first at .*--fill-holes"
     ):
-        import_mesh(path, "a")
+        import_mesh(path, "a", ImportOptions(strict=True))
     target, lines = import_mesh(path, "a", ImportOptions(fill_holes=True))
     assert "filled 1 holes with flat fans" in lines
     assert volume(target) == pytest.approx(1.0)
@@ -169,7 +169,7 @@ def test_holes_that_meet_in_a_corner_are_not_filled_and_said_so(tmp_path):
     kept = [k for k in range(len(ball.faces)) if k not in (0, other)]
     path = save(tmp_path / "ball.stl", raw_mesh(ball.vertices, ball.faces[kept]))
     with pytest.raises(UserError, match="add --keep-holes too, for capped they would leave no solid"):
-        import_mesh(path, "ball", ImportOptions(fill_holes=True))
+        import_mesh(path, "ball", ImportOptions(fill_holes=True, strict=True))
     target, lines = import_mesh(path, "ball", ImportOptions(fill_holes=True, keep_holes=True))
     assert any("open outlines" in line for line in lines)
     assert target.mass.mass_kg > 0
@@ -183,7 +183,7 @@ def test_edges_of_three_faces_are_refused_or_kept(tmp_path):
     with pytest.raises(
         UserError, match=r"part 'body': 1 edges belong to three or more faces .*--keep-non-manifold"
     ):
-        import_mesh(path, "a", SHEETS)
+        import_mesh(path, "a", replace(SHEETS, strict=True))
     _, lines = import_mesh(path, "a", replace(SHEETS, keep_non_manifold=True))
     assert "kept 1 edges of three or more faces" in lines
 
@@ -213,7 +213,9 @@ def test_a_one_sided_surface_is_refused(tmp_path):
         faces += [(a, c, b), (b, c, d)]
     path = save(tmp_path / "a.stl", raw_mesh(vertices, faces))
     with pytest.raises(UserError, match="48 faces form a one-sided surface"):
-        import_mesh(path, "a", SHEETS)
+        import_mesh(path, "a", replace(SHEETS, strict=True))
+    _, lines = import_mesh(path, "a")
+    assert any(line.startswith("kept 48 faces of one-sided surfaces") for line in lines)
 
 
 def test_mass_and_density(tmp_path):

@@ -1,6 +1,7 @@
 """Textures of users' meshes: on the same places after import, or said to be lost."""
 
 import json
+import re
 
 import cv2
 import numpy as np
@@ -154,5 +155,9 @@ def test_large_pictures_are_reduced_and_damaged_ones_named(tmp_path):
     at = data.index(b"\x89PNG")
     data[at + 1 : at + 4] = b"XXX"
     path.write_bytes(data)
-    with pytest.raises(UserError, match=r"texture .* is not a picture that can be read; convert it to PNG"):
-        import_mesh(path, "box")
+    says = r"texture .* is not a picture that can be read; convert it to PNG"
+    target, lines = import_mesh(path, "box")
+    assert target.pictures == ()
+    assert sum(re.search(says, line) is not None for line in lines) == 1
+    with pytest.raises(UserError, match=says):
+        import_mesh(path, "box", ImportOptions(strict=True))

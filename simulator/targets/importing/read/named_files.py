@@ -1,0 +1,86 @@
+"""Textures and material libraries that a model names: found within the model's folder, or reported as missing."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path, PureWindowsPath
+
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import find_beside, read_regular
+
+_LINE_END = re.compile(r"\r\n?")
+_CONTINUED = re.compile(r"\\[ \t]*\n")
+
+
+class NotReadError(Exception):
+    """A file beside the model that is missing or cannot be read: its message says which and why, without a path."""
+
+
+def text_lines(data: bytes) -> list[str]:
+    """Return the lines of an OBJ or MTL file, in any of the encodings and line ends that exporters write."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        text = data.decode("utf-16", "replace")
+    else:
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("cp1252", "replace")
+    return _CONTINUED.sub(" ", _LINE_END.sub("\n", text)).split("\n")
+
+
+def split_word(line: str) -> tuple[str, str]:
+    """Return the first word of a line and the rest without surrounding white space."""
+    word, *rest = line.split(None, 1) or [""]
+    return word, rest[0].strip() if rest else ""
+
+
+def unquoted(name: str) -> str:
+    """Return a name without the pair of quotes around it, if any."""
+    quote = name[:1]
+    return name[1:-1].strip() if quote in ("'", '"') and name.find(quote, 1) == len(name) - 1 > 0 else name
+
+
+def read_named(model: Path, owner: Path, name: str, what: str, most_bytes: int) -> tuple[Path, bytes]:
+    """Find and read a file that ``owner`` names.
+
+    An absolute path, as exporters write for their own machine, stands for a file of that name beside ``owner``; so does
+    a name in other capitals.
+
+    Parameters
+    ----------
+    model : path of the model, whose folder is not left.
+    owner : path of the file that holds the name.
+    name : str
+        The name as it stands there.
+    what : str
+        Kind of file, for the message.
+    most_bytes : int
+        Size above which the file is not read.
+
+    Raises
+    ------
+    NotReadError
+        If it is missing, outside the model's folder, no regular file, or too long.
+    """
+    first: UserError | None = None
+    for candidate in dict.fromkeys((name, PureWindowsPath(name).name)):
+        if not candidate:
+            continue
+        try:
+            place = _in_other_capitals(find_beside(owner, candidate, what, model.parent))
+            return place, read_regular(place, most_bytes)
+        except UserError as error:
+            first = first or error
+        except OSError:
+            first = first or UserError(
+                f"{owner}: {what} file {name[:80]!r} is missing; put it beside the model"
+            )
+    raise NotReadError(str(first or f"{what} file without a name").removeprefix(f"{owner}: "))
+
+
+def _in_other_capitals(place: Path) -> Path:
+    """Return the file of this name, or the one whose name differs in capitals alone."""
+    if place.exists() or not place.parent.is_dir():
+        return place
+    wanted = place.name.casefold()
+    return next((p for p in sorted(place.parent.iterdir()) if p.name.casefold() == wanted), place)

@@ -1,0 +1,99 @@
+"""Polygons cut into triangles: fans where they are convex, else ear clipping.
+
+References
+----------
+Meisters (1975), Polygons have ears. Newell's normal: Sutherland, Sproull, Schumacker (1974).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import BoolArray, FloatArray
+
+MOST_CORNERS, MOST_TESTS = 2000, 50
+"""Corners of a concave polygon, and triangles looked at for each of them: clipping takes the square of their number."""
+
+
+def fan(count: int) -> list[tuple[int, int, int]]:
+    """Return the triangles between the first corner of a polygon and its other sides."""
+    return [(0, k, k + 1) for k in range(1, count - 1)]
+
+
+def are_convex(quads: FloatArray) -> BoolArray:
+    """Return True for each quadrilateral (N, 4, 3) that may be cut along either diagonal."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+        sides = np.roll(quads, -1, axis=1) - quads
+        turns = np.einsum("nkj,nj->nk", np.cross(np.roll(sides, 1, axis=1), sides), normal)
+        return np.asarray(
+            (turns >= -1e-12 * np.abs(turns).max(axis=1, initial=0.0, keepdims=True)).all(axis=1)
+        )
+
+
+def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
+    """Cut a planar polygon into triangles that turn as it does.
+
+    Parameters
+    ----------
+    corners : (N, 3) array
+
+    Returns
+    -------
+    Positions of the three corners of each triangle.
+
+    Raises
+    ------
+    ValueError
+        If it is concave and has too many corners.
+    """
+    n = len(corners)
+    flat = _projected(corners)
+    turns = _turn(np.roll(flat, 1, axis=0), flat, np.roll(flat, -1, axis=0))
+    if not np.isfinite(flat).all() or (turns >= -1e-12 * np.abs(turns).max()).all():
+        return fan(n)
+    out, left, tests = [], list(range(n)), MOST_TESTS * n
+    while len(left) > 3:
+        k, looked = _ear(flat, left)
+        tests -= looked
+        if n > MOST_CORNERS or tests < 0:
+            raise ValueError(f"a concave polygon of {n:,} corners")
+        if k < 0:  # the outline crosses itself
+            return fan(n)
+        out.append((left[k - 1], left[k], left[(k + 1) % len(left)]))
+        del left[k]
+    return [*out, (left[0], left[1], left[2])]
+
+
+def _ear(flat: FloatArray, left: list[int]) -> tuple[int, int]:
+    """Return the place in ``left`` of a corner whose triangle holds no other, or -1; and how many were tested."""
+    p = flat[left]
+    before, after = np.roll(p, 1, axis=0), np.roll(p, -1, axis=0)
+    looked = 0
+    for looked, k in enumerate(np.flatnonzero(_turn(before, p, after) > 0), 1):
+        a, b, c = before[k], p[k], after[k]
+        inside = (_turn(a, b, p) >= 0) & (_turn(b, c, p) >= 0) & (_turn(c, a, p) >= 0)
+        # corners at the same places as the triangle's own do not lie in it
+        own = (p == a).all(axis=1) | (p == b).all(axis=1) | (p == c).all(axis=1)
+        if not (inside & ~own).any():
+            return int(k), looked
+    return -1, looked
+
+
+def _projected(corners: FloatArray) -> FloatArray:
+    """(N, 2) corners in the plane across Newell's normal, counter-clockwise."""
+    p = corners - corners.mean(axis=0)
+    normal = np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0)
+    axis = int(np.argmax(np.abs(normal)))
+    u, v = ((1, 2), (2, 0), (0, 1))[axis]
+    return p[:, [u, v]] if normal[axis] >= 0 else p[:, [v, u]]
+
+
+def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """(N,) twice the signed areas of triangles."""
+    return np.asarray(
+        (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
+    )
