@@ -482,7 +482,7 @@ def summary_text(s: LedgerSummary, log: Path | None) -> Text:
             f" on the board p50 {s.board_total_ms_p50:.1f} ms"
         )
     if s.deadline_misses is not None:
-        lines.append(f"later than the deadline of {s.deadline_ms:.0f} ms: {s.deadline_misses}")
+        lines.append(f"not answered within the deadline of {s.deadline_ms:.0f} ms: {s.deadline_misses}")
     if s.handover_error_ms_p99 is not None:
         late = f"; {s.late} frame(s) were not drawn in time" if s.late else ""
         lines.append(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import os
 import secrets
 import shutil
@@ -143,7 +144,11 @@ def _measured(task: RunTask, part: Path) -> dict[str, float | str]:
     found: dict[str, Value] = {
         name: quantity.of(record) for name, quantity in QUANTITIES.items() if quantity.needs <= traits
     }
-    return {name: value for name, value in found.items() if value is not None}
+    return {
+        name: value
+        for name, value in found.items()
+        if value is not None and (isinstance(value, str) or math.isfinite(value))
+    }
 
 
 def _fly(task: RunTask, part: Path) -> None:

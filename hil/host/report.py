@@ -303,7 +303,7 @@ def _key_figures(s: LedgerSummary) -> Markup:
     if s.e2e_ms_p50 is None and s.accepted + s.declined:
         figures = [figure for figure in figures if not figure[1].startswith("latency")]
     if s.deadline_misses is not None:
-        late_label = f"later than {_text(s.deadline_ms, 'ms')}"
+        late_label = f"not answered within {_text(s.deadline_ms, 'ms')}"
         figures.insert(8, (f"{s.deadline_misses}", late_label))
         bad += [late_label] if s.deadline_misses else []
     if s.staleness_ms_p50 is not None:

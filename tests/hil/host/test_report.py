@@ -111,7 +111,8 @@ def test_summary_counts_percentiles_and_misses():
     assert s.e2e_ms_p50 == pytest.approx(np.percentile(latencies, 50))
     assert s.e2e_ms_p99 == pytest.approx(np.percentile(latencies, 99))
     assert s.e2e_ms_max == 29.0
-    assert s.deadline_misses == 4
+    # four answers come late, three frames have none
+    assert s.deadline_misses == 7
     assert s.median_E_T_m == pytest.approx(np.median([0.01 * (k + 1) for k in range(20) if k % 4 != 3]))
     assert [t.name for t in s.stages] == ["roi", "pnp"]
 
