@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
 
 SUMMARY_JSON = "summary.json"
-RUN_JSON = "run.json"
 Count = Annotated[int, msgspec.Meta(ge=0)]
 
 
@@ -35,10 +34,11 @@ class StageTimes(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Board(msgspec.Struct, frozen=True, kw_only=True):
-    """The board that answered last."""
+    """The board that answered last, as it said in its HELLO."""
 
     name: str
     model: str
+    model_sha256: str = ""
     method: str
     encoding: str
     window: int
@@ -93,20 +93,6 @@ class ClosedLoopFigures(msgspec.Struct, frozen=True, kw_only=True):
     delta_v_m_s: float
     seed: int
     duration_s: float
-
-
-class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
-    """What a run was told, written when its ledger begins: all that is known of one that was killed."""
-
-    schema: Literal["flyaround.run"] = "flyaround.run"
-    version: Literal[1] = 1
-    started_utc: str
-    mode: Literal["lockstep", "realtime"]
-    truth: Literal["off", "separate", "inline"]
-    url: str
-    timeout_s: float
-    deadline_ms: float | None = None
-    latency_ms: float | None = None
 
 
 class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):

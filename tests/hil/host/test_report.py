@@ -13,9 +13,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.commands.hil_host import board_url, listening_text, summary_text
+from flyaround.commands.hil_host import listening_text, summary_text
+from hil.host.board_command import board_url
 from hil.host.ledger.frames_csv import COLUMNS, LedgerRow, LedgerWriter, pose_errors, read_ledger
-from hil.host.ledger.summary import RUN_JSON, RunTerms, summarise, this_machine
+from hil.host.ledger.run_terms import RUN_JSON, RunTerms
+from hil.host.ledger.summary import summarise, this_machine
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.report import write_report
 from hil.host.report_plots import GREEN, MARKERS, ORANGE, RED, WRONG, kind_of, outcome_colour, plot_errors
