@@ -15,6 +15,7 @@ import struct
 import sys
 import time
 import zlib
+from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
@@ -25,6 +26,8 @@ POSE, CREDIT, BYE, ERROR = 7, 8, 10, 11
 CORRUPT, INCOMPLETE, FORMAT = 2, 3, 6
 RAW, MONO8 = 0, 0x01080001
 HEADER = struct.Struct("<4sHBBQII")
+Position = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
 
 
 class Ended(Exception):  # noqa: N818 - how every session ends
@@ -80,7 +83,7 @@ class Line:
             self.buffer += data
 
 
-def look(image: np.ndarray, camera: dict[str, float]) -> tuple[float, float, float] | None:
+def look(image: np.ndarray, camera: dict[str, float]) -> Position | None:
     """Position of the bright pixels' middle at 10 m, in the camera's axes [m]; None where nothing is bright."""
     brightest = int(image.max())
     if brightest < 16:
@@ -196,15 +199,25 @@ class Board:
         """POSE, then CREDIT."""
         start_ns = time.monotonic_ns()
         t_m = look(image, self.camera)
-        end_ns = time.monotonic_ns()
-        seen = t_m is not None
+        pose = None if t_m is None else ((1.0, 0.0, 0.0, 0.0), t_m)
+        self.say_pose(frame_id, pose, (received_ns, start_ns, time.monotonic_ns()))
+        self.release(frame_id)
+
+    def say_pose(
+        self, frame_id: int, pose: tuple[Quaternion, Position] | None, times_ns: tuple[int, int, int]
+    ) -> None:
+        """POSE: a pose, or None where there is none; when the frame was received, begun and answered."""
+        seen = pose is not None
         reason = b"" if seen else b"nothing bright in the picture"
-        q_wxyz = (1.0, 0.0, 0.0, 0.0) if seen else (0.0,) * 4
-        pose = struct.pack("<IBBHd", frame_id, seen, seen, 1, 0.0)
-        pose += struct.pack("<4d3d", *q_wxyz, *(t_m if seen else (0.0,) * 3))
-        pose += struct.pack("<QQQHH", received_ns, start_ns, end_ns, len(reason), 0)
-        pose += struct.pack("<24sd", b"centroid", 1e-6 * (end_ns - start_ns)) + reason
-        self.line.say(POSE, pose)
+        q_wxyz, t_m = pose or ((0.0,) * 4, (0.0,) * 3)
+        said = struct.pack("<IBBHd", frame_id, seen, seen, 1, 0.0)
+        said += struct.pack("<4d3d", *q_wxyz, *t_m)
+        said += struct.pack("<QQQHH", *times_ns, len(reason), 0)
+        said += struct.pack("<24sd", b"centroid", 1e-6 * (times_ns[2] - times_ns[1])) + reason
+        self.line.say(POSE, said)
+
+    def release(self, frame_id: int) -> None:
+        """CREDIT: room for the next frame."""
         self.line.say(CREDIT, struct.pack("<IHH", frame_id, self.window, 0))
 
 
@@ -213,10 +226,15 @@ def main() -> int:
     if len(sys.argv) != 3:
         print("usage: board_python.py HOST PORT", file=sys.stderr)
         return 2
+    return run(Board, sys.argv[1], sys.argv[2])
+
+
+def run(make_board: Callable[[Line], Board], host: str, port: str) -> int:
+    """One session of a board with a host; its exit code."""
     try:
-        board = Board(Line(sys.argv[1], int(sys.argv[2])))
+        board = make_board(Line(host, int(port)))
     except (OSError, ValueError) as error:
-        print(f"no host on {sys.argv[1]}, port {sys.argv[2]} ({error}): start it first", file=sys.stderr)
+        print(f"no host on {host}, port {port} ({error}): start it first", file=sys.stderr)
         return 2
     try:
         board.greet()

@@ -67,8 +67,10 @@ def run(arguments: list[str]) -> int:
 def _call(arguments: list[str]) -> None:
     """Import the command line, which under a low limit may fail like the rest, and call it."""
     from flyaround.cli import app  # noqa: PLC0415 - may fail
+    from flyaround.commands.command_line import typed  # noqa: PLC0415 - may fail
 
-    app(args=arguments, prog_name="flyaround")
+    with typed(arguments):
+        app(args=arguments, prog_name="flyaround")
 
 
 def _is_users(error: Exception) -> bool:

@@ -11,6 +11,7 @@ from hil.campaign.campaign import outcome_json_schema
 from hil.campaign.definitions import campaign_json_schema
 from hil.campaign.map_results import delay_map_json_schema
 from hil.evaluate.metrics import metrics_json_schema
+from hil.host.ledger.run_terms import run_schema
 from hil.host.ledger.summary import summary_schema
 from simulator.dataset.card import card_json_schema
 from simulator.labels.imported import imported_json_schema
@@ -35,6 +36,7 @@ def all_schemas() -> dict[str, dict[str, Any]]:
         "truth": truth_json_schema(),
         "imported": imported_json_schema(),
         "dataset": card_json_schema(),
+        "run": run_schema(),
         "ledger_summary": summary_schema(),
         "metrics": metrics_json_schema(),
         "campaign": campaign_json_schema(),

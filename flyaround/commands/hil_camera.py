@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 
+from flyaround.commands.command_line import command_line
 from flyaround.commands.scenario_argument import load_flown
 from flyaround.commands.terminal import say
 from hil.host.camera_endpoint.camera import WARNING, run_camera
@@ -17,6 +18,7 @@ from hil.host.camera_endpoint.interface import check_address, find_interface
 from hil.host.camera_endpoint.messages import AnswerTerms, EndpointConfig
 from hil.host.camera_endpoint.pictures import DrawnPictures, check_one_channel, image_alone, loop_of
 from hil.host.camera_endpoint.registers import RATE_HZ, CameraTerms
+from hil.host.ledger.run_terms import FlownRecord
 from hil.host.link_process.host_link import choose_pixel_format
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.truth_policy import check_access
@@ -25,6 +27,7 @@ from hil.link.security import read_key
 from simulator.errors import UserError
 from simulator.loop import open_frames
 from simulator.runtime.files import empty_folder
+from simulator.scenario.load import scenario_source
 from simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
@@ -135,7 +138,8 @@ def camera(
     if config.answers is not None:
         if log is not None:
             empty_folder(log, option="--log")
-        ledger = CameraLedger(log, config.answers.link)
+        flown = FlownRecord.of(plan, scenario_source(scenario), command_line())
+        ledger = CameraLedger(log, config.answers.link, flown)
 
     def opened(answers_url: str | None) -> None:
         told = " --camera CAMERA.json" if answers_url is None else f" --answer {answers_url}"

@@ -35,7 +35,16 @@ def campaign(
     bytes (docs/hil_campaign.md).
     """
     with progress_bar("runs", quiet=as_json) as progress:
-        outcome = run_campaign(file, output, board_command=BOARD_COMMAND, workers=workers, progress=progress)
+        outcome = run_campaign(
+            file,
+            output,
+            board_command=BOARD_COMMAND,
+            workers=workers,
+            progress=progress,
+            # where it goes and how many fly at a time change no result: the same file gives the same bytes
+            command=("flyaround", "hil", "campaign", str(file)),
+            say=lambda sentence: say(sentence, stderr=True),
+        )
     if as_json:
         typer.echo((output / CAMPAIGN_JSON).read_text())
     else:

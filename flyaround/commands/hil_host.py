@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import socket
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
@@ -10,10 +10,12 @@ import msgspec
 import typer
 from rich.text import Text
 
+from flyaround.commands.command_line import command_line
 from flyaround.commands.hil_camera import SCHEME, camera
 from flyaround.commands.scenario_argument import load_flown
 from flyaround.commands.terminal import progress_bar, say
 from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
+from hil.host.board_command import board_command, board_url
 from hil.host.closed_loop import (
     fly_without_pictures,
     frame_every,
@@ -23,6 +25,7 @@ from hil.host.closed_loop import (
 )
 from hil.host.flight_run import FlightOptions, FlightRun, interval_s
 from hil.host.ledger.frames_csv import LedgerRow
+from hil.host.ledger.run_terms import FlownRecord, terms_without_board, write_terms
 from hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary
 from hil.host.link_process.host_link import choose_pixel_format
 from hil.host.link_process.ipc import Compression, LinkConfig, PixelFormatName
@@ -36,11 +39,11 @@ from hil.host.serial_time import serial_advice
 from hil.host.truth_policy import check_access
 from hil.link.security import read_key
 from hil.link.session import SILENCE_S
-from hil.link.transports.url import parse_url
 from hil.navigation.closed_loop import ClosedLoopConfig
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder
 from simulator.scenario.faults import NO_FAULTS, Faults, read_faults
+from simulator.scenario.load import scenario_source
 from simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
@@ -48,10 +51,11 @@ if TYPE_CHECKING:
     from simulator.scenario.plan import Plan
     from simulator.scenario.scenario import Scenario
 
-ANY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - listened on at the user's wish
-
 # Seconds for a pose, and for a board to connect, where --timeout does not say.
 POSE_S, CONNECT_S = 30.0, 60.0
+
+# Exit code of a run in which no pose was accepted, or that the board left.
+NO_ANSWERS = 3
 
 
 def host(
@@ -81,6 +85,15 @@ def host(
             help="realtime: seconds from the end of an exposure until the camera hands its picture over.",
         ),
     ] = 0.0,
+    deadline_s: Annotated[
+        float | None,
+        typer.Option(
+            "--deadline",
+            min=0.0,
+            help="Seconds from the start of sending a frame to its pose, beyond which it counts as missed (realtime:"
+            " the time from frame to frame).",
+        ),
+    ] = None,
     source: Annotated[
         Path | None,
         typer.Option(
@@ -194,9 +207,18 @@ def host(
         int, typer.Option(min=1, max=64, help="Processes that draw in turn: more frames a second.")
     ] = 1,
     gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
+    allow_none: Annotated[
+        bool,
+        typer.Option(
+            "--allow-none", help="Exit 0, not 3, where no pose was accepted or the board left for good."
+        ),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
-    """Stream a flight to a board, or fly on its poses (--closed-loop); exit 1 where the board left for good.
+    """Stream a flight to a board, or fly on its poses (--closed-loop).
+
+    Exit code 3: no pose was accepted, or the board left for good (not with --allow-none). 1: a closed loop did not
+    bring the chaser to its hold point. 2: a mistake, or no board came.
 
     It listens on tcp://127.0.0.1:5600, or where --listen says: another TCP address and port, or a serial line such as
     serial:///dev/ttyUSB0?baud=921600 (its baud rate is 115200 unless given).
@@ -222,9 +244,21 @@ def host(
         raise UserError(
             "--pose-errors is of a board's poses in a closed loop: give --closed-loop, and no --pose"
         )
+    if deadline_s is not None and (pose != "board" or not 0 < deadline_s < math.inf):
+        raise UserError(
+            f"--deadline {deadline_s:g} is of a board's answers, in seconds above 0: give such a number and no --pose,"
+            " or leave it out"
+        )
     if closed_loop and pose != "board":
         _fly_without_pictures(
-            scenario, "truth" if pose == "truth" else "noisy", every_s, seed, log, faults, as_json=as_json
+            scenario,
+            "truth" if pose == "truth" else "noisy",
+            every_s,
+            seed,
+            log,
+            faults,
+            command_line(),
+            as_json=as_json,
         )
         return
     if latency_s and mode != "realtime":
@@ -263,26 +297,25 @@ def host(
         closed_loop=told,
         pose_noise=None if pose_errors is None else read_pose_noise(pose_errors),
         source=source,
+        source_text=scenario_source(scenario),
+        command=command_line(),
         time_code=time_code,
         workers=workers,
         device_index=gpu,
     )
     config = RunConfig(
-        link=link, log_dir=log, connect_timeout_s=wait_s or timeout_s or CONNECT_S, latency_s=latency_s
+        link=link,
+        log_dir=log,
+        connect_timeout_s=wait_s or timeout_s or CONNECT_S,
+        deadline_s=deadline_s,
+        latency_s=latency_s,
     )
     flight = FlightRun(plan, config, options)
     if log is not None:
         empty_folder(log, option="--log")
     recorders = _recorders(mcap, live, ccsds, log)
     summary = _stream(flight, config, recorders, plan.target.name, as_json=as_json)
-    if summary.ended != "completed":
-        # what was sent is in the ledger; a script must not take a run without a board for a whole one
-        say(
-            f"flyaround: the board left after {summary.sent} of {flight.n_frames} frames ({summary.board_gone}) and"
-            f" did not come back within {link.timeout_s:g} s: start it again, and this run with it",
-            stderr=True,
-        )
-        raise typer.Exit(1)
+    _exit_unless_answered(summary, flight.n_frames, link.timeout_s, allow_none=allow_none)
     _exit_unless_arrived(summary)
 
 
@@ -350,6 +383,7 @@ def _fly_without_pictures(
     seed: int | None,
     log: Path | None,
     faults: Path | None,
+    command: tuple[str, ...],
     *,
     as_json: bool,
 ) -> None:
@@ -357,16 +391,41 @@ def _fly_without_pictures(
     flown = load_flown(scenario, "hil host")
     plan = plan_flight(flown, n=1, seed=seed)
     told = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(every_s, plan))
-    link = PoseLink.without_pictures(_faults(flown, faults))
+    struck = _faults(flown, faults)
+    link = PoseLink.without_pictures(struck)
     if log is not None:
         empty_folder(log, option="--log")
     result = fly_without_pictures(plan, told, pose, link)
     summary = summary_without_pictures(result, pose, plan.seed)
     if log is not None:
+        record = FlownRecord.of(plan, scenario_source(scenario), command)
+        write_terms(log, terms_without_board(record, struck, summary.started_utc))
         write_steps(log, result.steps)
         write_summary(log, summary)
     _print_summary(summary, log, as_json=as_json)
     _exit_unless_arrived(summary)
+
+
+def _exit_unless_answered(
+    summary: LedgerSummary, n_frames: int, timeout_s: float, *, allow_none: bool
+) -> None:
+    """Exit 3 if the board left for good or accepted no pose: a script must not take that for a whole run."""
+    if summary.ended != "completed":
+        say(
+            f"flyaround: the board left after {summary.sent} of {n_frames} frames ({summary.board_gone}) and"
+            f" did not come back within {timeout_s:g} s: start it again, and this run with it",
+            stderr=True,
+        )
+    elif not summary.accepted:
+        say(
+            f"flyaround: no pose was accepted in {summary.sent} frames: look at the reasons in the ledger (--log), or"
+            " give --allow-none if that is as it should be",
+            stderr=True,
+        )
+    else:
+        return
+    if not allow_none:
+        raise typer.Exit(NO_ANSWERS)
 
 
 def _exit_unless_arrived(summary: LedgerSummary) -> None:
@@ -431,7 +490,7 @@ def listening_text(url: str, truth_url: str | None, target: str, *, keyed: bool 
     there, key = board_url(url), " --key FILE" if keyed else ""
     lines = [
         f"listening on {url}; on the board type",
-        f"  flyaround hil board {there} --target {target}{key}",
+        f"  {board_command(url, target, keyed=keyed)}",
         f"or, with the file that flyaround hil bundle board.pyz --target {target} writes,",
         f"  python3 board.pyz {there} --model {target}{key}",
     ]
@@ -440,14 +499,6 @@ def listening_text(url: str, truth_url: str | None, target: str, *, keyed: bool 
     if truth_url is not None:
         lines.append(f"ground truth, for loggers alone: {truth_url}")
     return "\n".join(lines)
-
-
-def board_url(url: str) -> str:
-    """What a board connects to: this machine by its name where it listens on all its addresses."""
-    scheme, host, port = parse_url(url)
-    if scheme != "serial" and host in ANY_ADDRESS:
-        return f"{scheme}://{socket.gethostname()}:{port}"
-    return url
 
 
 def _closed_loop_text(c: ClosedLoopFigures) -> Text:
@@ -482,7 +533,7 @@ def summary_text(s: LedgerSummary, log: Path | None) -> Text:
             f" on the board p50 {s.board_total_ms_p50:.1f} ms"
         )
     if s.deadline_misses is not None:
-        lines.append(f"later than the deadline of {s.deadline_ms:.0f} ms: {s.deadline_misses}")
+        lines.append(f"not answered within the deadline of {s.deadline_ms:.0f} ms: {s.deadline_misses}")
     if s.handover_error_ms_p99 is not None:
         late = f"; {s.late} frame(s) were not drawn in time" if s.late else ""
         lines.append(

@@ -9,6 +9,7 @@ import msgspec
 
 from gui.command_table import Argument, Command
 from gui.jobs.program import new_folder
+from hil.host.ledger.run_terms import FlownRecord
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import RunConfig
 from hil.host.truth_policy import check_access
@@ -73,6 +74,7 @@ def _start(console: Console, url: str | None = None) -> None:
         connect_timeout_s=CONNECT_S,
         target_name=target.name,
         target_sha256=target.sha256,
+        flown=FlownRecord.of(console.session.plan),
     )
     console.hil.start(console.session, config, console.device_index)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections import Counter
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from typing import TYPE_CHECKING, Any, Literal
@@ -10,17 +11,21 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from hil.campaign.campaign_page import write_campaign_page
-from hil.campaign.case_run import PART, RunResult, RunTask, fly_case, inputs_of, read_result
-from hil.campaign.definitions import Campaign, read_campaign
+from hil.campaign.case_run import PART, RunResult, RunTask, flown_by, fly_case, inputs_of, read_result
+from hil.campaign.definitions import Campaign, ReadyCase, read_campaign
 from hil.campaign.junit import junit_xml
 from hil.campaign.verdicts import RunVerdict, judge
+from hil.host.ledger.run_terms import ScenarioRecord, Versions
+from hil.host.ledger.summary import Board
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder, write_atomic
 from simulator.runtime.folder_lock import only_writer
 from simulator.runtime.task_pool import run_tasks
+from simulator.runtime.urls import without_secrets
+from simulator.scenario.faults import Faults
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
 FILE, RUNS = "campaign.toml", "runs"
@@ -46,6 +51,20 @@ class RequirementOutcome(msgspec.Struct, frozen=True, kw_only=True):
     runs_passed: int
 
 
+class FlownCase(msgspec.Struct, frozen=True, kw_only=True):
+    """What a case's runs flew: a scenario of the campaign's, by its hash; target, faults, boards and drivers."""
+
+    name: str
+    scenario: str
+    scenario_sha256: str
+    target: str
+    model_sha256: str
+    seeds: tuple[int, ...]
+    faults: Faults
+    boards: tuple[Board, ...]
+    gl_renderers: tuple[str, ...]
+
+
 class CampaignOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """What a campaign came to: campaign.json."""
 
@@ -55,6 +74,10 @@ class CampaignOutcome(msgspec.Struct, frozen=True, kw_only=True):
     passed: bool
     requirements: tuple[RequirementOutcome, ...]
     cases: tuple[CaseOutcome, ...]
+    command: tuple[str, ...] = ()
+    versions: Versions
+    scenarios: tuple[ScenarioRecord, ...]
+    flown: tuple[FlownCase, ...]
 
 
 def run_campaign(
@@ -64,16 +87,21 @@ def run_campaign(
     board_command: tuple[str, ...],
     workers: int = 1,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
+    command: tuple[str, ...] = (),
+    say: Callable[[str], None] = lambda _sentence: None,
 ) -> CampaignOutcome:
     """Fly what is not flown yet, judge all, and write ``campaign.json``, ``junit.xml`` and ``index.html``.
 
     A run's folder is there when the run is over, and not before: a campaign that was broken off goes on where it was.
+    Runs that another version flew, or that flew another model or with another board than those flown now, are flown
+    again.
     In lockstep the same file gives the same bytes.
 
     Parameters
     ----------
     path : of the campaign file. folder : new, empty, or of the same campaign.
     board_command : starts a board; URL, target and method are appended. workers : runs at a time.
+    command : the words on the command line, for the record. say : told which runs are flown again, and why.
 
     Raises
     ------
@@ -96,12 +124,17 @@ def run_campaign(
                 seed=seed,
                 folder=folder / RUNS / ready.case.name / f"seed-{seed}",
                 board_command=board_command,
+                command=command,
             )
             for ready in cases
             for seed in ready.case.all_seeds
         ]
         _tidy(folder, tasks)
+        _discard(folder, _of_other_versions(tasks), say)
+        kept = {task for task in tasks if task.folder.is_dir()}
         _fly_all(tasks, workers, progress)
+        if _discard(folder, _of_other_boards(tasks, kept), say):
+            _fly_all(tasks, workers, progress)
         results = [read_result(task.folder) for task in tasks]
         _check_inputs(tasks, results)
         runs = [judge(campaign, t.ready.case.name, t.seed, r) for t, r in zip(tasks, results, strict=True)]
@@ -109,7 +142,7 @@ def run_campaign(
             (t.ready.case.name, t.seed): float(r.values.get("duration_s", 0.0))
             for t, r in zip(tasks, results, strict=True)
         }
-        outcome = _outcome(campaign, runs)
+        outcome = _outcome(campaign, runs, cases, results, command)
         write_atomic(folder / JUNIT_XML, junit_xml(campaign, cases, runs, durations_s))
         write_campaign_page(folder / PAGE, campaign, runs)
         text = msgspec.json.format(msgspec.json.encode(outcome), indent=1)
@@ -152,6 +185,53 @@ def _tidy(folder: Path, tasks: Sequence[RunTask]) -> None:
             )
 
 
+def _of_other_versions(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
+    """Return the runs that were flown by other versions than this one's, each with what differs."""
+    found = {}
+    for task in tasks:
+        if not task.folder.is_dir():
+            continue
+        old, new = read_result(task.folder).flown_by, flown_by(task.ready)
+        for name, value in (
+            ("flyaround", "another version"),
+            ("model_sha256", "another model of the target"),
+        ):
+            if getattr(old, name) != getattr(new, name):
+                found[task] = value
+        if old.board != new.board:
+            found.setdefault(task, "another board")
+    return found
+
+
+def _of_other_boards(tasks: Sequence[RunTask], kept: set[RunTask]) -> dict[RunTask, str]:
+    """Return the kept runs of another board than the one that their case met now."""
+    met = {}
+    for task in tasks:
+        if task not in kept and (board := read_result(task.folder).board) is not None:
+            met[task.ready.case.name] = board
+    found = {}
+    for task in kept:
+        board, new = read_result(task.folder).board, met.get(task.ready.case.name)
+        if board is not None and new is not None and board != new:
+            found[task] = "another board"
+    return found
+
+
+def _discard(folder: Path, runs: Mapping[RunTask, str], say: Callable[[str], None]) -> bool:
+    """Take away runs, and say why they are flown again."""
+    for (case, why), n in Counter((task.ready.case.name, why) for task, why in runs.items()).items():
+        say(
+            f"{n} run{'s' if n > 1 else ''} of case {case!r} had {why} and {'are' if n > 1 else 'is'} flown again"
+        )
+    for task in runs:
+        # moved first: a run is there whole or not at all
+        gone = folder / f".{task.ready.case.name}.{task.seed}{PART}"
+        shutil.rmtree(gone, ignore_errors=True)
+        task.folder.rename(gone)
+        shutil.rmtree(gone, ignore_errors=True)
+    return bool(runs)
+
+
 def _fly_all(tasks: Sequence[RunTask], workers: int, progress: Callable[[int, int], None]) -> None:
     todo = [task for task in tasks if not task.folder.is_dir()]
     done = len(tasks) - len(todo)
@@ -187,7 +267,28 @@ def _check_inputs(tasks: Sequence[RunTask], results: Sequence[RunResult]) -> Non
             )
 
 
-def _outcome(campaign: Campaign, runs: Sequence[RunVerdict]) -> CampaignOutcome:
+def _flown(ready: ReadyCase, results: Sequence[RunResult]) -> FlownCase:
+    boards = {r.board: None for r in results if r.board is not None}
+    return FlownCase(
+        name=ready.case.name,
+        scenario=ready.scenario.name,
+        scenario_sha256=ScenarioRecord.of(ready.scenario, ready.source).sha256,
+        target=ready.scenario.target,
+        model_sha256=flown_by(ready).model_sha256,
+        seeds=ready.case.all_seeds,
+        faults=ready.faults,
+        boards=tuple(boards),
+        gl_renderers=tuple({r.gl_renderer: None for r in results if r.gl_renderer}),
+    )
+
+
+def _outcome(
+    campaign: Campaign,
+    runs: Sequence[RunVerdict],
+    cases: Sequence[ReadyCase],
+    results: Sequence[RunResult],
+    command: tuple[str, ...],
+) -> CampaignOutcome:
     requirements = []
     for r in campaign.requirement:
         passed = [v.passed for run in runs for v in run.verdicts if v.requirement is r]
@@ -206,5 +307,16 @@ def _outcome(campaign: Campaign, runs: Sequence[RunVerdict]) -> CampaignOutcome:
         requirements=tuple(requirements),
         cases=tuple(
             CaseOutcome(name=run.case, seed=run.seed, passed=run.passed, reason=run.reason) for run in runs
+        ),
+        command=tuple(without_secrets(word) for word in command),
+        versions=Versions.here(),
+        scenarios=tuple(
+            {
+                record.sha256: record for record in (ScenarioRecord.of(c.scenario, c.source) for c in cases)
+            }.values()
+        ),
+        flown=tuple(
+            _flown(case, [r for run, r in zip(runs, results, strict=True) if run.case == case.case.name])
+            for case in cases
         ),
     )

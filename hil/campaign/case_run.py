@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import os
 import secrets
 import shutil
 from dataclasses import dataclass, fields, replace
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
+from hil.board.agent import describe_board
+from hil.board.errors import BoardModelError
 from hil.campaign.own_board import SILENCE_S, run_with_own_board
 from hil.campaign.quantities import QUANTITIES, RunRecord, Value
 from hil.host.closed_loop import (
@@ -24,7 +29,8 @@ from hil.host.closed_loop import (
 )
 from hil.host.flight_run import FlightOptions, FlightRun
 from hil.host.ledger.frames_csv import FRAMES_CSV, LedgerRow, LedgerWriter, read_ledger
-from hil.host.ledger.summary import RUN_JSON, SUMMARY_JSON, LedgerSummary, LinkTotals
+from hil.host.ledger.run_terms import FlownRecord, read_terms, terms_without_board, write_terms
+from hil.host.ledger.summary import SUMMARY_JSON, Board, LedgerSummary, LinkTotals
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.pose_link import PoseLink
 from hil.host.report import TRACE_JSON, write_report
@@ -36,6 +42,7 @@ from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
 from simulator.runtime.untrusted_files import read_regular
 from simulator.scenario.plan import plan_flight
+from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from hil.campaign.definitions import ReadyCase
@@ -50,16 +57,34 @@ FRAMES = 30
 """Frames of a case that says neither their number nor their interval, as of ``hil host``."""
 
 
+class FlownBy(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The versions by which a run is flown; one of others is flown again.
+
+    Attributes
+    ----------
+    model_sha256 : of the target's model. board : what a board that is started here says of itself; empty for others.
+    """
+
+    flyaround: str = ""
+    model_sha256: str = ""
+    board: str = ""
+
+
 class RunResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What a run came to: ``result.json``, the last file that it writes.
 
     Attributes
     ----------
     inputs : SHA-256 of what was flown; a run of other inputs is not taken for this one.
+    flown_by : versions; nothing in results that are older than their record.
+    board : that answered, as it said in its HELLO. gl_renderer : the driver that drew.
     failure : why it came to nothing. values : of each quantity that it has.
     """
 
     inputs: str
+    flown_by: FlownBy = FlownBy()
+    board: Board | None = None
+    gl_renderer: str = ""
     failure: str = ""
     values: dict[str, float | str]
 
@@ -71,12 +96,14 @@ class RunTask:
     Parameters
     ----------
     folder : where it goes. board_command : starts a board; URL, target and method are appended.
+    command : the words on the command line, for the record.
     """
 
     ready: ReadyCase
     seed: int
     folder: Path
     board_command: tuple[str, ...]
+    command: tuple[str, ...] = ()
 
 
 def inputs_of(ready: ReadyCase) -> str:
@@ -84,6 +111,29 @@ def inputs_of(ready: ReadyCase) -> str:
     case = msgspec.structs.replace(ready.case, seeds=(), faults=ready.faults)
     data = msgspec.json.encode((case, ready.scenario), order="sorted", enc_hook=str)
     return hashlib.sha256(data).hexdigest()
+
+
+def flown_by(ready: ReadyCase) -> FlownBy:
+    """Return the versions by which a case is flown now; of a board that somebody else starts nothing is known yet."""
+    own = ready.case.pose == "board" and ready.case.link.listen is None
+    return FlownBy(
+        flyaround=version("flyaround"),
+        model_sha256=_model_sha256(ready.scenario.target),
+        board=_own_board() if own else "",
+    )
+
+
+@cache
+def _model_sha256(target: str) -> str:
+    return load_target(target).sha256
+
+
+@cache
+def _own_board() -> str:
+    try:
+        return describe_board("", "", "", compiled=True).board
+    except BoardModelError:  # without kernels: each run that needs them says so
+        return ""
 
 
 def fly_case(task: RunTask) -> None:
@@ -124,26 +174,44 @@ def read_result(folder: Path) -> RunResult:
 
 def _flown(task: RunTask, part: Path) -> RunResult:
     """Nobody sits by: a run that breaks is a failed one, and the next begins."""
-    failure, inputs = "", inputs_of(task.ready)
+    failure, board, renderer = "", None, ""
     values: dict[str, float | str] = {}
     try:
         _fly(task, part)
         write_report(part)
         if task.ready.case.mode == "lockstep":
             (part / TRACE_JSON).unlink(missing_ok=True)
-        values = _measured(task, part)
+        record = RunRecord.read(part)
+        board, renderer = record.summary.board, _renderer(part)
+        values = _measured(task, record)
     except Exception as error:  # noqa: BLE001 - told in the result
         kind = "" if isinstance(error, UserError) else f"{type(error).__name__}: "
         failure = f"{kind}{error}"[:1000]
-    return RunResult(inputs=inputs, failure=failure, values=values)
+    return RunResult(
+        inputs=inputs_of(task.ready),
+        flown_by=flown_by(task.ready),
+        board=board,
+        gl_renderer=renderer,
+        failure=failure,
+        values=values,
+    )
 
 
-def _measured(task: RunTask, part: Path) -> dict[str, float | str]:
-    record, traits = RunRecord.read(part), task.ready.case.traits
+def _renderer(part: Path) -> str:
+    terms = read_terms(part)
+    return "" if terms is None or terms.versions is None else terms.versions.gl_renderer
+
+
+def _measured(task: RunTask, record: RunRecord) -> dict[str, float | str]:
+    traits = task.ready.case.traits
     found: dict[str, Value] = {
         name: quantity.of(record) for name, quantity in QUANTITIES.items() if quantity.needs <= traits
     }
-    return {name: value for name, value in found.items() if value is not None}
+    return {
+        name: value
+        for name, value in found.items()
+        if value is not None and (isinstance(value, str) or math.isfinite(value))
+    }
 
 
 def _fly(task: RunTask, part: Path) -> None:
@@ -156,6 +224,8 @@ def _fly(task: RunTask, part: Path) -> None:
         told = ClosedLoopConfig(seed=seed, frame_every=frame_every(case.every_s, plan))
     if told is not None and case.pose != "board":
         result = fly_without_pictures(plan, told, case.pose, PoseLink.without_pictures(faults))
+        flown = FlownRecord.of(plan, task.ready.source, task.command)
+        write_terms(part, terms_without_board(flown, faults, ""))
         write_steps(part, result.steps)
         summary = summary_without_pictures(result, case.pose, seed)
         write_summary(part, msgspec.structs.replace(summary, started_utc=""))
@@ -182,13 +252,14 @@ def _fly_with_board(
         faults=faults,
         key=None if task.ready.key is None else read_key(str(task.ready.key)),
     )
-    config = RunConfig(link=link, log_dir=part, latency_s=case.latency_s)
-    flight = FlightRun(plan, config, FlightOptions(closed_loop=told))
+    config = RunConfig(link=link, log_dir=part, latency_s=case.latency_s, deadline_s=case.deadline_s)
+    options = FlightOptions(closed_loop=told, source_text=task.ready.source, command=task.command)
+    flight = FlightRun(plan, config, options)
     if settings.listen is not None:
         flight.run()
         return
-    options = ("--target", plan.target.name, "--method", case.method)
-    run_with_own_board(flight, task.board_command, options, part / BOARD_LOG)
+    words = ("--target", plan.target.name, "--method", case.method)
+    run_with_own_board(flight, task.board_command, words, part / BOARD_LOG)
 
 
 def _drop_wall_clock(part: Path) -> None:
@@ -199,7 +270,9 @@ def _drop_wall_clock(part: Path) -> None:
     for row in rows:
         writer.add(_timeless(row))
     writer.close()
-    (part / RUN_JSON).unlink(missing_ok=True)
+    terms = read_terms(part)
+    if terms is not None:
+        write_terms(part, msgspec.structs.replace(terms, started_utc="", url=""))
     summary = msgspec.json.decode(read_regular(part / SUMMARY_JSON, MOST_BYTES), type=LedgerSummary)
     times = {name: None for name in LedgerSummary.__struct_fields__ if "_ms_" in name or name.endswith("_ms")}
     write_summary(

@@ -18,7 +18,7 @@ from simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
 from simulator.runtime.untrusted_files import read_regular
 from simulator.runtime.validation_errors import explain
 from simulator.scenario.faults import NO_FAULTS, Faults, check_times, read_faults
-from simulator.scenario.load import load_scenario
+from simulator.scenario.load import load_scenario, scenario_source
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -64,7 +64,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     scenario : built-in name, or a TOML file beside the campaign file.
     closed_loop, pose : fly on poses: of a board (each frame drawn), or of the truth, with or without errors.
     method : of the estimator on the board that is started here.
-    mode, frames, every_s, latency_s : as the options of ``hil host``.
+    mode, frames, every_s, latency_s, deadline_s : as the options of ``hil host``.
     faults : a faults file beside the campaign file, or what would stand in it; the scenario's own unless given. Each
         run's seed takes the place of its own.
     """
@@ -79,6 +79,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     frames: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] | None = None
     every_s: Seconds | None = None
     latency_s: Annotated[float, msgspec.Meta(ge=0, le=60)] = 0.0
+    deadline_s: Seconds | None = None
     link: LinkSettings = LinkSettings()
     faults: Faults | str | None = None
 
@@ -134,11 +135,12 @@ class ReadyCase:
 
     Parameters
     ----------
-    key : file of the link's key, found.
+    source : the scenario's file. key : file of the link's key, found.
     """
 
     case: Case
     scenario: Scenario
+    source: bytes
     faults: Faults
     key: Path | None
 
@@ -210,6 +212,10 @@ def _check_case(case: Case, where: str) -> None:
         raise UserError(f"{where} has frames and every_s: leave one out")
     if case.latency_s and case.mode != "realtime":
         raise UserError(f'{where}: latency_s is a camera\'s that runs by itself: mode = "realtime" with it')
+    if case.deadline_s is not None and (case.mode != "realtime" or case.pose != "board"):
+        raise UserError(
+            f'{where}: deadline_s is of a board\'s answers in real time: mode = "realtime" with it'
+        )
     if case.link.key is not None and case.link.listen is None:
         raise UserError(f"{where}: a key is for a board elsewhere: give link.listen with it")
 
@@ -250,7 +256,8 @@ def _check_requirement(requirement: Requirement, campaign: Campaign, where: str)
 def _ready(case: Case, path: Path) -> ReadyCase:
     where, folder = f"{path}: case {case.name!r}", path.parent
     beside = folder / case.scenario
-    scenario = load_scenario(beside if case.scenario.endswith(".toml") else case.scenario)
+    named = beside if case.scenario.endswith(".toml") else case.scenario
+    scenario = load_scenario(named)
     faults = case.faults
     if isinstance(faults, str):
         faults = read_faults(folder / faults)
@@ -262,4 +269,10 @@ def _ready(case: Case, path: Path) -> ReadyCase:
             PoseLink.without_pictures(faults)
         except UserError as error:
             raise UserError(f"{where}: {error}") from error
-    return ReadyCase(case, scenario, faults, None if case.link.key is None else folder / case.link.key)
+    return ReadyCase(
+        case,
+        scenario,
+        scenario_source(named),
+        faults,
+        None if case.link.key is None else folder / case.link.key,
+    )

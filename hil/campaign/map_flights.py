@@ -19,6 +19,7 @@ from hil.host.run import RunConfig
 from hil.navigation.closed_loop import ClosedLoopConfig
 from simulator.errors import UserError, write_error
 from simulator.runtime.files import write_atomic
+from simulator.runtime.table_text import table_text
 from simulator.runtime.task_pool import run_tasks
 from simulator.runtime.untrusted_files import read_regular
 from simulator.scenario.faults import Drop, Jitter
@@ -112,7 +113,7 @@ def fly(task: MapFlight) -> list[str]:
         *(f"{x:.6g}" for x in (flown.final_error_m, flown.final_error_deg)),
         str(flown.keep_out_violations),
         f"{flown.duration_s:g}",
-        flown.reason,
+        table_text(flown.reason),
     ]
 
 

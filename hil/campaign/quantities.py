@@ -57,7 +57,8 @@ class Quantity:
 
     Parameters
     ----------
-    unit : of a number, or nothing. meaning : a few words. of : the run's value, None where it has none.
+    unit : of a number, or nothing. of : the run's value, None if it has none; then no requirement on it passes.
+    meaning : a few words. It says over which frames, unless over all that were sent.
     needs : traits of a case without which there is none: ``frames``, ``closed_loop``, ``times`` (real time: in lockstep
         the flight's clock stands still for the board, and what the wall clock says is no property of the flight).
     words : all that a quantity of text may be.
@@ -99,8 +100,39 @@ def _summary(name: str, unit: str, meaning: str, needs: str = "", words: tuple[s
     return Quantity(unit=unit, meaning=meaning, of=value, needs=frozenset(needs.split()), words=words)
 
 
+def _count(
+    part: Callable[[LedgerSummary], int | None], of: Callable[[LedgerSummary], int]
+) -> Callable[..., Value]:
+    """Return a count, which has no value if there is nothing that could have been counted."""
+
+    def value(record: RunRecord) -> Value:
+        counted = part(record.summary) if of(record.summary) else None
+        return None if counted is None else float(counted)
+
+    return value
+
+
 def _share(part: Callable[[LedgerSummary], int]) -> Callable[[RunRecord], Value]:
     return lambda r: part(r.summary) / r.summary.sent if r.summary.sent else None
+
+
+def _over_sent(column: str, q: float) -> Callable[[RunRecord], Value]:
+    """Return a percentile over the frames that the board was sent; one that lacks the time took infinitely long."""
+
+    def value(record: RunRecord) -> Value:
+        sent = [getattr(row, column) for row in record.rows if row.send_ms is not None]
+        times = sorted(ms for ms in sent if ms is not None)
+        rank = q / 100 * (len(sent) - 1)
+        if math.ceil(rank) >= len(times):
+            return None
+        return float(np.interp(rank, range(len(times)), times))
+
+    return value
+
+
+def _came(s: LedgerSummary) -> int:
+    """Return the number of poses that came, in time or not."""
+    return s.accepted + s.declined + s.link.late_poses
 
 
 def _unaccounted(record: RunRecord) -> Value:
@@ -144,7 +176,7 @@ def _hold_s(record: RunRecord) -> Value:
     return float((times[1] - times[0]) * phases.count("hold"))
 
 
-_LOOP, _FRAMES = frozenset({"closed_loop"}), frozenset({"frames"})
+_LOOP, _FRAMES, _TIMES = frozenset({"closed_loop"}), frozenset({"frames"}), frozenset({"times"})
 
 QUANTITIES: dict[str, Quantity] = {
     "outcome": _summary(
@@ -180,16 +212,30 @@ QUANTITIES: dict[str, Quantity] = {
     "unaccounted": Quantity(
         unit="", meaning="frames without exactly one outcome", of=_unaccounted, needs=_FRAMES
     ),
-    "sent": _summary("sent", "", "frames", "frames"),
+    "sent": _summary("sent", "", "frames that were offered to a board, whatever became of them", "frames"),
     "accepted_share": Quantity(
-        unit="", meaning="poses accepted, of the frames", of=_share(lambda s: s.accepted), needs=_FRAMES
+        unit="",
+        meaning="poses that the board accepted, right or wrong",
+        of=_share(lambda s: s.accepted),
+        needs=_FRAMES,
     ),
     "dropped_share": Quantity(
-        unit="", meaning="frames dropped", of=_share(lambda s: s.dropped_total), needs=_FRAMES
+        unit="",
+        meaning="frames without an answer, right or wrong",
+        of=_share(lambda s: s.dropped_total),
+        needs=_FRAMES,
     ),
-    "dropped": _summary("dropped_total", "", "frames", "frames"),
-    "accepted_wrong": _summary(
-        "accepted_wrong", "", "accepted poses beyond 5 deg or 5 % of the range", "frames"
+    "dropped": Quantity(
+        unit="",
+        meaning="frames without an answer, right or wrong",
+        of=_count(lambda s: s.dropped_total, lambda s: s.sent),
+        needs=_FRAMES,
+    ),
+    "accepted_wrong": Quantity(
+        unit="",
+        meaning="of accepted poses whose truth is known, those beyond 5 deg or 5 % of the range",
+        of=_count(lambda s: s.accepted_wrong, lambda s: s.accepted_known or 0),
+        needs=_FRAMES,
     ),
     "median_E_T_m": _summary("median_E_T_m", "m", "error of accepted poses", "frames"),
     "median_E_R_deg": _summary("median_E_R_deg", "deg", "error of accepted poses", "frames"),
@@ -200,26 +246,53 @@ QUANTITIES: dict[str, Quantity] = {
         unit="deg", meaning="error of accepted poses", of=_largest_error("E_R_deg"), needs=_FRAMES
     ),
     **{
-        name: _summary(name, "ms", meaning, "times")
+        f"{column}_{name}": Quantity(
+            unit="ms",
+            meaning=f"{meaning}, of frames that the board was sent; without it a frame took infinitely long",
+            of=_over_sent(column, q),
+            needs=_TIMES,
+        )
+        for column, meaning, names in (
+            ("e2e_ms", "frame out to pose back", "p50 p95 p99 max"),
+            ("staleness_ms", "age of the picture when it was used", "p50 p95 p99 max"),
+            ("board_total_ms", "time on the board", "p50 p99"),
+        )
+        for name, q in (("p50", 50.0), ("p95", 95.0), ("p99", 99.0), ("max", 100.0))
+        if name in names.split()
+    },
+    **{
+        name: _summary(
+            name, "ms", f"{meaning}: of frames that the camera handed over, answered or not", "times"
+        )
         for name, meaning in (
-            *((f"e2e_ms_{q}", "frame out to pose back") for q in ("p50", "p95", "p99", "max")),
-            *(
-                (f"staleness_ms_{q}", "age of the picture when it was used")
-                for q in ("p50", "p95", "p99", "max")
-            ),
             *(
                 (f"handover_error_ms_{q}", "the camera's latency, off by")
                 for q in ("p50", "p99", "p999", "max")
             ),
             *((f"send_lag_ms_{q}", "sent later than due") for q in ("p50", "p99")),
-            *((f"board_total_ms_{q}", "on the board") for q in ("p50", "p99")),
         )
     },
-    "deadline_misses": _summary("deadline_misses", "", "answers later than the deadline", "times"),
-    "late": _summary("late", "", "pictures not drawn in time", "times"),
-    "clock_offset_bound_ms": _summary("link.clock_offset_bound_ms", "ms", "of the board's clock", "times"),
-    "clock_drift_ppm": _summary("link.clock_drift_ppm", "ppm", "of the board's clock", "times"),
-    "packets_corrupt": _summary("link.packets_corrupt", "", "damaged on the line", "times"),
-    "late_poses": _summary("link.late_poses", "", "poses after their time, not used", "times"),
+    "deadline_misses": Quantity(
+        unit="",
+        meaning="frames that were not answered by the deadline",
+        of=_count(lambda s: s.deadline_misses, lambda s: s.sent),
+        needs=_TIMES,
+    ),
+    "late": _summary("late", "", "pictures not drawn in time, answered or not", "times"),
+    "clock_offset_bound_ms": _summary(
+        "link.clock_offset_bound_ms", "ms", "of the board's clock, by its answers to clock requests", "times"
+    ),
+    "clock_drift_ppm": _summary(
+        "link.clock_drift_ppm", "ppm", "of the board's clock, by its answers to clock requests", "times"
+    ),
+    "packets_corrupt": _summary(
+        "link.packets_corrupt", "", "damaged on the line, of the packets that came from the board", "times"
+    ),
+    "late_poses": Quantity(
+        unit="",
+        meaning="of the poses that came, those after their time, not used",
+        of=_count(lambda s: s.link.late_poses, _came),
+        needs=_TIMES,
+    ),
 }
 """By the name that a campaign file calls them."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -44,6 +45,8 @@ class Verdict:
     def of(requirement: Requirement, value: Value) -> Verdict:
         """A value against a requirement."""
         limit = requirement.limit
+        if isinstance(value, float) and not math.isfinite(value):
+            value = None
         passed = value is not None and COMPARISONS[requirement.comparison](value, limit)
         margin = None
         if isinstance(value, float) and isinstance(limit, int | float):
@@ -59,8 +62,11 @@ class Verdict:
     @property
     def sentence(self) -> str:
         """The value beside what is required."""
-        r, unit = self.requirement, QUANTITIES[self.requirement.quantity].unit
-        has = "has no value" if self.value is None else f"is {in_words(self.value, unit)}"
+        r, quantity = self.requirement, QUANTITIES[self.requirement.quantity]
+        unit = quantity.unit
+        has = (
+            f"has no value ({quantity.meaning})" if self.value is None else f"is {in_words(self.value, unit)}"
+        )
         return f"{r.name}: {r.quantity} {has}, required {r.comparison} {in_words(r.limit, unit)}"
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from hil.demo.page import DemoResults, write_page
+from hil.host.ledger.run_terms import FlownRecord
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.plan_frames import frames_of_plan
 from hil.host.report import write_report
@@ -148,6 +149,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
         log_dir=folder,
         target_name=plan.target.name,
         target_sha256=plan.target.sha256,
+        flown=FlownRecord.of(plan),
     )
     log_path = folder / "board.log"
     with log_path.open("wb") as log, progress_bar("30 frames to the board") as progress:

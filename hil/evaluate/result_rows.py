@@ -10,6 +10,7 @@ import msgspec
 
 from hil.evaluate.pose_errors import FrameRecord
 from simulator.errors import UserError
+from simulator.runtime.table_text import table_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -109,5 +110,6 @@ def frames_csv(rows: Iterable[EvaluatedFrame]) -> bytes:
         values |= {
             name: getattr(row, name) for name in ("frame", "method", "reason", "failure", "confidence")
         }
+        values = {k: table_text(v) if isinstance(v, str) else v for k, v in values.items()}
         writer.writerow(values | {"total_ms": round(row.total_ms, 3)})
     return text.getvalue().encode()

@@ -9,6 +9,7 @@ import numpy as np
 
 from hil.host.closed_loop import BoardLoop, write_steps
 from hil.host.faults.camera_faults import with_camera_faults, with_exposure_faults
+from hil.host.ledger.run_terms import FlownRecord
 from hil.host.picture_frames import frames_of_folder
 from hil.host.plan_frames import frames_of_plan
 from hil.host.pose_link import PoseLink
@@ -38,6 +39,7 @@ class FlightOptions:
         the line's faults delay them.
     pose_noise : of a closed loop, errors that the board's poses are taken to have; None: those of ``svd``.
     source : a folder whose pictures are sent instead of drawn ones.
+    source_text, command : the scenario's file and the words on the command line, for the record of the run.
     time_code : drawn into a corner. workers, device_index : of the drawing.
     """
 
@@ -45,6 +47,8 @@ class FlightOptions:
     pose_link: PoseLink | None = None
     pose_noise: PoseNoise | None = None
     source: Path | None = None
+    source_text: bytes = b""
+    command: tuple[str, ...] = ()
     time_code: bool = False
     workers: int = 1
     device_index: int | None = None
@@ -77,9 +81,11 @@ class FlightRun:
                 noise=options.pose_noise,
             )
         self.n_frames = plan.n_frames if self._loop is None else self._loop.loop.most_pictures
+        deadline_s = interval_s(plan) if self._realtime and self._loop is None else None
         self._config = replace(
             config,
-            deadline_s=interval_s(plan) if self._realtime and self._loop is None else None,
+            deadline_s=deadline_s if config.deadline_s is None else config.deadline_s,
+            flown=FlownRecord.of(plan, options.source_text, options.command),
             target_name=plan.target.name,
             target_sha256=plan.target.sha256,
             closed_loop=None if self._loop is None else self._loop.figures,

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from hil.host.closed_loop import STEPS_CSV, read_steps
 from hil.host.closed_loop_plots import plot_closed_loop
 from hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
+from hil.host.ledger.run_terms import RunTerms, read_terms
 from hil.host.ledger.summary import (
-    RUN_JSON,
     SUMMARY_JSON,
     LedgerSummary,
     LinkTotals,
-    RunTerms,
     percentile,
     summarise,
 )
@@ -32,11 +32,9 @@ if TYPE_CHECKING:
     from hil.host.ledger.frames_csv import LedgerRow
     from hil.host.ledger.summary import ClosedLoopFigures
 
-T = TypeVar("T")
-
 REPORT_HTML = "report.html"
 TRACE_JSON = "trace.json"
-# of run.json and of summary.json: thousands of times what they take
+# of summary.json: thousands of times what it takes
 MOST_BYTES = 1 << 24
 
 WRONG_LABEL = "accepted poses wrong"
@@ -76,7 +74,10 @@ def write_report(folder: Path) -> Path:
     # a closed loop on the truth sends no frames
     rows = [] if steps and not (folder / FRAMES_CSV).exists() else read_ledger(folder)
     summary = _summary(folder, rows)
-    page = _page(summary, rows, draw_plots(rows, summary.deadline_ms), steps).write(folder / REPORT_HTML)
+    head = _record(read_terms(folder), summary)
+    page = _page(summary, rows, draw_plots(rows, summary.deadline_ms), steps, head).write(
+        folder / REPORT_HTML
+    )
     write_trace(rows, folder / TRACE_JSON)
     return page
 
@@ -85,7 +86,7 @@ def _summary(folder: Path, rows: Sequence[LedgerRow]) -> LedgerSummary:
     path = folder / SUMMARY_JSON
     if not path.exists():
         return _summary_of_killed(folder, rows)
-    summary = _read(path, LedgerSummary, "a ledger summary")
+    summary = _read(path)
     if summary.accepted_wrong is not None:
         return summary
     # written before these were counted
@@ -102,9 +103,8 @@ def _summary_of_killed(folder: Path, rows: Sequence[LedgerRow]) -> LedgerSummary
 
 def _terms(folder: Path, rows: Sequence[LedgerRow]) -> dict[str, Any]:
     """What a run without a summary was told; of ledgers older than run.json, what their rows say."""
-    path = folder / RUN_JSON
-    if path.exists():
-        terms = _read(path, RunTerms, "the terms of a run")
+    terms = read_terms(folder)
+    if terms is not None:
         return {
             "started_utc": terms.started_utc,
             "ended": "killed",
@@ -124,13 +124,48 @@ def _terms(folder: Path, rows: Sequence[LedgerRow]) -> dict[str, Any]:
     }
 
 
-def _read(path: Path, kind: type[T], what: str) -> T:
+def _record(terms: RunTerms | None, s: LedgerSummary) -> Markup:
+    """Return what was flown, with which software and board; nothing of a run that did not record it."""
+    if terms is None or terms.scenario is None or terms.versions is None:
+        return markup()
+    scenario, v, board = terms.scenario, terms.versions, s.board or terms.board
+    lines = [
+        ("scenario", f"{scenario.name}, SHA-256 {scenario.sha256}"),
+        ("seed", str(terms.seed)),
+        ("target", f"{terms.target}, model {terms.target_sha256}"),
+        ("faults", _named_faults(terms)),
+        (
+            "software",
+            f"flyaround {v.flyaround}, Python {v.python}, numpy {v.numpy}, OpenCV {v.opencv}"
+            + (f", drawn by {v.gl_renderer}" if v.gl_renderer else ""),
+        ),
+    ]
+    if board is not None:
+        model = f"model {board.model or 'unnamed'} {board.model_sha256}".rstrip()
+        lines.append(("board", f"{board.name}, method {board.method}, {model}"))
+    if terms.command:
+        lines.append(("command", shlex.join(terms.command)))
+    text = element(
+        "details",
+        element("summary", "the scenario's text"),
+        element("div", element("pre", scenario.text), class_="scroll"),
+    )
+    return markup(table(("what was flown", ""), lines), text)
+
+
+def _named_faults(terms: RunTerms) -> str:
+    faults = terms.faults
+    kinds = [fault.name for fault in (*faults.camera, *faults.line)]
+    return f"{', '.join(kinds)}; seed {faults.seed}" if kinds else "none"
+
+
+def _read(path: Path) -> LedgerSummary:
     try:
-        return msgspec.json.decode(read_regular(path, MOST_BYTES), type=kind)
+        return msgspec.json.decode(read_regular(path, MOST_BYTES), type=LedgerSummary)
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): make it readable") from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise UserError(f"{path} is not {what} of this version: {error}") from error
+        raise UserError(f"{path} is not a ledger summary of this version: {error}") from error
 
 
 def _text(value: float | None, unit: str, digits: int = 3) -> str:
@@ -219,7 +254,11 @@ def _mistakes(s: LedgerSummary) -> str:
 
 
 def _page(
-    s: LedgerSummary, rows: Sequence[LedgerRow], plots: dict[str, bytes], steps: dict[str, list[str]]
+    s: LedgerSummary,
+    rows: Sequence[LedgerRow],
+    plots: dict[str, bytes],
+    steps: dict[str, list[str]],
+    head: Markup,
 ) -> Page:
     board = "no board" if s.board is None else f"{s.board.name}, method {s.board.method}"
     host = f"{s.machine.processor}, {s.machine.cpus} CPUs, {s.machine.system}"
@@ -244,6 +283,7 @@ def _page(
     page = Page("Flyaround: hardware in the loop", "Hardware in the loop", width_px=1080)
     page.add(note(_dotted(s.started_utc, s.mode, s.url, _truth(s), _ended(s))))
     page.add(note(f"Board: {board}. Host: {host}."))
+    page.add(head)
     if s.closed_loop is not None:
         page.add(_loop(s.closed_loop, steps))
     if not rows and steps:
@@ -303,7 +343,7 @@ def _key_figures(s: LedgerSummary) -> Markup:
     if s.e2e_ms_p50 is None and s.accepted + s.declined:
         figures = [figure for figure in figures if not figure[1].startswith("latency")]
     if s.deadline_misses is not None:
-        late_label = f"later than {_text(s.deadline_ms, 'ms')}"
+        late_label = f"not answered within {_text(s.deadline_ms, 'ms')}"
         figures.insert(8, (f"{s.deadline_misses}", late_label))
         bad += [late_label] if s.deadline_misses else []
     if s.staleness_ms_p50 is not None:

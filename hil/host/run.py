@@ -13,16 +13,16 @@ from typing import Literal
 
 import msgspec
 
+from hil.host.board_command import board_command, board_url
 from hil.host.ledger.frames_csv import LedgerRow, LedgerWriter, ledger_row
+from hil.host.ledger.run_terms import FlownRecord, RunTerms, Versions, run_terms, write_terms
 from hil.host.ledger.summary import (
-    RUN_JSON,
     SUMMARY_JSON,
     Board,
     ClosedLoopFigures,
     LedgerSummary,
     LedgerTally,
     LinkTotals,
-    RunTerms,
     summarise,
 )
 from hil.host.link_process.host_link import CLOSE_TIMEOUT_S, QUICK_TIMEOUT_S, HostLink, choose_pixel_format
@@ -35,6 +35,7 @@ from simulator.errors import UserError
 from simulator.frame import Frame
 from simulator.labels.truth import truth_document
 from simulator.runtime.files import write_atomic
+from simulator.runtime.urls import without_secrets
 from simulator.scenario.faults import LineFault
 
 logger = logging.getLogger(__name__)
@@ -67,13 +68,14 @@ class RunConfig:
     log_dir : for ``frames.csv`` and ``summary.json``; None keeps no files.
     connect_timeout_s : wait for the first board.
     window : most frames under way at once; the board may ask for fewer.
-    deadline_s : a pose later than this counts as a miss; realtime's default is the frame interval.
+    deadline_s : a frame not answered within this is a miss; realtime's default is the frame interval.
     latency_s : realtime: the camera hands a picture over so long after the end of its exposure, whatever drawing took.
     target_name, target_sha256 : the target that is flown; a board with another model is refused.
     recorders : told each frame and its outcome; closed with the books.
     closed_loop : asked in the end what a closed loop came to; None where the frames follow a plan.
     decide_every_s : realtime, a closed loop: the next frame is asked for no earlier than so long after this one's
         exposure, with all poses that have come by then in.
+    flown : what the record of the run says of it.
     new_line_faults : asked before each frame for faults of the line that begin now, where the link lets them be added.
     """
 
@@ -88,6 +90,7 @@ class RunConfig:
     recorders: tuple[Recorder, ...] = ()
     closed_loop: Callable[[], ClosedLoopFigures | None] | None = None
     decide_every_s: float | None = None
+    flown: FlownRecord | None = None
     new_line_faults: Callable[[], Iterable[LineFault]] = tuple
 
 
@@ -115,7 +118,7 @@ def run_host(
     ------
     UserError
         If a port is in use, no board comes, or the ledger cannot be written (any more). The ledger of what
-        went before is closed properly.
+        went before is closed properly. Also if a recorder failed, after the run has come to its end.
     KeyboardInterrupt
         Ctrl-C, or SIGTERM where the program raises one of it; likewise.
     """
@@ -157,10 +160,12 @@ def run_host(
             if not link.wait_for_board(config.connect_timeout_s):
                 ended = "no_board"
                 refused = f" (last: {link.down_reason})" if link.down_reason else ""
+                command = board_command(link.url, config.target_name, keyed=config.link.key is not None)
                 raise UserError(
-                    f"no board connected to {link.url} within {config.connect_timeout_s:g} s{refused}:"
-                    f" start one with `flyaround hil board {link.url}`"
+                    f"no board connected to {board_url(link.url)} within {config.connect_timeout_s:g} s{refused}:"
+                    f" start one with `{command}`"
                 )
+            run.record_board("" if first.truth is None else first.truth.software.gl_renderer)
             ended = _send_all(run, _on_one_footing(first, iterator), config.new_line_faults)
         except KeyboardInterrupt:
             ended = "interrupted"
@@ -175,6 +180,10 @@ def run_host(
                     # those that draw end with the run, not when the last reference to them goes
                     if isinstance(frames, Generator):
                         frames.close()
+    if run.recording_failures:
+        raise UserError(
+            f"{'; '.join(run.recording_failures)}; the run went on to its end, and its ledger is whole"
+        )
     return summary
 
 
@@ -257,6 +266,9 @@ class BoardSink:
         self._open: dict[int, Frame] = {}  # handed over, outcome not yet known
         self._started_utc = datetime.now(UTC).isoformat(timespec="seconds")
         self._origin_ns: int | None = None
+        self.recording_failures: list[str] = []
+        self._terms: RunTerms | None = None
+        self._log_dir: Path | None = None
 
     def write(self, frame: Frame) -> None:
         """Send one frame; afterwards ``is_lost`` says whether the board stayed away for too long."""
@@ -304,31 +316,53 @@ class BoardSink:
         """Begin the ledger, and write down what a run that is killed can no longer say."""
         assert config.log_dir is not None  # noqa: S101 - asked for where there is one
         self.writer = LedgerWriter(config.log_dir)
-        terms = RunTerms(
+        self._log_dir = config.log_dir
+        self._terms = run_terms(
+            config.flown,
             started_utc=self._started_utc,
             mode=self.config.mode,
             truth=self.config.truth,
-            url=self.link.url,
+            url=without_secrets(self.link.url),
             timeout_s=self.config.timeout_s,
             deadline_ms=None if config.deadline_s is None else 1e3 * config.deadline_s,
             latency_ms=1e3 * config.latency_s if self.config.mode == "realtime" else None,
+            faults=self.config.faults,
         )
-        text = msgspec.json.format(msgspec.json.encode(terms), indent=1)
         try:
-            write_atomic(config.log_dir / RUN_JSON, text + b"\n")
+            write_terms(config.log_dir, self._terms)
         except BaseException:
             # a ledger without its terms would stand in the way of the next try
             self.writer.discard()
             self.writer = None
             raise
 
+    def record_board(self, gl_renderer: str) -> None:
+        """Add the board that came, and the driver that drew, to the terms."""
+        if self._log_dir is not None and self._terms is not None:
+            versions, board = Versions.here(gl_renderer), self._board()
+            write_terms(self._log_dir, msgspec.structs.replace(self._terms, versions=versions, board=board))
+
+    def _board(self) -> Board | None:
+        board = self.link.last_board
+        if board is None:
+            return None
+        return Board(
+            name=board.board,
+            model=board.model_name,
+            model_sha256=board.model_sha256,
+            method=board.method,
+            encoding=board.encoding,
+            window=board.window,
+        )
+
     def _tell(self, what: Callable[[Recorder], None]) -> None:
-        """Tell the recorders; one that fails (a full disk) is left, and the run and its ledger go on."""
+        """Tell the recorders; one that fails (a full disk) is left, and the run and its ledger go on to their end."""
         for recorder in tuple(self._recorders):
             try:
                 what(recorder)
             except (OSError, RuntimeError) as error:
                 self._recorders.remove(recorder)
+                self.recording_failures.append(str(error))
                 logger.warning("%s stops: %s", type(recorder).__name__, error)
                 with contextlib.suppress(OSError, RuntimeError):  # said already
                     recorder.close()
@@ -370,7 +404,7 @@ class BoardSink:
         deadline_ms = None if config.deadline_s is None else 1e3 * config.deadline_s
         if self.config.mode == "realtime" and deadline_ms is None:
             deadline_ms = self.tally.interval_ms()
-        board, counts = self.link.last_board, self.link.counts
+        counts = self.link.counts
         return summarise(
             self.tally,
             started_utc=self._started_utc,
@@ -378,20 +412,12 @@ class BoardSink:
             board_gone=self.link.down_reason if ended in {"board_lost", "no_board"} else "",
             mode=self.config.mode,
             truth=self.config.truth,
-            url=self.link.url,
+            url=without_secrets(self.link.url),
             timeout_s=self.config.timeout_s,
             deadline_ms=deadline_ms,
             latency_ms=1e3 * self._latency_s if self.config.mode == "realtime" else None,
             closed_loop=None if config.closed_loop is None else config.closed_loop(),
-            board=None
-            if board is None
-            else Board(
-                name=board.board,
-                model=board.model_name,
-                method=board.method,
-                encoding=board.encoding,
-                window=board.window,
-            ),
+            board=self._board(),
             link=LinkTotals(
                 packets_sent=counts.packets_sent,
                 packets_received=counts.packets_received,

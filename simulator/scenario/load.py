@@ -43,18 +43,30 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     UserError
         If there is none, or the file has a mistake: file, key, value given and what is allowed.
     """
-    text = str(name_or_path)
+    text, content = str(name_or_path), scenario_source(name_or_path)
     if text in list_scenarios():
-        content = files("assets").joinpath("scenarios", f"{text}.toml").read_bytes()
         return parse_scenario(content, f"built-in scenario {text}", text, Path())
     path = Path(name_or_path)
+    return parse_scenario(content, text, path.stem, path.parent)
+
+
+def scenario_source(name_or_path: str | Path) -> bytes:
+    """Return the contents of a scenario's file, built-in or a user's.
+
+    Raises
+    ------
+    UserError
+        If there is none, or it cannot be read.
+    """
+    text, path = str(name_or_path), Path(name_or_path)
+    if text in list_scenarios():
+        return files("assets").joinpath("scenarios", f"{text}.toml").read_bytes()
     try:
         if not path.is_file():
             raise UserError(_no_such_scenario(text, path))
-        content = read_regular(path, MOST_TOML_BYTES)
+        return read_regular(path, MOST_TOML_BYTES)
     except OSError as error:
         raise UserError(f"{text} cannot be read: {error.strerror or error}") from error
-    return parse_scenario(content, text, path.stem, path.parent)
 
 
 def scenario_json_schema() -> dict[str, Any]:

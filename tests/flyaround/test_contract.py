@@ -21,6 +21,7 @@ import typer
 
 from flyaround.__main__ import run
 from flyaround.cli import app
+from flyaround.commands.hil_host import NO_ANSWERS
 from flyaround.schemas import all_schemas
 from hil.host.ledger.frames_csv import LedgerWriter
 from simulator.bench.scenes import BenchMachine, SceneCost
@@ -89,6 +90,7 @@ def test_exit_codes(tmp_path: Path) -> None:
     assert run(["check", str(tmp_path)]) == codes["user_mistake"]
     assert run(["render", "no-such-scenario", "-o", str(tmp_path / "x.png")]) == codes["user_mistake"]
     assert run(["fly", "--no-such-option"]) == codes["user_mistake"]
+    assert codes["no_answers"] == NO_ANSWERS
     for sent, code in (("SIGINT", codes["interrupted"]), ("SIGTERM", codes["terminated"])):
         stop = (
             "import os, signal, flyaround.cli as c, flyaround.__main__ as m; c.app = lambda **_: "

@@ -1,4 +1,4 @@
-"""``flyaround hil host`` ends with 0 only where every frame was offered to a board."""
+"""``flyaround hil host`` ends with 0 only where a board was there to the end, and accepted a pose."""
 
 import json
 import socket
@@ -10,6 +10,8 @@ from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from hil_loop import Instant
 
@@ -20,6 +22,8 @@ from hil.link.clock import answer_time_sync, now_ns
 from hil.link.packets.messages import FrameHeader, Hello, TimeSyncRequest
 from hil.link.session import Link, greet_host
 from hil.link.transports.url import connect
+from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 
@@ -50,11 +54,53 @@ def test_a_board_that_leaves_for_good_is_no_success(capsys, tmp_path):
     code = run([*command, "--listen", url, "--log", str(tmp_path / "log")])
     board.join(60.0)
     said = capsys.readouterr()
-    assert code == 1
+    assert code == 3
     assert "the board left after 1 of 3 frames" in " ".join(said.err.split())
     summary = json.loads(said.out)
     assert (summary["ended"], summary["sent"], summary["dropped"]) == ("board_lost", 1, {"disconnected": 1})
     assert [row.outcome for row in read_ledger(tmp_path / "log")] == ["dropped:disconnected"]
+
+
+class DeclinesAll(Instant):
+    """An estimator that finds nothing."""
+
+    def estimate(self, image):
+        estimate = super().estimate(image)
+        estimate.accepted, estimate.reason = False, "nothing seen"
+        return estimate
+
+
+@pytest.mark.parametrize(("words", "code"), [((), 3), (("--allow-none",), 0)])
+def test_a_run_without_an_accepted_pose_is_no_success_unless_it_may_be(words, code, capsys, tmp_path):
+    write_picture(tmp_path / "pictures")
+    url = free_url()
+    options = {"make_estimator": DeclinesAll, "silence_s": 60.0, "connect_timeout_s": 60.0}
+    board = threading.Thread(target=run_board, args=(url,), kwargs=options, daemon=True)
+    board.start()
+    command = [
+        "hil",
+        "host",
+        "tango-space-10m",
+        "-n",
+        "2",
+        "--truth",
+        "off",
+        "--silence",
+        "60",
+        "--listen",
+        url,
+    ]
+    assert run([*command, "--from", str(tmp_path / "pictures"), "--deadline", "50", *words]) == code
+    board.join(60.0)
+    said = capsys.readouterr()
+    assert "no pose was accepted in 2 frames" in " ".join(said.err.split())
+    assert "not answered within the deadline of 50000 ms: 0" in " ".join(said.out.split())
+
+
+def write_picture(folder):
+    folder.mkdir()
+    camera = plan_flight(load_scenario("tango-space-10m"), n=1).camera
+    cv2.imwrite(str(folder / "000000.png"), np.zeros((camera.height_px, camera.width_px), np.uint8))
 
 
 def test_what_listens_says_so_and_waits_no_longer_than_it_is_told(capsys, tmp_path):
@@ -80,8 +126,12 @@ def test_what_listens_says_so_and_waits_no_longer_than_it_is_told(capsys, tmp_pa
     assert said[0] == f"listening on {url}; on the board type"
     assert said[1].strip() == f"flyaround hil board {where} --target tango --key FILE"
     assert said[3].strip() == f"python3 board.pyz {where} --model tango --key FILE"
-    assert said[-1].startswith(f"flyaround: no board connected to {url} within 0.2 s")
-    assert json.loads((tmp_path / "log" / "run.json").read_text())["truth"] == "inline"
+    assert said[-1].startswith(f"flyaround: no board connected to {where} within 0.2 s")
+    assert f"start one with `flyaround hil board {where} --target tango --key FILE`" in said[-1]
+    record = json.loads((tmp_path / "log" / "run.json").read_text())
+    assert record["truth"] == "inline"
+    assert record["command"][:3] == ["flyaround", "hil", "host"]
+    assert key.read_text().strip() not in (tmp_path / "log" / "run.json").read_text()
     assert json.loads((tmp_path / "log" / "summary.json").read_text())["ended"] == "no_board"
 
 

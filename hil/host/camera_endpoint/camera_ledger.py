@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 
 from hil.host.ledger.frames_csv import LedgerWriter, ledger_row, pose_errors
-from hil.host.ledger.summary import RUN_JSON, SUMMARY_JSON, LedgerTally, RunTerms, summarise
+from hil.host.ledger.run_terms import FlownRecord, run_terms, write_terms
+from hil.host.ledger.summary import SUMMARY_JSON, LedgerTally, summarise
 from simulator.frame import NO_RADIANCE, Frame
 from simulator.runtime.files import write_atomic
 
@@ -31,6 +32,7 @@ class CameraLedger:
     Parameters
     ----------
     folder : where the files go; None keeps none. link : where boards answer.
+    flown : what the record of the run says of it.
 
     Raises
     ------
@@ -38,7 +40,7 @@ class CameraLedger:
         If the folder cannot be written or holds a ledger, now or later.
     """
 
-    def __init__(self, folder: Path | None, link: LinkConfig) -> None:
+    def __init__(self, folder: Path | None, link: LinkConfig, flown: FlownRecord | None = None) -> None:
         self._folder, self._link = folder, link
         self._started_utc = datetime.now(UTC).isoformat(timespec="seconds")
         self._utc_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
@@ -47,14 +49,16 @@ class CameraLedger:
         self._writer: LedgerWriter | None = None
         if folder is not None:
             self._writer = LedgerWriter(folder)
-            terms = RunTerms(
+            terms = run_terms(
+                flown,
                 started_utc=self._started_utc,
                 mode="realtime",
                 truth="off",
                 url=link.url,
                 timeout_s=link.timeout_s,
+                faults=link.faults,
             )
-            write_atomic(folder / RUN_JSON, msgspec.json.format(msgspec.json.encode(terms), indent=1) + b"\n")
+            write_terms(folder, terms)
 
     def drawn(self, request_id: int, scene: SceneState, drawing_ms: float) -> None:
         """A picture that the endpoint has now, and that may be sent."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
 from simulator.errors import UserError
+from simulator.runtime.table_text import table_text, text_of_table
 from simulator.runtime.untrusted_files import read_regular
 from simulator.world.frames.rotation import rotation_angle_rad
 
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
 FRAMES_CSV = "frames.csv"
 ACCEPTED, DECLINED, DROPPED = "accepted", "declined", "dropped:"
-# what a spreadsheet begins a formula with, and the mark that says that a text is none
-FORMULA_BEGINNINGS = ("=", "+", "-", "@", "'", "\t", "\r")
 # a million rows, and far more frames than a run has
 MOST_BYTES = 1 << 29
 
@@ -362,7 +361,7 @@ def _cells(row: LedgerRow) -> list[str]:
         repr(row.t_s),
         repr(row.exposure_s),
         row.outcome,
-        _text(row.reason),
+        table_text(row.reason),
     ]
     cells += [_number(getattr(row, name)) for name in _SCALARS]
     cells.append(json.dumps({k: round(v, 4) for k, v in row.stages_ms.items()}) if row.stages_ms else "")
@@ -370,19 +369,10 @@ def _cells(row: LedgerRow) -> list[str]:
     for name, columns in _VECTORS.items():
         vector = getattr(row, name)
         cells += [""] * len(columns) if vector is None else [repr(float(x)) for x in vector]
-    cells.append(_text(";".join(row.faults)))
+    cells.append(table_text(";".join(row.faults)))
     cells += [getattr(row, name) for name in _TIMES]
     cells += [_number(getattr(row, name)) for name in _DELAYS]
-    return [*cells, *(_ANSWER_CELLS[getattr(row, name)] for name in _ANSWERS), _text(row.time_fault)]
-
-
-def _text(text: str) -> str:
-    """Return a text with an apostrophe before it where a spreadsheet would take it for a formula."""
-    return f"'{text}" if text[:1] in FORMULA_BEGINNINGS and text else text
-
-
-def _plain(cell: str) -> str:
-    return cell[1:] if cell[:1] == "'" and cell[1:2] in FORMULA_BEGINNINGS else cell
+    return [*cells, *(_ANSWER_CELLS[getattr(row, name)] for name in _ANSWERS), table_text(row.time_fault)]
 
 
 def read_ledger(folder: Path) -> list[LedgerRow]:
@@ -438,7 +428,7 @@ def _row(cells: dict[str, str]) -> LedgerRow:
         **{name: cells.get(name, "") for name in _TIMES},
         **{name: float(cells[name]) if cells.get(name) else None for name in _DELAYS},
         **{name: cells[name] == "1" if cells.get(name) else None for name in _ANSWERS},
-        "time_fault": _plain(cells.get("time_fault", "")),
+        "time_fault": text_of_table(cells.get("time_fault", "")),
     }
     vectors: dict[str, Any] = {name: _vector(cells, columns) for name, columns in _VECTORS.items()}
     return LedgerRow(
@@ -447,9 +437,9 @@ def _row(cells: dict[str, str]) -> LedgerRow:
         t_s=float(cells["t_s"]),
         exposure_s=float(cells["exposure_s"]),
         outcome=cells["outcome"],
-        reason=_plain(cells["reason"]),
+        reason=text_of_table(cells["reason"]),
         stages_ms=stages_ms,
-        faults=tuple(name for name in cells.get("faults", "").split(";") if name),
+        faults=tuple(name for name in text_of_table(cells.get("faults", "")).split(";") if name),
         **later,
         **optional,
         **vectors,

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
 
 SUMMARY_JSON = "summary.json"
-RUN_JSON = "run.json"
 Count = Annotated[int, msgspec.Meta(ge=0)]
 
 
@@ -35,10 +34,11 @@ class StageTimes(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Board(msgspec.Struct, frozen=True, kw_only=True):
-    """The board that answered last."""
+    """The board that answered last, as it said in its HELLO."""
 
     name: str
     model: str
+    model_sha256: str = ""
     method: str
     encoding: str
     window: int
@@ -95,25 +95,11 @@ class ClosedLoopFigures(msgspec.Struct, frozen=True, kw_only=True):
     duration_s: float
 
 
-class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
-    """What a run was told, written when its ledger begins: all that is known of one that was killed."""
-
-    schema: Literal["flyaround.run"] = "flyaround.run"
-    version: Literal[1] = 1
-    started_utc: str
-    mode: Literal["lockstep", "realtime"]
-    truth: Literal["off", "separate", "inline"]
-    url: str
-    timeout_s: float
-    deadline_ms: float | None = None
-    latency_ms: float | None = None
-
-
 class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
     """What a run came to; ``sent = accepted + declined + dropped_total`` always holds.
 
-    Percentiles are over answered frames, medians of errors over accepted ones. A deadline miss is an
-    answered frame with ``e2e_ms > deadline_ms``; drops are counted apart. ``accepted_wrong`` of the
+    Percentiles are over answered frames, medians of errors over accepted ones. A deadline miss is a frame of all sent
+    without an answer within ``deadline_ms``: late, dropped, or never sent on to the board. ``accepted_wrong`` of the
     ``accepted_known`` accepted poses whose truth is known are beyond 5 deg or 5 % of the range. Of ``time_faults``
     answers the times that the board reports cannot be, and are left out.
     ``killed`` and an ``unknown`` truth stand in no file: a report of a run without a summary says them.
@@ -312,7 +298,7 @@ def summarise(rows: Iterable[LedgerRow] | LedgerTally, **run: Any) -> LedgerSumm
         board_total_ms_p99=percentile(board, 99),
         render_ms_p50=percentile(columns["render_ms"], 50),
         stages=stage_times(tally.stages_ms),
-        deadline_misses=None if deadline_ms is None else sum(ms > deadline_ms for ms in e2e),
+        deadline_misses=None if deadline_ms is None else len(tally) - sum(ms <= deadline_ms for ms in e2e),
         median_E_T_m=percentile(tally.accepted_columns["E_T_m"], 50),
         median_E_R_deg=percentile(tally.accepted_columns["E_R_deg"], 50),
         machine=this_machine(),

@@ -218,6 +218,7 @@ class BoardSession:
                 hello.method,
                 ack.encoding.name.lower(),
                 ack.window,
+                hello.model_sha256,
             )
 
     def _take_clock_reply(self, reply: TimeSyncReply, at_ns: int, link: Link) -> None:

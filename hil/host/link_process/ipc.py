@@ -171,6 +171,7 @@ class BoardUp:
     method: str
     encoding: str
     window: int
+    model_sha256: str = ""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import logging
 import os
 from typing import TYPE_CHECKING, Any
 
+from hil.host.recording.cut_mcap import end_cut_mcap
 from hil.host.recording.ros_messages import (
     ESTIMATE_FRAME,
     FRAME_TIMING,
@@ -130,6 +131,7 @@ class RosLog:
             )
         self._path, self._file, self._server = path, None, None
         self._data: _FileToWrite | None = None
+        self._failure = ""
         try:
             if path is not None:
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -186,9 +188,15 @@ class RosLog:
         if data is None:
             return ""
         data.close()
-        if data.error is None:
+        if data.error is None or self._path is None:
             return ""
-        return f"{self._path} cannot be written ({data.error.strerror}), and ends there: make room, or record elsewhere"
+        with contextlib.suppress(OSError):
+            end_cut_mcap(self._path)
+        self._failure = (
+            f"{self._path} cannot be written ({data.error.strerror}), and ends there, readable: make room, or record"
+            " elsewhere"
+        )
+        return self._failure
 
     def close(self) -> None:
         """Finish the file and stop the server.
@@ -196,11 +204,11 @@ class RosLog:
         Raises
         ------
         OSError
-            If the file could not be finished.
+            If the file could not be finished, however long ago.
         """
-        sentence = self._give_up_file()
+        self._give_up_file()
         if self._server is not None:
             self._server.stop()
         self._server = None
-        if sentence:
-            raise OSError(sentence)
+        if self._failure:
+            raise OSError(self._failure)

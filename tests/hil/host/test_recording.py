@@ -190,7 +190,8 @@ def test_a_recorder_that_fails_does_not_end_the_run(tmp_path, caplog):
             raise OSError(28, "No space left on device")
 
     closed = []
-    run_with(Full(), log_dir=tmp_path / "log")
+    with pytest.raises(UserError, match="No space left on device; the run went on to its end"):
+        run_with(Full(), log_dir=tmp_path / "log")
     assert len(closed) == 1
     assert "Full stops: " in caplog.text
     page = write_report(tmp_path / "log")

@@ -13,9 +13,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.commands.hil_host import board_url, listening_text, summary_text
+from flyaround.commands.hil_host import listening_text, summary_text
+from hil.host.board_command import board_url
 from hil.host.ledger.frames_csv import COLUMNS, LedgerRow, LedgerWriter, pose_errors, read_ledger
-from hil.host.ledger.summary import RUN_JSON, RunTerms, summarise, this_machine
+from hil.host.ledger.run_terms import RUN_JSON, RunTerms
+from hil.host.ledger.summary import summarise, this_machine
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.report import write_report
 from hil.host.report_plots import GREEN, MARKERS, ORANGE, RED, WRONG, kind_of, outcome_colour, plot_errors
@@ -111,7 +113,8 @@ def test_summary_counts_percentiles_and_misses():
     assert s.e2e_ms_p50 == pytest.approx(np.percentile(latencies, 50))
     assert s.e2e_ms_p99 == pytest.approx(np.percentile(latencies, 99))
     assert s.e2e_ms_max == 29.0
-    assert s.deadline_misses == 4
+    # four answers come late, three frames have none
+    assert s.deadline_misses == 7
     assert s.median_E_T_m == pytest.approx(np.median([0.01 * (k + 1) for k in range(20) if k % 4 != 3]))
     assert [t.name for t in s.stages] == ["roi", "pnp"]
 

@@ -1,0 +1,24 @@
+"""What to type on a board that is to connect to a host."""
+
+from __future__ import annotations
+
+import socket
+
+from hil.link.transports.url import parse_url
+from simulator.runtime.urls import without_secrets
+
+ANY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - listened on at the user's wish
+
+
+def board_url(url: str) -> str:
+    """Return the address that a board connects to: this machine's name if the host listens on all its addresses."""
+    scheme, host, port = parse_url(url)
+    if scheme != "serial" and host in ANY_ADDRESS:
+        return f"{scheme}://{socket.gethostname()}:{port}"
+    return without_secrets(url)
+
+
+def board_command(url: str, target: str, *, keyed: bool) -> str:
+    """Return the command that starts a board for a host that listens on ``url``."""
+    words = f"flyaround hil board {board_url(url)}"
+    return words + (f" --target {target}" if target else "") + (" --key FILE" if keyed else "")

@@ -1,0 +1,169 @@
+"""The terms of a run, run.json: what was flown, by which software and with which board, and what the run was told."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any, Literal
+
+import cv2
+import msgspec
+import numpy as np
+
+from hil.host.ledger.summary import Board
+from simulator.errors import UserError
+from simulator.runtime.files import write_atomic
+from simulator.runtime.untrusted_files import read_regular
+from simulator.runtime.urls import without_secrets
+from simulator.scenario.faults import NO_FAULTS, Faults
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from simulator.scenario.plan import Plan
+    from simulator.scenario.scenario import Scenario
+
+RUN_JSON = "run.json"
+MOST_BYTES = 1 << 24  # of run.json: ten times a scenario's largest file
+
+
+class ScenarioRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """A scenario by its name, its text without the secrets of URLs, and the SHA-256 of the file as it is.
+
+    The text is that of the TOML file, or a JSON document where a program made the scenario.
+    """
+
+    name: str
+    text: str
+    sha256: str
+
+    @staticmethod
+    def of(scenario: Scenario, source: bytes = b"") -> ScenarioRecord:
+        """Return the record of a scenario that was read from ``source``; without it, from no file."""
+        data = source or msgspec.json.encode(scenario, enc_hook=str)
+        return ScenarioRecord(
+            name=scenario.name,
+            text=without_secrets(data.decode(errors="replace")),
+            sha256=hashlib.sha256(data).hexdigest(),
+        )
+
+
+class Versions(msgspec.Struct, frozen=True, kw_only=True):
+    """The software of the host; ``gl_renderer`` is the driver that drew, empty if nothing was drawn."""
+
+    flyaround: str
+    python: str
+    numpy: str
+    opencv: str
+    gl_renderer: str = ""
+
+    @staticmethod
+    def here(gl_renderer: str = "") -> Versions:
+        """Return those of this process."""
+        return Versions(
+            flyaround=version("flyaround"),
+            python=platform.python_version(),
+            numpy=np.__version__,
+            opencv=cv2.__version__,
+            gl_renderer=gl_renderer,
+        )
+
+
+class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """What is flown: scenario, seed, target with the hash of its model, and the command that asked for it."""
+
+    scenario: ScenarioRecord
+    seed: int
+    target: str
+    target_sha256: str
+    command: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(plan: Plan, source: bytes = b"", command: Sequence[str] = ()) -> FlownRecord:
+        """Return the record of a plan's flight.
+
+        Parameters
+        ----------
+        source : the scenario's file. command : the words on the command line.
+        """
+        return FlownRecord(
+            scenario=ScenarioRecord.of(plan.scenario, source),
+            seed=plan.seed,
+            target=plan.target.name,
+            target_sha256=plan.target.sha256,
+            command=tuple(without_secrets(word) for word in command),
+        )
+
+
+class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
+    """What a run was told, written when its ledger begins: all that is known of one that was killed.
+
+    ``board`` and the driver in ``versions`` are added once the first board is ready. No key is ever recorded.
+    """
+
+    schema: Literal["flyaround.run"] = "flyaround.run"
+    version: Literal[1] = 1
+    started_utc: str
+    mode: Literal["lockstep", "realtime"]
+    truth: Literal["off", "separate", "inline"]
+    url: str
+    timeout_s: float
+    deadline_ms: float | None = None
+    latency_ms: float | None = None
+    scenario: ScenarioRecord | None = None
+    seed: int | None = None
+    target: str = ""
+    target_sha256: str = ""
+    command: tuple[str, ...] = ()
+    faults: Faults = NO_FAULTS
+    versions: Versions | None = None
+    board: Board | None = None
+
+
+def run_terms(flown: FlownRecord | None, **told: Any) -> RunTerms:  # noqa: ANN401 - its fields
+    """Return the terms of a run of this process, by what is flown and the other fields of ``RunTerms``."""
+    known = {} if flown is None else msgspec.structs.asdict(flown)
+    return RunTerms(versions=Versions.here(), **known, **told)
+
+
+def terms_without_board(flown: FlownRecord, faults: Faults, started_utc: str) -> RunTerms:
+    """Return the terms of a closed loop that sends no frames."""
+    told = {"mode": "lockstep", "truth": "off", "url": "", "timeout_s": 0.0}
+    return run_terms(flown, faults=faults, started_utc=started_utc, **told)
+
+
+def write_terms(folder: Path, terms: RunTerms) -> None:
+    """Write ``run.json``.
+
+    Raises
+    ------
+    UserError
+        If it cannot be written.
+    """
+    write_atomic(folder / RUN_JSON, msgspec.json.format(msgspec.json.encode(terms), indent=1) + b"\n")
+
+
+def read_terms(folder: Path) -> RunTerms | None:
+    """Return the terms of a ledger folder; None if it is older than their record.
+
+    Raises
+    ------
+    UserError
+        If they are damaged.
+    """
+    path = folder / RUN_JSON
+    if not path.exists():
+        return None
+    try:
+        return msgspec.json.decode(read_regular(path, MOST_BYTES), type=RunTerms)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}): make it readable") from error
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise UserError(f"{path} is not the terms of a run of this version: {error}") from error
+
+
+def run_schema() -> dict[str, Any]:
+    """Return the JSON Schema of run.json."""
+    return msgspec.json.schema(RunTerms)
