@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.dataset.card import CARD_NAME, DatasetCard, read_card
+from simulator.dataset.check.card_facts import check_card, check_manifest
 from simulator.dataset.check.clean_twin import check_clean
 from simulator.dataset.check.exports import check_exports
 from simulator.dataset.check.feasibility import check_silhouette_inside
@@ -22,6 +23,7 @@ from simulator.dataset.check.imported import check_imported
 from simulator.dataset.check.keypoint_states import check_amodal_box, check_states
 from simulator.dataset.check.layers import check_against_mesh, check_layers
 from simulator.dataset.check.mask_statistics import is_binary
+from simulator.dataset.check.recomputed_scenes import check_scenes
 from simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
 from simulator.dataset.check.redraw import Redrawn, check_pictures, fresh_seed, sample
 from simulator.dataset.check.row_poses import check_rows
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
 
     from simulator.dataset.check.sampled_rays import Layers
     from simulator.runtime.arrays import ByteArray
+    from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
 
@@ -117,6 +120,8 @@ def check_dataset(
     faults += _check_count(folder, card, len(frames))
     readable = []
     poses: dict[int, Pose] = {}
+    layers_of_frames: list[tuple[str, ...]] = []
+    scenes: dict[int, SceneState] = {}
     if card.complete:
         faults += [Fault(k, "files are missing") for k in range(card.n_frames) if not is_whole(folder, k)]
     seed = fresh_seed() if redraw_seed is None else redraw_seed
@@ -141,6 +146,8 @@ def check_dataset(
             continue
         readable.append(k)
         poses[k] = Pose("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
+        layers_of_frames.append(truth.layers)
+        scenes[k] = truth.scene
         faults += _check_flow_to(k, truth, previous)
         previous = truth
         craft = None if target is None else truth.scene.target.drawn(target)
@@ -156,6 +163,10 @@ def check_dataset(
             folder, readable_drawn, target, lambda: progress(next(steps), len(frames) + len(drawn))
         )
         faults += [Fault(k, what) for k, what in again.faults]
+    faults += [Fault(None, what) for what in check_card(card, target, layers_of_frames)]
+    faults += [Fault(k, what) for k, what in check_manifest(folder, card, frames)]
+    planned = check_scenes(card, scenes, seed)
+    faults += [Fault(k, what) for k, what in planned.faults]
     exports = check_exports(folder, card, poses, seed, whole=whole_exports)
     faults += [Fault(k, what) for k, what in exports.faults]
     report = CheckReport(
@@ -166,7 +177,7 @@ def check_dataset(
         again.reason,
         seed,
         exports.n_frames,
-        exports.not_checked,
+        tuple(filter(None, (planned.reason, *exports.not_checked))),
     )
     faults += [Fault(k, what) for k, what in pair_faults(folder, card)]
     other = second_folder(folder, card)
