@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from simulator.dataset.formats.labelled_frame import LabelledFrame
     from simulator.world.frames.pose import Pose
 
-SHARE, FEWEST, FEWEST_OF_SPLIT = 0.05, 10, 2
+SHARE, FEWEST_OF_SPLIT = 0.05, 2
+FEWEST, MOST_OF_SMALL, PICTURES = 4, 10, 24
+"""Frames that are compared at least, those of few formats, and frames times formats between the two."""
 MOST_BYTES = 2**30
 POSE_WITHIN = 1e-9
 LISTS = (".json", ".csv")
@@ -76,7 +78,7 @@ def check_exports(
         splits = read_split(folder)
     except UserError as error:
         return ExportCheck(0, (*faults, (None, str(error))))
-    numbers = sorted(poses) if whole else _sample(sorted(poses), splits, seed)
+    numbers = sorted(poses) if whole else _sample(sorted(poses), splits, seed, len(names))
     comparisons = []
     # the card that a writer was given at the start of the capture
     begun = msgspec.structs.replace(card, complete=False, quarantined=())
@@ -104,10 +106,11 @@ def check_exports(
     return ExportCheck(len(numbers), tuple(faults), tuple(not_checked))
 
 
-def _sample(numbers: Sequence[int], splits: Mapping[int, str], seed: int) -> list[int]:
+def _sample(numbers: Sequence[int], splits: Mapping[int, str], seed: int, n_formats: int) -> list[int]:
     """Frames whose contents are compared, some of each split."""
     order = np.random.default_rng([seed % 2**63, len(numbers), 1]).permutation(numbers).tolist()
-    chosen = set(order[: max(FEWEST, math.ceil(SHARE * len(numbers)))])
+    fewest = min(MOST_OF_SMALL, max(FEWEST, PICTURES // n_formats))
+    chosen = set(order[: max(fewest, math.ceil(SHARE * len(numbers)))])
     for split in set(splits.values()):
         chosen |= set([k for k in order if splits.get(k) == split][:FEWEST_OF_SPLIT])
     return sorted(chosen)
@@ -129,7 +132,7 @@ class _Comparison:
         self._is_whole = is_whole
         self._frame: int | None = None
         self._is_varied = False
-        self._writer = form.open_writer(self, card)
+        self._writer = form.open_writer(self, card, is_plain=True)
 
     def take(self, frame: LabelledFrame) -> None:
         """Compare the files of one frame."""
