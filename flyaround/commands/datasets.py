@@ -235,11 +235,19 @@ def check(
             help="Draw the same images again as a check that printed this seed; else others at each check.",
         ),
     ] = None,
+    whole_exports: Annotated[
+        bool,
+        typer.Option(
+            "--all", help="Compare all frames of COCO, BOP and other exports, not a sample of them."
+        ),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
     """Re-verify every label of a data set, and some images by drawing them again; exit 1 if one is wrong."""
     with progress_bar("check", quiet=as_json) as progress:
-        report = check_dataset(folder, progress, redraw=redraw, redraw_seed=redraw_seed)
+        report = check_dataset(
+            folder, progress, redraw=redraw, redraw_seed=redraw_seed, whole_exports=whole_exports
+        )
     if as_json:
         faults = [{"frame": f.frame, "what": f.what} for f in report.faults]
         typer.echo(
@@ -249,16 +257,20 @@ def check(
                     "labels": report.n_labels,
                     "redrawn": report.n_redrawn,
                     "redraw_seed": report.redraw_seed,
+                    "exported": report.n_exported,
+                    "not_checked": report.not_checked,
                     "faults": faults,
                 }
             )
         )
     else:
         for fault in report.faults:
-            where = "card" if fault.frame is None else f"frame {fault.frame}"
+            where = "set" if fault.frame is None else f"frame {fault.frame}"
             say(Text.assemble((where, "red"), f": {fault.what}"))
         if report.not_redrawn:
             say(f"no image was drawn again: {report.not_redrawn}")
+        for reason in report.not_checked:
+            say(f"not checked: {reason}")
         say(
             f"{report.n_frames} frames, {report.n_labels} labels, {report.n_redrawn} images drawn again, "
             f"{len(report.faults)} faults"

@@ -24,7 +24,6 @@ from simulator.dataset.storage.store import FolderStore, Store
 from simulator.dataset.storage.url_store import UrlStore, is_url
 from simulator.dataset.writer import DatasetWriter
 from simulator.errors import UserError
-from simulator.labels.part_classes import target_classes
 from simulator.labels.request import LAYERS, LabelRequest
 from simulator.labels.truth import FlowLabel
 from simulator.loop import run_frames
@@ -255,13 +254,7 @@ def capture_card(
         split=split or _own_split(plan),
         camera=plan.camera,
         image_bits=plan.scene(0).sensor.bits,
-        target=CardTarget(
-            name=plan.target.name,
-            sha256=plan.target.sha256,
-            parts=tuple(part.name for part in plan.target.parts),
-            part_classes=target_classes(plan.target),
-            keypoints={k.name: k.position_m for k in plan.target.keypoints},
-        ),
+        target=CardTarget.of(plan.target),
         machine=describe_machine("", "", ""),
         stereo=stereo_card(plan),
     )

@@ -6,15 +6,19 @@ import os
 import platform
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 
 from simulator.camera.lens.camera_model import Camera
 from simulator.dataset.record_fields import RECORD_FIELDS
 from simulator.errors import UserError
+from simulator.labels.part_classes import target_classes
 from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_link_out, without_mark
 from simulator.targets.model import PartClass
+
+if TYPE_CHECKING:
+    from simulator.targets.model import Target
 
 CARD_NAME = "dataset.json"
 MOST_BYTES = 64_000_000  # of a card: with every frame of a large set in quarantine
@@ -52,6 +56,17 @@ class CardTarget(msgspec.Struct, frozen=True, kw_only=True):
     parts: tuple[str, ...] = ()
     part_classes: tuple[PartClass, ...] = ()
     keypoints: dict[str, tuple[float, float, float]]
+
+    @classmethod
+    def of(cls, target: Target) -> CardTarget:
+        """Describe a target model."""
+        return cls(
+            name=target.name,
+            sha256=target.sha256,
+            parts=tuple(part.name for part in target.parts),
+            part_classes=target_classes(target),
+            keypoints={k.name: k.position_m for k in target.keypoints},
+        )
 
 
 class CardMachine(msgspec.Struct, frozen=True, kw_only=True):

@@ -19,7 +19,6 @@ from simulator.labels.feasible import infeasible_reason
 from simulator.labels.imported import ImportedTruth
 from simulator.labels.keypoints import pixel_or_none
 from simulator.labels.layers import pixel_hash
-from simulator.labels.part_classes import target_classes
 from simulator.labels.truth import KeypointLabel, KeypointState
 from simulator.labels.visibility import occluded_from_camera
 from simulator.runtime.arrays import vec3
@@ -115,13 +114,7 @@ def import_card(found: PosedPictures, camera: Camera, target: Target, form: str)
         formats=("native",),
         camera=camera,
         image_bits=8 * read_picture(found.pictures[0].path).itemsize,
-        target=CardTarget(
-            name=target.name,
-            sha256=target.sha256,
-            parts=tuple(part.name for part in target.parts),
-            part_classes=target_classes(target),
-            keypoints={k.name: k.position_m for k in target.keypoints},
-        ),
+        target=CardTarget.of(target),
         machine=describe_machine("", "", ""),
         licence="pictures and poses are those of the set that they were imported from, and under its licence",
     )

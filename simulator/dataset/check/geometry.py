@@ -78,6 +78,8 @@ def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
         known = {name: vec3(variation.moved(at)) for name, at in known.items()}
     if {k.name: tuple(k.target_m) for k in truth.keypoints} != {n: tuple(p) for n, p in known.items()}:
         wrong.append("keypoints differ from the card's")
+    elif [k.name for k in truth.keypoints] != list(card.target.keypoints):
+        wrong.append("keypoints are in another order than the card's")
     ahead = [k for k in truth.keypoints if k.pixel_px is not None]
     if not ahead:
         return wrong

@@ -46,8 +46,8 @@ def check_imported(
         f"box_px {truth.box_px} is not the mask's {mask_box(mask)}": truth.box_px != mask_box(mask),
         "feasible is not what silhouette_inside says": (truth.feasible, truth.infeasible_reason)
         != (reason == "", reason),
-        "keypoints differ from the card's": {p.name: p.target_m for p in truth.keypoints}
-        != card.target.keypoints,
+        "keypoints differ from the card's": [(p.name, tuple(p.target_m)) for p in truth.keypoints]
+        != list(card.target.keypoints.items()),
     }
     return [what for what, is_wrong in wrong.items() if is_wrong] + _check_places(truth, target)
 

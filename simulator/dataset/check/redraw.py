@@ -17,11 +17,13 @@ import numpy as np
 
 from simulator.dataset.check.clean_twin import balance_factors
 from simulator.dataset.check.feasibility import check_step_share
-from simulator.dataset.formats.native import frame_paths, read_png
+from simulator.dataset.check.redrawn_layers import check_same_layers
+from simulator.dataset.formats.native import frame_paths, read_layer, read_png
 from simulator.errors import UserError
 from simulator.frame import take_frame
 from simulator.imaging.image_formation import expose_scene, noise_sigma
 from simulator.labels.feasible import mono_signal
+from simulator.labels.request import LabelRequest
 from simulator.labels.truth import read_truth
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from simulator.dataset.check.sampled_rays import Layers
     from simulator.labels.truth import Truth
     from simulator.render.renderer import Renderer
     from simulator.runtime.arrays import ByteArray
@@ -103,17 +106,33 @@ def check_pictures(
                 continue
             image = read_png(frame_paths(folder, k).image)
             mask = np.asarray(read_png(frame_paths(folder, k).mask), np.uint8)
-            faults += [(k, what) for what in check_drawn_again(renderer, truth, image, mask, craft)]
+            layers = {name: read_layer(folder / "images", f"{k:06d}", name) for name in truth.layer_sha256}
+            found = check_drawn_again(renderer, truth, image, mask, craft, layers)
+            faults += [(k, what) for what in found]
             progress()
     return Redrawn(len(frames), tuple(faults))
 
 
 def check_drawn_again(
-    renderer: Renderer, truth: Truth, image: NDArray[np.unsignedinteger], mask: ByteArray, target: Target
+    renderer: Renderer,
+    truth: Truth,
+    image: NDArray[np.unsignedinteger],
+    mask: ByteArray,
+    target: Target,
+    layers: Layers | None = None,
 ) -> list[str]:
-    """Everything by which a frame differs from what its record gives when it is drawn again."""
-    again = take_frame(renderer, truth.scene, target, labels=False)
+    """Everything by which a frame differs from what its record gives when it is drawn again.
+
+    Parameters
+    ----------
+    layers : the label layers of the frame by name, as read.
+    """
+    request = LabelRequest(layers=tuple(layers or ()), flow=truth.flow)
+    again = take_frame(renderer, truth.scene, target, labels=request if layers else False)
     wrong = check_same_picture(truth, image, again.image, mask)
+    if layers:
+        is_same = np.array_equal(image, again.image)
+        wrong += check_same_layers(layers, again.layers, mask, is_same_renderer=is_same)
     signal = expose_scene(truth.scene, again.radiance)
     mono = np.asarray(mono_signal(signal), float)
     # the same renderer's light is the same; another one's is another by as much as its image may be

@@ -7,27 +7,28 @@ filled by OpenCV on the CPU, boxes against the mask, images against the camera, 
 from __future__ import annotations
 
 import itertools
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from simulator.dataset.card import CARD_NAME, DatasetCard, read_card
+from simulator.dataset.check.card_facts import check_card, check_manifest
 from simulator.dataset.check.clean_twin import check_clean
+from simulator.dataset.check.exports import check_exports
 from simulator.dataset.check.feasibility import check_silhouette_inside
 from simulator.dataset.check.geometry import check_box_3d, check_keypoints, check_visible_on_mask
 from simulator.dataset.check.imported import check_imported
 from simulator.dataset.check.keypoint_states import check_amodal_box, check_states
 from simulator.dataset.check.layers import check_against_mesh, check_layers
 from simulator.dataset.check.mask_statistics import is_binary
+from simulator.dataset.check.recomputed_scenes import check_scenes
 from simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
 from simulator.dataset.check.redraw import Redrawn, check_pictures, fresh_seed, sample
 from simulator.dataset.check.row_poses import check_rows
 from simulator.dataset.check.signal import check_states_by_signal, check_steps_by_signal
 from simulator.dataset.check.wireframe import check_wireframe
-from simulator.dataset.formats.labelled_frame import SPLITS
 from simulator.dataset.formats.native import frame_paths, is_whole, read_layer, read_png
 from simulator.dataset.stereo import pair_faults, second_folder
 from simulator.errors import UserError
@@ -36,9 +37,9 @@ from simulator.labels.feasible import infeasible_reason
 from simulator.labels.imported import ImportedTruth, read_label_record
 from simulator.labels.layers import pixel_hash
 from simulator.labels.truth import Truth
-from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_link_out
 from simulator.targets.library import load_target
 from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from simulator.world.frames.pose import Pose
 from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -48,9 +49,8 @@ if TYPE_CHECKING:
 
     from simulator.dataset.check.sampled_rays import Layers
     from simulator.runtime.arrays import ByteArray
+    from simulator.scene.state import SceneState
     from simulator.targets.model import Target
-
-SPEED_FOLDER = "speed"
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,7 @@ class CheckReport:
     ----------
     n_redrawn : frames that were drawn again from their records. not_redrawn : why none was, where some should be.
     redraw_seed : decides which; with it the same ones are drawn again.
+    n_exported : frames whose contents were compared in each export. not_checked : what could not be checked, and why.
     """
 
     n_frames: int
@@ -77,6 +78,8 @@ class CheckReport:
     n_redrawn: int = 0
     not_redrawn: str = ""
     redraw_seed: int = 0
+    n_exported: int = 0
+    not_checked: tuple[str, ...] = ()
 
 
 def check_dataset(
@@ -85,6 +88,7 @@ def check_dataset(
     *,
     redraw: float = REDRAWN_SHARE,
     redraw_seed: int | None = None,
+    whole_exports: bool = False,
 ) -> CheckReport:
     """Check every frame of a data set, and some images by drawing them again; of a stereo pair both cameras' sets.
 
@@ -92,7 +96,8 @@ def check_dataset(
     ----------
     redraw : share of the frames to draw again from their records, at least three; 0 for none. Where there is no OpenGL
         none is, and the report says so. redraw_seed : decides which; fresh where none is given, as who alters a data
-        set must not know them beforehand.
+        set must not know them beforehand. whole_exports : compare the contents of all frames in the exports, not of a
+        sample.
 
     Raises
     ------
@@ -114,6 +119,9 @@ def check_dataset(
     frames = [k for k in range(card.n_frames) if is_whole(folder, k)]
     faults += _check_count(folder, card, len(frames))
     readable = []
+    poses: dict[int, Pose] = {}
+    layers_of_frames: list[tuple[str, ...]] = []
+    scenes: dict[int, SceneState] = {}
     if card.complete:
         faults += [Fault(k, "files are missing") for k in range(card.n_frames) if not is_whole(folder, k)]
     seed = fresh_seed() if redraw_seed is None else redraw_seed
@@ -137,6 +145,9 @@ def check_dataset(
             faults.append(Fault(k, str(error)))
             continue
         readable.append(k)
+        poses[k] = Pose("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
+        layers_of_frames.append(truth.layers)
+        scenes[k] = truth.scene
         faults += _check_flow_to(k, truth, previous)
         previous = truth
         craft = None if target is None else truth.scene.target.drawn(target)
@@ -152,14 +163,27 @@ def check_dataset(
             folder, readable_drawn, target, lambda: progress(next(steps), len(frames) + len(drawn))
         )
         faults += [Fault(k, what) for k, what in again.faults]
-    if (folder / SPEED_FOLDER).is_dir():
-        faults += _check_speed(folder, readable, card)
-    report = CheckReport(len(frames), n_labels, tuple(faults), again.n_frames, again.reason, seed)
+    faults += [Fault(None, what) for what in check_card(card, target, layers_of_frames)]
+    faults += [Fault(k, what) for k, what in check_manifest(folder, card, frames)]
+    planned = check_scenes(card, scenes, seed)
+    faults += [Fault(k, what) for k, what in planned.faults]
+    exports = check_exports(folder, card, poses, seed, whole=whole_exports)
+    faults += [Fault(k, what) for k, what in exports.faults]
+    report = CheckReport(
+        len(frames),
+        n_labels,
+        tuple(faults),
+        again.n_frames,
+        again.reason,
+        seed,
+        exports.n_frames,
+        tuple(filter(None, (planned.reason, *exports.not_checked))),
+    )
     faults += [Fault(k, what) for k, what in pair_faults(folder, card)]
     other = second_folder(folder, card)
     if other is None or not (other / CARD_NAME).is_file():
         return replace(report, faults=tuple(faults))
-    second = check_dataset(other, progress, redraw=redraw, redraw_seed=seed)
+    second = check_dataset(other, progress, redraw=redraw, redraw_seed=seed, whole_exports=whole_exports)
     faults += [Fault(fault.frame, f"second camera: {fault.what}") for fault in second.faults]
     return CheckReport(
         report.n_frames + second.n_frames,
@@ -168,6 +192,8 @@ def check_dataset(
         report.n_redrawn + second.n_redrawn,
         report.not_redrawn or second.not_redrawn,
         seed,
+        report.n_exported + second.n_exported,
+        tuple(dict.fromkeys([*report.not_checked, *second.not_checked])),
     )
 
 
@@ -297,39 +323,3 @@ def _check_bookkeeping(k: int, truth: Truth, card: DatasetCard) -> list[str]:
             f"feasible is {truth.feasible} ({truth.infeasible_reason or 'no reason'}), its shares say otherwise"
         )
     return wrong
-
-
-def _speed_rows(path: Path, card: DatasetCard) -> list[dict[str, Any]]:
-    refuse_link_out(path, path.parent)
-    data = read_regular(path, 1000 * (card.n_frames + 1))
-    refuse_deep(data, str(path))
-    rows: list[dict[str, Any]] = json.loads(data)
-    return rows
-
-
-def _check_speed(folder: Path, frames: list[int], card: DatasetCard) -> list[Fault]:
-    """The poses of the SPEED export, and its pictures."""
-    root = folder / SPEED_FOLDER
-    labels: dict[int, tuple[Any, ...]] = {}
-    for split in SPLITS:
-        path = root / f"{split}.json"
-        if split != "train" and not path.exists():
-            continue
-        try:
-            for row in _speed_rows(path, card):
-                picture = root / "images" / split / Path(str(row["filename"])).name
-                number = int(picture.stem.removeprefix("img"))
-                labels[number] = (tuple(row["q_vbs2tango"]), tuple(row["r_Vo2To_vbs_true"]), picture)
-        except (UserError, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-            return [Fault(None, f"{path} cannot be read: {error}")]
-    faults = []
-    for k in frames:
-        if k not in labels:
-            faults.append(Fault(k, "is missing from the SPEED export"))
-            continue
-        truth = read_label_record(frame_paths(folder, k).truth)
-        if labels[k][:2] != (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m):
-            faults.append(Fault(k, "has another pose in the SPEED export"))
-        if not labels[k][2].is_file():
-            faults.append(Fault(k, "has no image in the SPEED export"))
-    return faults

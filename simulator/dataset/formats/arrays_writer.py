@@ -26,16 +26,22 @@ NO_CHANNELS = ("amodal",)  # reaches beyond the image
 
 
 class NpzWriter:
-    """Writes NPZ."""
+    """Writes NPZ.
 
-    def __init__(self, output: FormatOutput, _card: DatasetCard) -> None:
+    Parameters
+    ----------
+    is_plain : without compression, which takes most of the time.
+    """
+
+    def __init__(self, output: FormatOutput, *, is_plain: bool = False) -> None:
         self._output = output
+        self._save = np.savez if is_plain else np.savez_compressed
 
     def write(self, frame: LabelledFrame) -> None:
         """One file."""
         place = io.BytesIO()
         known: dict[str, Any] = dict(arrays_of(frame))
-        np.savez_compressed(place, **known)
+        self._save(place, **known)
         self._output.write(f"{frame.split or 'train'}/{frame.number:06d}.npz", place.getvalue())
 
     def finish(self) -> None:
@@ -68,17 +74,22 @@ def arrays_of(frame: LabelledFrame) -> dict[str, NDArray[Any]]:
 
 
 class ExrWriter:
-    """Writes EXR."""
+    """Writes EXR.
 
-    def __init__(self, output: FormatOutput, _card: DatasetCard) -> None:
-        self._output = output
+    Parameters
+    ----------
+    is_plain : without compression, which takes most of the time.
+    """
+
+    def __init__(self, output: FormatOutput, *, is_plain: bool = False) -> None:
+        self._output, self._is_plain = output, is_plain
 
     def write(self, frame: LabelledFrame) -> None:
         """One picture of many channels, and the record."""
         stem = f"{frame.split or 'train'}/{frame.number:06d}"
         channels = channels_of(frame)
         planes = np.stack([np.asarray(plane, np.float32) for plane in channels.values()], axis=-1)
-        self._output.write(f"{stem}.exr", encode_exr(tuple(channels), planes))
+        self._output.write(f"{stem}.exr", encode_exr(tuple(channels), planes, is_plain=self._is_plain))
         self._output.write(f"{stem}.json", frame.read("json"))
 
     def finish(self) -> None:
@@ -101,12 +112,20 @@ def channels_of(frame: LabelledFrame) -> dict[str, NDArray[Any]]:
     return planes
 
 
-def _npz(output: FormatOutput, card: DatasetCard) -> FormatWriter:
-    return NpzWriter(output, card)
+def _npz(output: FormatOutput, _card: DatasetCard) -> FormatWriter:
+    return NpzWriter(output)
 
 
-def _exr(output: FormatOutput, card: DatasetCard) -> FormatWriter:
-    return ExrWriter(output, card)
+def _plain_npz(output: FormatOutput, _card: DatasetCard) -> FormatWriter:
+    return NpzWriter(output, is_plain=True)
+
+
+def _exr(output: FormatOutput, _card: DatasetCard) -> FormatWriter:
+    return ExrWriter(output)
+
+
+def _plain_exr(output: FormatOutput, _card: DatasetCard) -> FormatWriter:
+    return ExrWriter(output, is_plain=True)
 
 
 NPZ = DatasetFormat(
@@ -115,6 +134,7 @@ NPZ = DatasetFormat(
     carries="image, pose, camera, mask, box, keypoints with their states, and layers",
     lacks="the scene and its light",
     writer=_npz,
+    plain_writer=_plain_npz,
     deep_images=True,
 )
 EXR = DatasetFormat(
@@ -123,5 +143,6 @@ EXR = DatasetFormat(
     carries="image, mask and layers as float channels, and the native record",
     lacks="the amodal mask, which reaches beyond the image",
     writer=_exr,
+    plain_writer=_plain_exr,
     deep_images=True,
 )

@@ -85,6 +85,7 @@ class DatasetFormat:
     name : on the command line, and of the folder beside the native layout. title : what it is.
     carries, lacks : what it does and does not hold, as they stand in a sentence.
     writer : makes what writes a data set of a card into an output; None of a format that is read alone.
+    plain_writer : writes the same contents without compression, for a comparison; None where that saves nothing.
     read : the pictures with poses of a folder or a list, None of a folder of another kind; None of a format that is
         written alone.
     problem : why a data set of a card cannot be written so, or None.
@@ -97,6 +98,7 @@ class DatasetFormat:
     carries: str = ""
     lacks: str = ""
     writer: Callable[[FormatOutput, DatasetCard], FormatWriter] | None = None
+    plain_writer: Callable[[FormatOutput, DatasetCard], FormatWriter] | None = None
     read: Callable[[Path], PosedPictures | None] | None = None
     problem: Callable[[DatasetCard], str | None] | None = None
     needs: tuple[str, str] | None = None
@@ -109,8 +111,12 @@ class DatasetFormat:
         scaled = f"; its {scale_sentence(bits)}" if bits > 8 and not self.deep_images else ""
         return f"{self.name} holds {self.carries}{without}{scaled}"
 
-    def open_writer(self, output: FormatOutput, card: DatasetCard) -> FormatWriter:
+    def open_writer(self, output: FormatOutput, card: DatasetCard, *, is_plain: bool = False) -> FormatWriter:
         """What writes a data set.
+
+        Parameters
+        ----------
+        is_plain : without compression, if the format can; the contents are the same.
 
         Raises
         ------
@@ -120,7 +126,8 @@ class DatasetFormat:
         self.check(card)
         if self.writer is None:
             raise RuntimeError(f"format {self.name} has no writer")
-        writer = self.writer(output, card)
+        make = self.plain_writer if is_plain and self.plain_writer is not None else self.writer
+        writer = make(output, card)
         return writer if self.deep_images else EightBitWriter(writer, output)
 
     def check(self, card: DatasetCard) -> None:

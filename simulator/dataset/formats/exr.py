@@ -21,11 +21,17 @@ MOST_CHANNELS = 4
 MOST_BYTES = 2**32  # of a file of so many numbers
 
 
-def encode_exr(names: tuple[str, ...], values: NDArray[Any]) -> bytes:
-    """OpenEXR bytes of (H, W) or (H, W, C) floats, a channel per name; float16 stays half, NaN stays NaN."""
+def encode_exr(names: tuple[str, ...], values: NDArray[Any], *, is_plain: bool = False) -> bytes:
+    """OpenEXR bytes of (H, W) or (H, W, C) floats, a channel per name; float16 stays half, NaN stays NaN.
+
+    Parameters
+    ----------
+    is_plain : without compression.
+    """
     planes = values[..., None] if values.ndim == 2 else values
     channels = {name: np.ascontiguousarray(planes[..., k]) for k, name in enumerate(names)}
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    compression = OpenEXR.NO_COMPRESSION if is_plain else OpenEXR.ZIP_COMPRESSION
+    header = {"compression": compression, "type": OpenEXR.scanlineimage}
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "layer.exr"
         OpenEXR.File(header, channels).write(str(place))

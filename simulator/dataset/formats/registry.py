@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 NATIVE = "native"
 SHIRT = DatasetFormat(name="shirt", title="SHIRT (Stanford)", read=read_shirt)
-_BUILT_IN = (SPEED, SPEEDPLUS, SHIRT, URSO, SPARK, BOP, COCO, YOLO, WEBDATASET, PARQUET, MCAP, NPZ, EXR)
+BUILT_IN = (SPEED, SPEEDPLUS, SHIRT, URSO, SPARK, BOP, COCO, YOLO, WEBDATASET, PARQUET, MCAP, NPZ, EXR)
 
 
 def formats() -> dict[str, DatasetFormat]:
     """All formats besides the native layout, by name."""
     added = {name: _added(plugin) for name, plugin in plugins("format").items()}
-    return {**added, **{form.name: form for form in _BUILT_IN}}
+    return {**added, **{form.name: form for form in BUILT_IN}}
 
 
 def _added(plugin: Plugin) -> DatasetFormat:

@@ -118,12 +118,7 @@ def dataset_card(renderer: Renderer, frame: Frame, seed: int) -> DatasetCard:
         complete=True,
         formats=("native",),
         camera=frame.scene.camera,
-        target=CardTarget(
-            name=target.name,
-            sha256=target.sha256,
-            parts=tuple(part.name for part in target.parts),
-            keypoints={p.name: p.position_m for p in target.keypoints},
-        ),
+        target=CardTarget.of(target),
         machine=_machine(info.vendor, info.renderer, info.version),
     )
 

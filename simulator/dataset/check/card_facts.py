@@ -1,0 +1,90 @@
+"""Check of the card against the target, the records, and the manifest against the files."""
+
+from __future__ import annotations
+
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+from simulator.dataset.card import CONVENTIONS, CardTarget, DatasetCard
+from simulator.dataset.record_fields import RECORD_FIELDS
+from simulator.dataset.storage.manifest import MANIFEST_NAME, file_hash, read_manifest
+from simulator.dataset.storage.store import FolderStore
+from simulator.errors import UserError
+from simulator.runtime.threads import threads
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from simulator.targets.model import Target
+
+MOST_FILE_BYTES = 2**32
+
+
+def check_card(
+    card: DatasetCard, target: Target | None, layers_of_frames: Sequence[tuple[str, ...]]
+) -> Iterator[str]:
+    """Compare the card with the target model and with the layers that the records name.
+
+    Parameters
+    ----------
+    target : the model that was drawn, if it is at hand. layers_of_frames : names of each frame's layers.
+    """
+    if target is not None:
+        known = CardTarget.of(target)
+        if list(card.target.keypoints.items()) != list(known.keypoints.items()):
+            yield "keypoints, or their order, differ from the target's"
+        for name in ("parts", "part_classes"):
+            said = getattr(card.target, name)
+            if said and said != getattr(known, name):  # cards of earlier versions have none
+                yield f"target.{name} differ from the target's"
+    named = set(card.labels)
+    seen = Counter(name for layers in layers_of_frames for name in layers)
+    yield from (f"labels does not name {name}, which frames have" for name in sorted(set(seen) - named))
+    if layers_of_frames:
+        # flow of a single frame leads nowhere
+        lacking = named - set(seen) - ({"flow"} if len(layers_of_frames) == 1 else set())
+        yield from (f"labels names {name}, which no frame has" for name in sorted(lacking))
+    if card.machine.flyaround == version("flyaround"):
+        for field, text in (("conventions", CONVENTIONS), ("record_fields", RECORD_FIELDS)):
+            if getattr(card, field) != text:
+                yield f"{field} differ from those of flyaround {card.machine.flyaround}"
+
+
+def check_manifest(
+    folder: Path, card: DatasetCard, frames: Sequence[int]
+) -> Iterator[tuple[int | None, str]]:
+    """Compare the hashes in the manifest with the files of some frames; of a complete set every file has one."""
+    store = FolderStore(folder)
+    try:
+        manifest = read_manifest(store)
+    except UserError as error:
+        yield None, str(error)
+        return
+    if not store.exists(MANIFEST_NAME):
+        return  # converted sets have none, and --resume does without
+    files: dict[int, set[str]] = {k: set() for k in frames}
+    for path in (folder / "images").iterdir():
+        number = path.name.partition(".")[0]
+        if number.isdigit() and int(number) in files:
+            files[int(number)].add(f"images/{path.name}")
+
+    def faults(k: int) -> list[str]:
+        lines = manifest.get(k, {})
+        wrong = []
+        if card.complete:
+            wrong = [f"{name} is not in {MANIFEST_NAME}" for name in sorted(files[k] - set(lines))]
+            wrong += [f"{name} is missing" for name in sorted(set(lines) - files[k])]
+        for name in sorted(files[k] & set(lines)):
+            try:
+                if file_hash(store.read(name, MOST_FILE_BYTES)) != lines[name]:
+                    wrong.append(f"{name} has another hash than in {MANIFEST_NAME}")
+            except (OSError, UserError) as error:
+                wrong.append(f"{name} cannot be read ({error})")
+        return wrong
+
+    with ThreadPoolExecutor(threads()) as pool:  # hashing releases Python's lock
+        for k, wrong in zip(frames, pool.map(faults, frames), strict=True):
+            yield from ((k, what) for what in wrong)

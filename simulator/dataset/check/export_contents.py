@@ -1,0 +1,241 @@
+"""Contents of an exported file, entry by entry, so that a file can be compared with another of other frames."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import re
+import tarfile
+import tempfile
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+import OpenEXR
+
+from simulator.dataset.formats.base import import_needed
+from simulator.dataset.formats.exr import MOST_PIXELS
+from simulator.dataset.formats.native import decode_png
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import refuse_deep
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+JPEG_MOST_DN, JPEG_RMS_DN = 8.0, 1.5
+"""Bounds on how far two JPEG codecs of the same quality decode the same picture apart."""
+RELATIVE, ABSOLUTE = 1e-9, 1e-9
+"""Rounding of numbers that were computed again by other versions of the libraries."""
+MOST_ARRAYS_BYTES = 2**32
+_PNG = b"\x89PNG\r\n\x1a\n"
+_ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".csv": b"\n", ".txt": b"\n"}
+LONGEST_END = 8
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One value in a file.
+
+    Parameters
+    ----------
+    key : unique within the file, or within the shards of a split. frame : number of the frame, if it belongs to one.
+    """
+
+    key: str
+    value: Any
+    frame: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class JpegPixels:
+    """Decoded pixels of a lossy picture."""
+
+    pixels: NDArray[Any]
+
+
+def entries(name: str, data: bytes) -> Iterator[Entry]:
+    """Yield the contents of a file; one of an unknown ending is a single entry, its bytes.
+
+    Raises
+    ------
+    UserError
+        If the file is damaged.
+    """
+    suffix = Path(name).suffix
+    if is_cut(name, data[-LONGEST_END:]):
+        raise UserError("it is cut off")
+    try:
+        yield from _READERS.get(suffix, _bytes)(data)
+    except (ValueError, KeyError, TypeError, RecursionError, OSError, RuntimeError, EOFError) as error:
+        raise UserError(f"it cannot be read ({error})") from error
+    except (tarfile.TarError, zipfile.BadZipFile) as error:
+        raise UserError(f"it cannot be read ({error})") from error
+
+
+def is_cut(name: str, last_bytes: bytes) -> bool:
+    """Return True if a file does not end as files of its kind do."""
+    suffix = Path(name).suffix
+    if not last_bytes:
+        return suffix != ".txt"  # YOLO's label of an empty picture
+    return not last_bytes.endswith(_ENDS.get(suffix, b""))
+
+
+def is_same(expected: Any, found: Any) -> bool:  # noqa: ANN401 - any value of a file
+    """Return True if two values agree, numbers within rounding and JPEG pixels within the codec's error."""
+    if isinstance(expected, JpegPixels):
+        a, b = expected.pixels.astype(np.float32), found.pixels.astype(np.float32)
+        if a.shape != b.shape:
+            return False
+        off = np.abs(a - b)
+        return bool(off.max() <= JPEG_MOST_DN and math.sqrt(float(np.mean(off**2))) <= JPEG_RMS_DN)
+    if isinstance(expected, np.ndarray):
+        if (expected.shape, expected.dtype) != (found.shape, found.dtype):
+            return False
+        return bool(np.array_equal(expected, found, equal_nan=expected.dtype.kind == "f"))
+    if isinstance(expected, dict):
+        return (
+            isinstance(found, dict)
+            and expected.keys() == found.keys()
+            and all(is_same(value, found[key]) for key, value in expected.items())
+        )
+    if isinstance(expected, list):
+        return (
+            isinstance(found, list)
+            and len(expected) == len(found)
+            and all(is_same(a, b) for a, b in zip(expected, found, strict=True))
+        )
+    if isinstance(expected, bytes) and expected != found and expected.startswith(_PNG):
+        # another version of the library compresses otherwise
+        return bool(np.array_equal(decode_png(expected, "picture"), decode_png(found, "picture")))
+    if isinstance(expected, float) and isinstance(found, int | float):
+        return math.isclose(expected, found, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
+    return type(expected) is type(found) and bool(expected == found)
+
+
+def _bytes(data: bytes) -> Iterator[Entry]:
+    yield Entry("bytes", data)
+
+
+def _png(data: bytes) -> Iterator[Entry]:
+    yield Entry("picture", decode_png(data, "picture"))
+
+
+def _jpeg(data: bytes) -> Iterator[Entry]:
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise ValueError("not a JPEG")
+    yield Entry("picture", JpegPixels(pixels))
+
+
+def _json(data: bytes) -> Iterator[Entry]:
+    refuse_deep(data, "it")
+    document = json.loads(data)
+    if isinstance(document, list):  # SPEED, SPEED+
+        for row in document:
+            yield Entry(str(row["filename"]), row, _number_in(row["filename"]))
+        return
+    for name, value in document.items():
+        if isinstance(value, list) and value and all(isinstance(v, dict) and "id" in v for v in value):
+            for row in value:  # COCO
+                frame = row.get("image_id", row["id"] if name == "images" else None)
+                yield Entry(f"{name} {row['id']}", row, frame)
+        else:
+            yield Entry(str(name), value, int(name) if name.isdigit() else None)  # BOP
+
+
+def _number_in(name: str) -> int | None:
+    found = re.search(r"\d+", Path(name).stem)
+    return int(found[0]) if found else None
+
+
+def _lines(data: bytes) -> Iterator[Entry]:
+    """Lines of a table, numbers rounded."""
+    seen: dict[str, int] = {}
+    for line in data.decode().splitlines():
+        text = ",".join(_rounded(cell) for cell in line.split(","))
+        seen[text] = seen.get(text, 0) + 1
+        name = re.search(r"\w*?(\d+)(_rgb)?\.png", line)
+        yield Entry(f"line {text} ({seen[text]})", "", int(name[1]) if name else None)
+
+
+def _rounded(cell: str) -> str:
+    try:
+        return f"{float(cell) + 0.0:.9g}" if "." in cell else cell
+    except ValueError:
+        return cell
+
+
+def _text(data: bytes) -> Iterator[Entry]:
+    yield Entry("text", data.decode())
+
+
+def _npz(data: bytes) -> Iterator[Entry]:
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        if sum(info.file_size for info in archive.infolist()) > MOST_ARRAYS_BYTES:
+            raise ValueError("its arrays are larger than any frame's")
+    with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+        for name in arrays.files:
+            yield Entry(name, arrays[name])
+
+
+def _exr(data: bytes) -> Iterator[Entry]:
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / "picture.exr"
+        place.write_bytes(data)
+        for part in OpenEXR.File(str(place), separate_channels=True, header_only=True).parts:
+            low, high = (np.asarray(corner, np.int64) for corner in part.header["dataWindow"])
+            if math.prod((high - low + 1).tolist()) > MOST_PIXELS:
+                raise ValueError("it is larger than any camera's picture")
+        channels = OpenEXR.File(str(place), separate_channels=True).channels()
+        for name, channel in channels.items():
+            yield Entry(name, np.asarray(channel.pixels))
+
+
+def _tar(data: bytes) -> Iterator[Entry]:
+    with tarfile.open(fileobj=io.BytesIO(data)) as tar:
+        for member in tar:
+            file = tar.extractfile(member) if member.isfile() else None
+            yield Entry(
+                member.name, b"" if file is None else file.read(), _number_in(member.name.split(".")[0])
+            )
+
+
+def _parquet(data: bytes) -> Iterator[Entry]:
+    parquet = import_needed("pyarrow.parquet", "formats", "parquet")
+    for batch in parquet.ParquetFile(io.BytesIO(data)).iter_batches(batch_size=10):
+        for row in batch.to_pylist():
+            for column, value in row.items():
+                yield Entry(f"row {row['number']} {column}", value, row["number"])
+
+
+def _mcap(data: bytes) -> Iterator[Entry]:
+    reader = import_needed("mcap.reader", "logs", "mcap").make_reader(io.BytesIO(data))
+    damaged: type[Exception] = import_needed("mcap.exceptions", "logs", "mcap").McapError
+    try:
+        for _, channel, message in reader.iter_messages():
+            value = [message.log_time, message.data]
+            yield Entry(f"{channel.topic} {message.sequence}", value, message.sequence)
+    except damaged as error:
+        raise ValueError(error) from error
+
+
+_READERS: dict[str, Callable[[bytes], Iterator[Entry]]] = {
+    ".png": _png,
+    ".jpg": _jpeg,
+    ".json": _json,
+    ".csv": _lines,
+    ".txt": _text,
+    ".yaml": _text,
+    ".md": _text,
+    ".npz": _npz,
+    ".exr": _exr,
+    ".tar": _tar,
+    ".parquet": _parquet,
+    ".mcap": _mcap,
+}

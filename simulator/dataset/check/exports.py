@@ -1,0 +1,270 @@
+"""Check of the exports beside the native layout: each is compared, file by file, with what the native frames give."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from simulator.dataset.check.export_contents import LONGEST_END, Entry, entries, is_cut, is_same
+from simulator.dataset.formats.labelled_frame import frame_from_folder
+from simulator.dataset.formats.registry import BUILT_IN, NATIVE, find_format, writable
+from simulator.dataset.split import read_split
+from simulator.errors import UserError
+from simulator.labels.truth import Truth
+from simulator.runtime.untrusted_files import read_regular, refuse_link_out
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from simulator.dataset.card import DatasetCard
+    from simulator.dataset.formats.base import DatasetFormat
+    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from simulator.world.frames.pose import Pose
+
+SHARE, FEWEST_OF_SPLIT = 0.05, 2
+FEWEST, MOST_OF_SMALL, PICTURES = 4, 10, 24
+"""Frames that are compared at least, those of few formats, and frames times formats between the two."""
+MOST_BYTES = 2**30
+POSE_WITHIN = 1e-9
+LISTS = (".json", ".csv")
+_SHARD = re.compile(r"(.*-)\d+(\.(?:tar|parquet|mcap))")
+
+
+@dataclass(frozen=True)
+class ExportCheck:
+    """Result of the comparison: how many frames of each export were compared, the faults, what was not compared."""
+
+    n_frames: int
+    faults: tuple[tuple[int | None, str], ...] = ()
+    not_checked: tuple[str, ...] = ()
+
+
+def check_exports(
+    folder: Path, card: DatasetCard, poses: Mapping[int, Pose], seed: int, *, whole: bool
+) -> ExportCheck:
+    """Compare the exports of a data set with its native frames.
+
+    Of each frame's own files it is checked that they are there and not cut off, of lists of poses every row. The
+    contents are compared of a sample of the frames, or of all.
+
+    Parameters
+    ----------
+    poses : of all readable frames, by number. seed : decides which frames are compared.
+    """
+    there = [name for name in writable()[1:] if (folder / name).is_dir()]
+    named = [name for name in card.formats if name != NATIVE]
+    faults: list[tuple[int | None, str]] = [
+        (None, f"{name}/ is there, and the card does not name that format")
+        for name in there
+        if name not in named
+    ]
+    names = list(dict.fromkeys([*named, *there]))
+    if not names or not poses:
+        return ExportCheck(0, tuple(faults))
+    if not card.complete:
+        return ExportCheck(0, tuple(faults), ("exports are finished at the end of a capture",))
+    if card.machine.flyaround != version("flyaround"):
+        reason = f"exports were written by flyaround {card.machine.flyaround}"
+        return ExportCheck(0, tuple(faults), (reason,))
+    not_checked: list[str] = []
+    try:
+        splits = read_split(folder)
+    except UserError as error:
+        return ExportCheck(0, (*faults, (None, str(error))))
+    numbers = sorted(poses) if whole else _sample(sorted(poses), splits, seed, len(names))
+    comparisons = []
+    # the card that a writer was given at the start of the capture
+    begun = msgspec.structs.replace(card, complete=False, quarantined=())
+    for name in names:
+        try:
+            form = find_format(name)
+            if form not in BUILT_IN:
+                not_checked.append(f"format {name} is of another package")
+                continue
+            comparisons.append(_Comparison(form, folder / name, begun, is_whole=whole))
+        except UserError as error:
+            not_checked.append(str(error))
+    for k in numbers:
+        frame = frame_from_folder(folder, k, splits.get(k, ""))  # decoded once for all formats
+        for comparison in comparisons:
+            comparison.take(frame)
+    for comparison in comparisons:
+        comparison.finish()
+        found = [
+            *comparison.faults,
+            *_check_others(comparison, poses, splits),
+            *_check_poses(comparison, poses),
+        ]
+        faults += [(k, f"{comparison.form.name}/{what}") for k, what in found]
+    return ExportCheck(len(numbers), tuple(faults), tuple(not_checked))
+
+
+def _sample(numbers: Sequence[int], splits: Mapping[int, str], seed: int, n_formats: int) -> list[int]:
+    """Frames whose contents are compared, some of each split."""
+    order = np.random.default_rng([seed % 2**63, len(numbers), 1]).permutation(numbers).tolist()
+    fewest = min(MOST_OF_SMALL, max(FEWEST, PICTURES // n_formats))
+    chosen = set(order[: max(fewest, math.ceil(SHARE * len(numbers)))])
+    for split in set(splits.values()):
+        chosen |= set([k for k in order if splits.get(k) == split][:FEWEST_OF_SPLIT])
+    return sorted(chosen)
+
+
+class _Comparison:
+    """Output of a format's writer that compares each file with the one that is there.
+
+    Parameters
+    ----------
+    is_whole : all frames are taken; else lists and shards that are there hold more than what is written here.
+    """
+
+    def __init__(self, form: DatasetFormat, root: Path, card: DatasetCard, *, is_whole: bool) -> None:
+        self.form, self.root = form, root
+        self.faults: list[tuple[int | None, str]] = []
+        self.written: dict[int | None, list[str]] = {}
+        """Names of the files of each frame, and of all frames."""
+        self._is_whole = is_whole
+        self._frame: int | None = None
+        self._is_varied = False
+        self._writer = form.open_writer(self, card, is_plain=True)
+
+    def take(self, frame: LabelledFrame) -> None:
+        """Compare the files of one frame."""
+        self._frame, truth = frame.number, frame.truth
+        self._is_varied |= isinstance(truth, Truth) and truth.scene.target.variation is not msgspec.UNSET
+        try:
+            self._writer.write(frame)
+        except UserError as error:
+            self.faults.append((frame.number, f"cannot be compared: {error}"))
+        self._frame = None
+
+    def finish(self) -> None:
+        """Compare the files of all frames."""
+        self._writer.finish()
+
+    def write(self, name: str, data: bytes) -> None:
+        """Compare one file."""
+        is_shard = _SHARD.fullmatch(name)
+        of_frame = None if is_shard or name.startswith("models/") else self._frame
+        self.written.setdefault(of_frame, []).append(name)
+        if not self._is_whole and (
+            Path(name).suffix == ".md" or (self._is_varied and name.startswith("models/"))
+        ):
+            return  # the text counts frames; models are numbered as frames come
+        for entry, what in self._compare(name, data, is_subset=of_frame is None and not self._is_whole):
+            self.faults.append(
+                (of_frame if entry is None or entry.frame is None else entry.frame, f"{name}: {what}")
+            )
+
+    def _compare(self, name: str, data: bytes, *, is_subset: bool) -> Iterator[tuple[Entry | None, str]]:
+        shard = _SHARD.fullmatch(name)
+        paths = [self.root / name]
+        if shard and is_subset:
+            of_split = (self.root / name).parent.glob(Path(shard[1]).name + "*" + shard[2])
+            paths = sorted(p for p in of_split if _SHARD.fullmatch(p.name)) or paths
+        wanted: dict[str, Entry] | None = None
+        missing: set[str] = set()
+        for path in paths:
+            try:
+                refuse_link_out(path, self.root)
+                found = read_regular(path, MOST_BYTES)
+                if found == data:
+                    return
+                if wanted is None:
+                    wanted = {entry.key: entry for entry in entries(name, data)}
+                    missing = set(wanted)
+                for entry in entries(name, found):
+                    if entry.key in missing:
+                        missing.remove(entry.key)
+                        if not is_same(
+                            self._comparable(wanted[entry.key].value), self._comparable(entry.value)
+                        ):
+                            yield wanted[entry.key], f"{entry.key} is not the native frame's"
+                    elif entry.key in wanted:
+                        yield entry, f"{entry.key} is there twice"
+                    elif not is_subset:
+                        yield entry, f"{entry.key} is of no native frame"
+            except OSError as error:
+                yield None, f"it cannot be read ({error.strerror or error})"
+                return
+            except (UserError, AttributeError, TypeError, ValueError) as error:
+                yield None, str(error)
+                return
+        for key in sorted(missing):
+            yield wanted[key] if wanted else None, f"{key} is missing"
+
+    def _comparable(self, value: Any) -> Any:  # noqa: ANN401 - any value of a file
+        """Leave out the numbers of models, which depend on the frames before."""
+        if self._is_whole or not self._is_varied or not isinstance(value, list):
+            return value
+        return [
+            {key: v for key, v in row.items() if key != "obj_id"} if isinstance(row, dict) else row
+            for row in value
+        ]
+
+
+def _check_others(
+    comparison: _Comparison, poses: Mapping[int, Pose], splits: Mapping[int, str]
+) -> Iterator[tuple[int, str]]:
+    """Files of the frames that were not compared: there, and not cut off."""
+    templates: dict[str, set[str]] = {}
+    for k, names in comparison.written.items():
+        if k is not None:
+            own, split = {_template(name, k) for name in names}, splits.get(k, "")
+            templates[split] = templates.get(split, own) & own
+    for k in poses:
+        if k in comparison.written:
+            continue
+        for template in sorted(templates.get(splits.get(k, ""), ())):
+            name = template.replace("{six}", f"{k:06d}").replace("{k}", str(k))
+            try:
+                with (comparison.root / name).open("rb") as file:
+                    length = file.seek(0, 2)
+                    file.seek(max(length - LONGEST_END, 0))
+                    last = file.read()
+            except OSError as error:
+                yield k, f"{name}: it cannot be read ({error.strerror or error})"
+                continue
+            if is_cut(name, last):
+                yield k, f"{name}: it is cut off"
+
+
+def _template(name: str, number: int) -> str:
+    folder, _, file = name.rpartition("/")
+    file = re.sub(rf"^{number}_rgb", "{k}_rgb", file.replace(f"{number:06d}", "{six}", 1))
+    return f"{folder}/{file}" if folder else file
+
+
+def _check_poses(comparison: _Comparison, poses: Mapping[int, Pose]) -> Iterator[tuple[int | None, str]]:
+    """Every row of the lists that the format's own reader reads."""
+    read = comparison.form.read
+    if read is None:
+        return
+    rows: dict[int, Pose] = {}
+    for name in comparison.written.get(None, []):
+        path = comparison.root / name
+        if path.suffix not in LISTS or not path.is_file():
+            continue
+        try:
+            found = read(path)
+        except UserError as error:
+            yield None, f"{name}: {error}"
+            return
+        for picture in () if found is None else found.pictures:
+            number = re.search(r"\d+", Path(picture.name).stem)
+            if number is not None:
+                rows[int(number[0])] = picture.camera_from_target
+    for k, pose in poses.items():
+        if k not in rows:
+            yield k, "has no pose of the frame"
+        elif not (
+            np.allclose(rows[k].R, pose.R, rtol=0, atol=POSE_WITHIN)
+            and np.allclose(rows[k].t_m, pose.t_m, rtol=POSE_WITHIN, atol=POSE_WITHIN)
+        ):
+            yield k, "has another pose of the frame"

@@ -1,0 +1,162 @@
+"""Faults planted in the card, the manifest, and in record and scene alike."""
+
+import dataclasses
+import json
+import shutil
+
+import msgspec
+import pytest
+
+from simulator.contact_sheets.scenario_sheet import smaller
+from simulator.dataset.capture import capture
+from simulator.dataset.check.verify import check_dataset
+from simulator.recipes.plan import plan_recipe
+from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
+
+pytestmark = pytest.mark.gl
+
+
+def small(plan):
+    return dataclasses.replace(plan, camera=smaller(plan.camera, 128))
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
+    folder = tmp_path_factory.mktemp("card") / "set"
+    capture(small(plan_flight(scenario, n=4, quality="draft")), folder, labels=("depth",))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("card") / "set"
+    capture(small(plan_recipe("thesis", 3, target="tango@low", quality="draft")), folder)
+    return folder
+
+
+@pytest.fixture
+def copy(flown, tmp_path):
+    return shutil.copytree(flown, tmp_path / "set")
+
+
+def wrong(folder):
+    return [(fault.frame, fault.what) for fault in check_dataset(folder, redraw=0).faults]
+
+
+def edit(path, change):
+    document = json.loads(path.read_text())
+    change(document)
+    path.write_text(json.dumps(document))
+
+
+def without_manifest(folder):
+    """Remove what tells of every altered file, so that only the check in question can."""
+    (folder / "manifest.sha256").unlink()
+
+
+@pytest.mark.parametrize("name", ["flown", "drawn"])
+def test_fresh_sets_have_no_fault(name, request):
+    report = check_dataset(request.getfixturevalue(name), redraw=0)
+    assert report.faults == ()
+    assert report.not_checked == ()
+
+
+def test_a_wrong_hash_and_a_missing_line_of_the_manifest_are_found(copy):
+    path = copy / "manifest.sha256"
+    lines = path.read_text().splitlines()
+    lines[0] = "0" * 64 + lines[0][64:]
+    path.write_text("\n".join(lines[:-1]) + "\n")
+    first, last = lines[0].split()[1], lines[-1].split()[1]
+    assert sorted(wrong(copy)) == [
+        (0, f"{first} has another hash than in manifest.sha256"),
+        (3, f"{last} is not in manifest.sha256"),
+    ]
+
+
+def exchanged(keypoints):
+    names = list(keypoints)
+    return {name: keypoints[name] for name in [names[1], names[0], *names[2:]]}
+
+
+CARDS = {
+    "order of keypoints": lambda d: d["target"].update(keypoints=exchanged(d["target"]["keypoints"])),
+    "place of a keypoint": lambda d: next(iter(d["target"]["keypoints"].values())).__setitem__(0, 9.0),
+    "parts": lambda d: d["target"]["parts"].reverse(),
+    "classes of parts": lambda d: d["target"]["part_classes"].__setitem__(0, "radiator"),
+    "a label too many": lambda d: d["labels"].append("normals"),
+    "a label too few": lambda d: d["labels"].clear(),
+    "a format that is not there": lambda d: d["formats"].append("coco"),
+    "epoch": lambda d: d["scenario"].update(epoch_utc="2015-06-30T00:00:00Z"),
+    "orbit": lambda d: d["scenario"]["orbit"].update(
+        {
+            key: value * 1.001
+            for key, value in d["scenario"]["orbit"].items()
+            if key in ("perigee_km", "a_km", "altitude_km")
+        }
+    ),
+    "seed": lambda d: d.update(seed=d["seed"] + 1),
+    "spacing": lambda d: d.update(every_s=3.0),
+    "conventions": lambda d: d["conventions"].update(pose="x_target = R x_camera"),
+}
+
+
+@pytest.mark.parametrize("kind", CARDS)
+def test_a_card_that_says_something_else_is_found(copy, kind):
+    edit(copy / "dataset.json", CARDS[kind])
+    assert wrong(copy)
+
+
+def both(name, change):
+    def spoil(record):
+        if name in record:
+            record[name] = change(record[name])
+        record["scene"][name] = change(record["scene"][name])
+
+    return spoil
+
+
+RECORDS = {
+    "epoch": both("epoch_utc", lambda text: f"{int(text[:4]) + 1}{text[4:]}"),
+    "rate of the target": both("omega_target_rad_s", lambda w: [x * 1.01 for x in w]),
+    "rate of the camera": both("omega_camera_rad_s", lambda w: [x + 1e-6 for x in w]),
+    "relative velocity": both("v_target_camera_m_s", lambda v: [x + 1e-4 for x in v]),
+    "ECI velocity of the target": both("v_target_eci_m_s", lambda v: [-x for x in v]),
+    "ECI velocity of the camera": both("v_camera_eci_m_s", lambda v: [x * 1.0001 for x in v]),
+    "ECI position of the camera": both("r_camera_eci_m", lambda r: [x + 10 for x in r]),
+    "Earth's orientation": both("q_itrs_from_eci_wxyz", lambda q: [q[1], q[0], q[2], q[3]]),
+    "Moon's orientation": both("q_moon_from_eci_wxyz", lambda q: [q[0], -q[1], q[2], q[3]]),
+    "Moon's position": both("r_moon_eci_m", lambda r: [x * 1.0001 for x in r]),
+    "stars": both("environment", lambda e: e | {"stars": not e["stars"]}),
+    "time": both("t_s", lambda t: t + 1e-3),
+}
+
+
+@pytest.mark.parametrize("kind", RECORDS)
+@pytest.mark.parametrize("name", ["flown", "drawn"])
+def test_a_record_altered_together_with_its_scene_is_found(name, kind, request, tmp_path):
+    if (name, kind) == ("drawn", "stars"):
+        pytest.skip("the environment of a recipe may be replaced on the command line")
+    folder = shutil.copytree(request.getfixturevalue(name), tmp_path / "set")
+    without_manifest(folder)
+    edit(folder / "images" / "000001.json", RECORDS[kind])
+    found = [what for frame, what in wrong(folder) if frame == 1]
+    before = json.loads((request.getfixturevalue(name) / "images" / "000001.json").read_text())
+    after = json.loads((folder / "images" / "000001.json").read_text())
+    if name == "drawn" and before == after:
+        pytest.skip("a recipe's craft does not move")
+    assert any("scene is not that of the card's scenario" in what for what in found)
+
+
+def test_order_of_keypoints_in_a_record_is_found(copy):
+    without_manifest(copy)
+    edit(copy / "images" / "000002.json", lambda d: d["keypoints"].reverse())
+    assert wrong(copy) == [(2, "keypoints are in another order than the card's")]
+
+
+def test_scenes_of_another_version_are_said_not_to_be_computed_again(copy):
+    edit(copy / "dataset.json", lambda d: d["machine"].update(flyaround="0.0.1"))
+    report = check_dataset(copy, redraw=0)
+    assert report.faults == ()
+    assert any("flyaround 0.0.1" in reason for reason in report.not_checked)

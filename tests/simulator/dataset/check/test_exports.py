@@ -1,0 +1,319 @@
+"""Faults planted in the exports of a data set: check finds each by comparing the export with the native frames."""
+
+import dataclasses
+import io
+import itertools
+import json
+import shutil
+import tarfile
+from importlib.util import find_spec
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from flyaround.cli import app
+from simulator.contact_sheets.scenario_sheet import smaller
+from simulator.dataset.capture import capture
+from simulator.dataset.card import read_card
+from simulator.dataset.check.exports import check_exports
+from simulator.dataset.check.verify import check_dataset
+from simulator.dataset.formats.registry import writable
+from simulator.labels.request import LAYERS
+from simulator.labels.truth import read_truth
+from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
+from simulator.world.frames.pose import Pose
+
+pytestmark = pytest.mark.gl
+
+N = 11
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory):
+    """Return a data set in every format whose library is installed, of more frames than a check samples."""
+    scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
+    plan = plan_flight(scenario, n=N, quality="draft")
+    plan = dataclasses.replace(plan, camera=smaller(plan.camera, 160))
+    folder = tmp_path_factory.mktemp("exports") / "set"
+    names = [name for name in writable() if name != "parquet" or find_spec("pyarrow")]
+    assert capture(plan, folder, formats=tuple(names), labels=LAYERS, split=(8, 2, 1)).quarantined == ()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def poses(original):
+    truths = [read_truth(original / "images" / f"{k:06d}.json") for k in range(N)]
+    return {
+        k: Pose("camera", "target", t.q_camera_from_target_wxyz, t.t_camera_from_target_m)
+        for k, t in enumerate(truths)
+    }
+
+
+@pytest.fixture
+def folder(original, tmp_path):
+    return shutil.copytree(original, tmp_path / "set")
+
+
+def faults(folder, poses, *, whole=True, seed=1):
+    return check_exports(folder, read_card(folder), poses, seed, whole=whole).faults
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_untouched_exports_have_no_fault(original, poses, whole):
+    for seed in range(1 if whole else 2):
+        found = check_exports(original, read_card(original), poses, seed, whole=whole)
+        assert found.faults == ()
+        assert found.n_frames == N if whole else 4 <= found.n_frames < N
+        assert found.not_checked == ()
+
+
+def one_of(folder, pattern, place=0):
+    return sorted(folder.glob(pattern))[place]
+
+
+def cut(pattern):
+    def spoil(folder):
+        path = one_of(folder, pattern)
+        path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+
+    return spoil
+
+
+def remove(pattern):
+    return lambda folder: one_of(folder, pattern).unlink()
+
+
+def exchange(pattern):
+    """Put another frame's file in the place of one."""
+
+    def spoil(folder):
+        shutil.copy(one_of(folder, pattern, 1), one_of(folder, pattern))
+
+    return spoil
+
+
+def edit(pattern, change):
+    def spoil(folder):
+        path = one_of(folder, pattern)
+        document = json.loads(path.read_text())
+        change(document)
+        path.write_text(json.dumps(document))
+
+    return spoil
+
+
+def pixels(pattern, change):
+    def spoil(folder):
+        path = one_of(folder, pattern)
+        cv2.imwrite(str(path), change(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)))
+
+    return spoil
+
+
+def word(pattern, row, column, separator):
+    """Change one number of a text file by one in a hundred."""
+
+    def spoil(folder):
+        path = one_of(folder, pattern)
+        rows = path.read_text().splitlines()
+        cells = rows[row].split(separator)
+        cells[column] = repr(float(cells[column]) * 1.01)
+        rows[row] = separator.join(cells)
+        path.write_text("\n".join(rows) + "\n")
+
+    return spoil
+
+
+def array(name, change):
+    def spoil(folder):
+        path = one_of(folder, "npz/train/*.npz")
+        arrays = dict(np.load(path))
+        arrays[name] = change(arrays[name])
+        np.savez_compressed(path, **arrays)
+
+    return spoil
+
+
+def member(ending):
+    """Put the second frame's member of a shard in the place of the first's."""
+
+    def spoil(folder):
+        path = one_of(folder, "webdataset/train-*.tar")
+        with tarfile.open(path) as tar:
+            files = [(m.name, tar.extractfile(m).read()) for m in tar]
+        first, second = [k for k, (name, _) in enumerate(files) if name.split(".", 1)[1] == ending][:2]
+        files[first] = (files[first][0], files[second][1])
+        with tarfile.open(path, "w", format=tarfile.USTAR_FORMAT) as tar:
+            for name, data in files:
+                info = tarfile.TarInfo(name)
+                info.size = len(data)
+                tar.addfile(info, io.BytesIO(data))
+
+    return spoil
+
+
+def exr(channel):
+    def spoil(folder):
+        import OpenEXR
+
+        path = one_of(folder, "exr/train/*.exr")
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            channels = {name: np.array(c.pixels) for name, c in file.channels().items()}
+            header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        channels[channel] = channels[channel] * np.float32(1.01) + np.float32(0.1)
+        OpenEXR.File(header, channels).write(str(path))
+
+    return spoil
+
+
+def swap_keypoints(document):
+    k = document["annotations"][0]["keypoints"]
+    k[0:3], k[3:6] = k[3:6], k[0:3]
+
+
+PLANTED = {
+    "speed: another frame's JPEG": exchange("speed/images/train/*.jpg"),
+    "speed: JPEG cut": cut("speed/images/train/*.jpg"),
+    "speed: JPEG missing": remove("speed/images/train/*.jpg"),
+    "speed: JPEG lighter": pixels("speed/images/train/*.jpg", lambda x: cv2.add(x, 5)),
+    "speed: position": edit("speed/train.json", lambda d: d[0]["r_Vo2To_vbs_true"].__setitem__(2, 9.0)),
+    "speed: row missing": edit("speed/train.json", lambda d: d.pop(0)),
+    "speed: rows exchanged": edit(
+        "speed/train.json", lambda d: (d[0].update(filename=d[1]["filename"]), d.pop(1))
+    ),
+    "speed: list cut": cut("speed/train.json"),
+    "speed: camera": edit("speed/camera.json", lambda d: d.update(fx=d["fx"] * 1.01)),
+    "speedplus: another frame's JPEG": exchange("speedplus/synthetic/images/*.jpg"),
+    "speedplus: quaternion": edit(
+        "speedplus/synthetic/train.json", lambda d: d[0]["q_vbs2tango_true"].reverse()
+    ),
+    "spark: picture": exchange("spark/images/train/*.png"),
+    "spark: position": word("spark/train.csv", 1, 2, ","),
+    "spark: list cut": cut("spark/train.csv"),
+    "urso: picture": exchange("urso/*_rgb.png"),
+    "urso: pose": word("urso/train_poses_gt.csv", 1, 0, ","),
+    "urso: names": lambda folder: (folder / "urso/train_images.csv").write_text(
+        "\n".join(reversed((folder / "urso/train_images.csv").read_text().split())) + "\n"
+    ),
+    "bop: picture": exchange("bop/train/000000/gray/*.png"),
+    "bop: mask": pixels("bop/train/000000/mask_visib/*.png", lambda x: np.roll(x, 2, axis=1)),
+    "bop: depth": pixels("bop/train/000000/depth/*.png", lambda x: np.where(x > 0, x + 5, 0).astype(x.dtype)),
+    "bop: depth missing": remove("bop/train/000000/depth/*.png"),
+    "bop: pose": edit(
+        "bop/train/000000/scene_gt.json", lambda d: d["0"][0]["cam_t_m2c"].__setitem__(0, 77.0)
+    ),
+    "bop: scale": edit("bop/train/000000/scene_camera.json", lambda d: d["0"].update(depth_scale=2.0)),
+    "bop: box": edit("bop/train/000000/scene_gt_info.json", lambda d: d["0"][0]["bbox_obj"].reverse()),
+    "bop: diameter": edit("bop/models/models_info.json", lambda d: d["1"].update(diameter=1.0)),
+    "bop: model": cut("bop/models/*.ply"),
+    "coco: picture": exchange("coco/images/train/*.png"),
+    "coco: box": edit("coco/annotations/train.json", lambda d: d["annotations"][0]["bbox"].reverse()),
+    "coco: keypoints": edit("coco/annotations/train.json", swap_keypoints),
+    "coco: order of keypoints": edit(
+        "coco/annotations/train.json", lambda d: d["categories"][0]["keypoints"].reverse()
+    ),
+    "coco: mask": edit(
+        "coco/annotations/train.json", lambda d: d["annotations"][0]["segmentation"]["counts"].reverse()
+    ),
+    "coco: image's file": edit(
+        "coco/annotations/train.json", lambda d: d["images"][0].update(file_name="000001.png")
+    ),
+    "coco: annotation missing": edit("coco/annotations/train.json", lambda d: d["annotations"].pop(0)),
+    "coco: annotation twice": edit(
+        "coco/annotations/train.json", lambda d: d["annotations"].append(d["annotations"][0])
+    ),
+    "coco: parts' class": edit(
+        "coco/annotations/train_parts.json", lambda d: d["annotations"][0].update(category_id=9)
+    ),
+    "coco: polygon": edit(
+        "coco/annotations/train_polygons.json",
+        lambda d: d["annotations"][0]["segmentation"][0].__setitem__(0, 1.0),
+    ),
+    "yolo: picture": exchange("yolo/images/train/*.png"),
+    "yolo: box": word("yolo/labels/train/*.txt", 0, 1, " "),
+    "yolo: keypoint": word("yolo/labels/train/*.txt", 0, 5, " "),
+    "yolo: label of another frame": exchange("yolo/labels/train/*.txt"),
+    "yolo: label empty": lambda folder: one_of(folder, "yolo/labels/train/*.txt").write_text(""),
+    "npz: mask": array("mask", lambda x: np.roll(x, 2, axis=0)),
+    "npz: pose": array("t_camera_from_target_m", lambda x: x * 1.001),
+    "npz: order of keypoints": array("keypoints_name", lambda x: x[::-1]),
+    "npz: depth": array("depth", lambda x: x + np.float32(0.05)),
+    "npz: cut": cut("npz/train/*.npz"),
+    "exr: depth": exr("depth.Z"),
+    "exr: record": exchange("exr/train/*.json"),
+    "exr: cut": cut("exr/train/*.exr"),
+    "webdataset: picture": member("png"),
+    "webdataset: depth": member("depth.exr"),
+    "webdataset: cut": cut("webdataset/train-*.tar"),
+    "mcap: cut": cut("mcap/train-*.mcap"),
+    "mcap: another split's": lambda folder: shutil.copy(
+        one_of(folder, "mcap/test-*.mcap"), one_of(folder, "mcap/train-*.mcap")
+    ),
+}
+
+
+def rounds():
+    """Return the planted faults in groups of one for each format, which one comparison finds."""
+    by_format = {}
+    for kind in PLANTED:
+        by_format.setdefault(kind.split(":")[0], []).append(kind)
+    return [[k for k in group if k] for group in itertools.zip_longest(*by_format.values())]
+
+
+@pytest.mark.parametrize("kinds", rounds(), ids=lambda kinds: f"{len(kinds)} faults as {kinds[0]}")
+def test_planted_faults_are_found(folder, poses, kinds):
+    for kind in kinds:
+        PLANTED[kind](folder)
+    found = faults(folder, poses)
+    missed = [
+        kind for kind in kinds if not any(what.startswith(f"{kind.split(':')[0]}/") for _, what in found)
+    ]
+    assert missed == []
+    touched = {kind.split(":")[0] for kind in kinds}
+    assert {what.split("/")[0] for _, what in found} == touched
+
+
+def test_formats_that_the_card_does_not_name_and_folders_that_are_missing_are_found(folder, poses):
+    edit("dataset.json", lambda d: d["formats"].remove("bop"))(folder)
+    shutil.rmtree(folder / "yolo")
+    found = [what for _, what in faults(folder, poses, whole=False) if not what.startswith("webdataset/")]
+    assert any(what.startswith("bop/ is there") for what in found)
+    assert all(what.startswith(("bop/", "yolo/")) for what in found)
+    assert len(found) > N
+
+
+@pytest.mark.parametrize("change", [remove, cut])
+def test_files_of_frames_that_are_not_sampled_must_be_whole(folder, poses, change):
+    for pattern in ("speed/images/train/*.jpg", "coco/images/train/*.png"):
+        change(pattern)(folder)
+    for seed in range(2):
+        found = faults(folder, poses, whole=False, seed=seed)
+        assert {what.split("/")[0] for _, what in found} == {"speed", "coco"}
+
+
+def test_poses_of_frames_that_are_not_sampled_are_compared(folder, poses):
+    edit("speed/train.json", lambda d: [row["r_Vo2To_vbs_true"].__setitem__(2, 33.0) for row in d])(folder)
+    of_train = json.loads((folder / "split.json").read_text())["train"]
+    assert {k for k, _ in faults(folder, poses, whole=False)} == set(of_train)
+
+
+def test_check_tells_of_exports(folder):
+    PLANTED["coco: box"](folder)
+    result = CliRunner().invoke(app, ["check", str(folder), "--redraw", "0", "--all", "--json"])
+    report = json.loads(result.stdout)
+    assert result.exit_code == 1
+    assert report["exported"] == N
+    assert [f["what"] for f in report["faults"]] == [
+        "coco/annotations/train.json: annotations 1 is not the native frame's"
+    ]
+
+
+def test_exports_of_another_version_are_said_not_to_be_compared(folder):
+    edit("dataset.json", lambda d: d["machine"].update(flyaround="0.0.1"))(folder)
+    report = check_dataset(folder, redraw=0)
+    assert report.faults == ()
+    assert any("flyaround 0.0.1" in reason for reason in report.not_checked)
