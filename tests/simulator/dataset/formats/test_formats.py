@@ -1,6 +1,7 @@
 """Each format read back by a reader written from its public page, beside the native records."""
 
 import csv
+import dataclasses
 import json
 import math
 import shutil
@@ -15,9 +16,11 @@ from scipy.spatial.transform import Rotation
 
 import flyaround as fa
 from flyaround.__main__ import run
+from simulator.camera.lens.camera_model import Distortion
 from simulator.dataset.card import read_card
 from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.formats.registry import formats, read_foreign, writable
+from simulator.dataset.formats.ros_messages import camera_info
 from simulator.labels.truth import read_truth
 
 pytestmark = pytest.mark.gl
@@ -430,3 +433,18 @@ def test_each_format_says_what_it_holds(everything):
         assert form.name == name
         if form.writer is not None:
             assert form.sentence(card).startswith(f"{name} holds ")
+
+
+def test_camera_info_projects_as_the_camera_does(draw_kit):
+    """By the message's definition: K and D make the raw image, P the rectified one."""
+    camera = draw_kit.lens_camera
+    info = camera_info(camera, "2026-03-01T12:00:00.000Z")
+    K, P = np.reshape(info["k"], (3, 3)), np.reshape(info["p"], (3, 4))
+    points = np.array([[0.3, 0.2, 4.0], [-0.5, 0.4, 5.0], [0.1, -0.3, 3.0]])
+    raw, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), K, np.array(info["d"]))
+    assert raw[:, 0] == pytest.approx(camera.project(points), abs=1e-9)
+    rectified = np.concatenate([points, np.ones((3, 1))], axis=1) @ P.T
+    straight = dataclasses.replace(camera, distortion=Distortion())
+    assert rectified[:, :2] / rectified[:, 2:] == pytest.approx(straight.project(points), abs=1e-9)
+    assert np.reshape(info["r"], (3, 3)).tolist() == np.eye(3).tolist()
+    assert (info["width"], info["height"]) == (320, 240)
