@@ -19,6 +19,7 @@ from hil.link.framing.datagrams import (
     DATA,
     GIVE_UP_NS,
     OPEN,
+    RANGE,
     SPAN,
     Incoming,
     Kind,
@@ -257,4 +258,24 @@ def test_round_trips_are_smoothed_by_eighths():
         assert again_ns == pytest.approx(min(max(20e6, 4 * smoothed), 250e6), abs=100)
     # the long one has gone again: (7/8)^30 is a fiftieth
     assert smoothed == pytest.approx(20e6, rel=0.2)
+    peer.close()
+
+
+def test_nothing_is_sent_again_before_two_round_trips():
+    """What is younger may still be on its way; of a line that is not known yet, the time of a reordering."""
+    endpoint = Quiet()
+    peer = udp_peer.UdpTransport(endpoint, "a test", ("127.0.0.1", 9), 1, 1400)
+    now, trip_ns = time.monotonic_ns(), 50_000_000
+    with endpoint.changed:
+        for part in (b"lost", b"held"):
+            peer.outgoing.push(part)
+        peer.flush(now)
+        for _ in range(100):  # round trips alone: nothing is wanted
+            peer.take(Kind.ACK, memoryview(ACK.pack(0, 0, 1 << 16, now - trip_ns, 0)), now)
+        gap = ACK.pack(0, 1, 1 << 16, 0, 1) + RANGE.pack(0, 0)
+        resent = []
+        for after_ns in (1.9 * trip_ns, 2.1 * trip_ns, 3.9 * trip_ns, 4.3 * trip_ns):
+            peer.take(Kind.ACK, memoryview(gap), now + int(after_ns))
+            resent.append(peer.outgoing.resent)
+    assert resent == [0, 1, 1, 2]
     peer.close()

@@ -67,6 +67,7 @@ def test_speed_and_speedplus(everything, frames):
         assert (camera["fx"] / camera["ppx"], camera["fy"] / camera["ppy"]) == pytest.approx(
             (frames[0].camera.fx_px, frames[0].camera.fy_px)
         )
+        assert (camera["fx_px"], camera["fy_px"]) == (frames[0].camera.fx_px, frames[0].camera.fy_px)
         for split in SPLITS:
             rows = json.loads((root / lists / f"{split}.json").read_text())
             assert [r["filename"] for r in rows] == [f"img{f.number:06d}.jpg" for f in of(frames, split)]
@@ -127,6 +128,7 @@ def test_bop(everything, frames):
     assert math.dist(*points[[points[:, 0].argmin(), points[:, 0].argmax()]]) <= info["diameter"] + 1e-3
     assert 800 < info["diameter"] < 2000  # millimetres
     for split in SPLITS:
+        whole = json.loads((root / "camera.json").read_text())
         scene = root / SHORT[split] / "000000"
         gt, gt_info, cameras = (
             json.loads((scene / f"scene_{name}.json").read_text()) for name in ("gt", "gt_info", "camera")
@@ -137,6 +139,7 @@ def test_bop(everything, frames):
             (one,), (about,) = gt[key], gt_info[key]
             R, t = np.array(one["cam_R_m2c"]).reshape(3, 3), np.array(one["cam_t_m2c"])
             K = np.array(cameras[key]["cam_K"]).reshape(3, 3)
+            assert K.tolist() == [[whole["fx"], 0, whole["cx"]], [0, whole["fy"], whole["cy"]], [0, 0, 1]]
             seen = points @ R.T + t
             pixels = (seen / seen[:, 2:]) @ K.T
             np.testing.assert_allclose(pixels[:, 0].min(), frame.truth.box_amodal_px[0], atol=2e-3)
