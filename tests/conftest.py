@@ -77,5 +77,6 @@ def draw_kit():
         quad=scene_kit.quad,
         white=scene_kit.white,
         camera=scene_kit.CAMERA,
+        lens_camera=scene_kit.LENS_CAMERA,
         nothing=scene_kit.NOTHING,
     )

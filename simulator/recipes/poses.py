@@ -136,7 +136,7 @@ def _translation_m(
             if np.abs(off).max() <= 1:
                 return _at(camera, middle + off * size / 2, z)
         raise RuntimeError("no normal of at most two falls within one in ten thousand draws")
-    radius_px = camera.fx_px * radius_m(target) / z
+    radius_px = np.array([camera.fx_px, camera.fy_px]) * radius_m(target) / z
     slack = np.maximum(size / 2 - radius_px, 0)
     return _at(camera, middle + rng.uniform(-1, 1, 2) * slack, z)
 

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 
 from simulator.camera.detector.sensor import Sensor
-from simulator.camera.lens.camera_model import Camera
+from simulator.camera.lens.camera_model import Camera, Distortion
 from simulator.runtime.arrays import quat, vec3
 from simulator.scene import environments
 from simulator.scene.state import SceneState, TargetRef
@@ -16,6 +16,14 @@ from simulator.world.frames.rotation import quat_from_matrix, quat_from_rotvec, 
 
 AU_M = 149_597_870_700.0
 CAMERA = Camera(width_px=320, height_px=240, fx_px=600.0, fy_px=590.0, cx_px=161.3, cy_px=118.6)
+LENS_CAMERA = replace(
+    CAMERA,
+    fy_px=520.0,
+    cx_px=171.3,
+    cy_px=101.6,
+    distortion=Distortion("brown_conrady", (-0.25, 0.1, 2e-3, -3e-3, 0.02)),
+)
+"""A camera on which no two intrinsics may be taken for each other: for tests of labels, formats and messages."""
 NOTHING = msgspec.structs.replace(environments.NOTHING, seasons=False, relief=False)
 
 

@@ -22,6 +22,7 @@ from gui.flight.docking import (
     touches_port,
 )
 from gui.flight.docking_port import approach_axis_lvlh, docking_port, port_along, radius_m, target_from_lvlh
+from gui.flight.docking_watch import Docking
 from gui.flight.hold_points import HoldPoints, not_ready
 from simulator.runtime.arrays import quat, vec3
 from simulator.scenario.load import load_scenario
@@ -284,3 +285,30 @@ def test_where_the_docking_point_is_aimed_at() -> None:
     assert replace(REST, closing_m_s=-0.1).aimed_at_m is None
     moving = replace(REST, closing_m_s=0.5, right_m=0.3, right_m_s=-0.01, down_m_s=0.02)
     assert moving.aimed_at_m == pytest.approx((0.1, 0.4))
+
+
+@pytest.mark.parametrize(("closing_m_s", "away_m_s"), [(0.5, 0.15), (1.2, 0.36), (0.02, 0.01)])
+def test_a_touch_that_is_no_docking_sends_a_share_of_the_closing_speed_back(
+    closing_m_s: float, away_m_s: float
+) -> None:
+    """Three tenths of it, and a centimetre a second at least; what goes along the surface goes on."""
+    plan = plan_of("tango-flyaround")
+    watch = Docking(plan.target, plan.flight, None)
+    watch.limits = replace(TWO_TENTHS)
+    attitude = plan.flight.attitude(0.0)
+    still = chaser_before(plan, (0.0, 0.0, -0.001), (12.0, 0.0, 0.0))
+    p = np.array(still.position_eci_m)
+    out = p / np.linalg.norm(p)
+    aside = np.cross(out, [0.0, 0.0, 1.0])
+    at_rest = np.array(still.velocity_eci_m_s)
+    coming = at_rest - closing_m_s * out + 0.04 * aside
+    before = replace(still, velocity_eci_m_s=vec3(coming))
+    after = replace(before, t_s=0.1, position_eci_m=vec3(p + 0.1 * coming))
+    state, news = watch.after_step(before, after, plan.flight)
+    assert [kind for kind, _ in news] == ["warning"]
+    assert not watch.docked
+    left = np.array(state.velocity_eci_m_s) - at_rest
+    assert attitude[1] is not None
+    assert left @ out == pytest.approx(away_m_s, abs=1e-9)
+    assert left @ aside == pytest.approx(0.04 * (aside @ aside), abs=1e-9)
+    assert state.position_eci_m == before.position_eci_m

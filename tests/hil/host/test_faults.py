@@ -13,6 +13,7 @@ from tutorial import blocks
 from hil.corner_code import CodePlace, read_code
 from hil.host.faults.camera_faults import HeldExposure, with_camera_faults
 from hil.host.faults.line_faults import FaultJournal, _Pump
+from hil.host.pose_link import PoseLink
 from hil.host.time_code import with_time_code
 from hil.link.packets.messages import PoseMessage, TimeSyncReply, decode_message
 from hil.link.packets.packet import Packet, PacketType
@@ -316,3 +317,29 @@ def test_a_line_fault_that_is_added_during_a_run_strikes_from_then_on():
     assert len(asked) == 6
     assert [r.faults for r in rows] == [()] * 3 + [("delay",)] * 3
     assert min(r.e2e_ms for r in rows[3:]) >= 30.0
+
+
+def even_between(values, low, high):
+    """Whether values are spread evenly over an interval and reach both of its ends."""
+    u = (np.sort(values) - low) / (high - low)
+    assert u[0] >= 0
+    assert u[-1] <= 1
+    # Kolmogorov-Smirnov at 0.1 %; the ends are reached within ten times their mean distance
+    assert np.abs(u - (np.arange(len(u)) + 0.5) / len(u)).max() < 1.95 / np.sqrt(len(u))
+    assert u[0] < 10 / len(u)
+    assert u[-1] > 1 - 10 / len(u)
+
+
+def test_jitter_is_between_nothing_and_its_most():
+    """On the line and where a flight has no line, for each frame anew."""
+    jitter = Jitter(most_ms=40.0, direction="to_host")
+    pump = _Pump("to_host", None, None, Faults(seed=3, line=(jitter,)), FaultJournal(), threading.Event())
+    added = []
+    for k in range(500):
+        pose = PoseMessage(frame_id=k, accepted=False, receive_ns=1, start_ns=2, end_ns=3)
+        # so far apart that none waits for the one before
+        pump._take(Packet(PacketType.POSE, pose.encode()), k * 10**9)
+        added.append(1e-6 * (pump._due[-1][0] - k * 10**9))
+    even_between(added, 0.0, 40.0)
+    link = PoseLink(latency_s=0.25, faults=(jitter,), seed=3)
+    even_between([link.delay_s(k, 0.1 * k) for k in range(500)], 0.25, 0.29)

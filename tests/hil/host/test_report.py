@@ -310,3 +310,18 @@ def test_addresses_of_other_machines_need_a_key(url, truth_url, open_to_all):
             check_access(link)
     else:
         check_access(link)
+
+
+@pytest.mark.parametrize(
+    ("late", "told"),
+    [
+        ((True, False, None, None, False), 1),
+        ((False, False, None), 0),
+        ((True, True), 2),
+        ((None, None), None),
+    ],
+)
+def test_lateness_is_counted_of_the_frames_where_it_is_known(late, told):
+    """A frame in time is known as well; of a run that knows of none, no count is told."""
+    rows = [row(k, "dropped:timeout", late=one) for k, one in enumerate(late)]
+    assert summarise(rows, **RUN).late == told

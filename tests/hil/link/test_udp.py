@@ -15,9 +15,11 @@ from lossy_udp import lossy_network
 
 from hil.link.errors import LinkClosed, LinkError, PacketError
 from hil.link.framing.datagrams import (
+    ACK,
     DATA,
     GIVE_UP_NS,
     OPEN,
+    RANGE,
     SPAN,
     Incoming,
     Kind,
@@ -216,3 +218,64 @@ def test_nobody_there_and_bad_sizes_are_one_sentence():
         parse_url("udp://127.0.0.1:5600?jumbo=1")
     with contextlib.suppress(struct.error):
         assert split_datagram(b"") is None
+
+
+class Quiet:
+    """An endpoint whose datagrams go nowhere."""
+
+    window_bytes = 1 << 16
+
+    def __init__(self):
+        self.changed = threading.Condition()
+
+    def send(self, _data, _peer):
+        return True
+
+    def wake(self):
+        pass
+
+    has_left = wake
+
+
+def test_round_trips_are_smoothed_by_eighths():
+    """RFC 6298's average: a stray long trip counts little, a lasting one counts; an answer has four trips of time."""
+    endpoint = Quiet()
+    peer = udp_peer.UdpTransport(endpoint, "a test", ("127.0.0.1", 9), 1, 1400)
+    smoothed, now = 3e6, time.monotonic_ns()
+    peer.outgoing.push(b"first")
+    for k, trip_ms in enumerate((80, 1, 1, 1, *[55] * 30, 1500, *[20] * 30)):
+        now += 10_000_000_000  # each on its own
+        peer.outgoing.push(b"next")
+        # one more came, the newest did not
+        told = ACK.pack(k + 1, 0, 1 << 16, now - trip_ms * 10**6, 0)
+        with endpoint.changed:
+            peer.flush(now)
+            peer.take(Kind.ACK, memoryview(told), now)
+            again_ns = peer.tick(now) - now
+        # a trip of seconds is that of a machine that stood still: it counts as one
+        smoothed += (min(trip_ms, 1000) * 1e6 - smoothed) / 8
+        # nanoseconds are whole
+        assert again_ns == pytest.approx(min(max(20e6, 4 * smoothed), 250e6), abs=100)
+    # the long one has gone again: (7/8)^30 is a fiftieth
+    assert smoothed == pytest.approx(20e6, rel=0.2)
+    peer.close()
+
+
+def test_nothing_is_sent_again_before_two_round_trips():
+    """What is younger may still be on its way; of a line that is not known yet, the time of a reordering."""
+    endpoint = Quiet()
+    peer = udp_peer.UdpTransport(endpoint, "a test", ("127.0.0.1", 9), 1, 1400)
+    now, trip_ns = time.monotonic_ns(), 50_000_000
+    with endpoint.changed:
+        for part in (b"lost", b"held"):
+            peer.outgoing.push(part)
+        peer.flush(now)
+        for _ in range(100):  # round trips alone: nothing is wanted
+            peer.take(Kind.ACK, memoryview(ACK.pack(0, 0, 1 << 16, now - trip_ns, 0)), now)
+        gap = ACK.pack(0, 1, 1 << 16, 0, 1) + RANGE.pack(0, 0)
+        resent = []
+        for after_ns in (1.9 * trip_ns, 2.1 * trip_ns, 3.9 * trip_ns, 4.3 * trip_ns):
+            peer.take(Kind.ACK, memoryview(gap), now + int(after_ns))
+            resent.append(peer.outgoing.resent)
+    assert resent == [0, 1, 1, 2]
+    peer.close()

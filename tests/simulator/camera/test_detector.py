@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
 from simulator.camera.detector.electrons import detect, electrons_per_radiance, mosaic
+from simulator.camera.detector.fixed_pattern import fixed_pattern
 from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.readout import bloom
+from simulator.camera.detector.readout import bloom, cosmic_ray_charge
 from simulator.camera.detector.sensor import Detector, Sensor, noiseless
 from simulator.imaging.image_formation import digitise, noise_sigma
 
@@ -172,3 +174,65 @@ def test_a_clean_twin_has_the_scale_and_no_noise():
     s = noiseless(sensor(read_noise_e=12.0, prnu=0.01, dark_current_e_s=500.0))
     image = digitise(flat(5000.0, s), s, 1, 2, 0.05)
     assert (image == 1064).all()
+
+
+def test_tracks_of_particles_have_the_angles_of_an_even_sky():
+    """Through a flat layer the cosine's square is uniform, the turn even; a track is as long as its charge says."""
+    layer, pitch = 60e-6, (3e-6, 5e-6)
+    s = replace(
+        sensor(cosmic_rays_cm2_s=3000.0, layer_m=layer), pixel_pitch_x_m=pitch[0], pixel_pitch_y_m=pitch[1]
+    )
+    charge = cosmic_ray_charge(s, 1500, 1500, 1.0, 3, 0)
+    n, names, boxes, _ = cv2.connectedComponentsWithStats((charge > 0).astype(np.uint8), connectivity=8)
+    assert n > 700  # that of three thousand a square centimetre, few of them crossing
+    # path over the layer: the charge of one, in 80 electrons a micrometre
+    total = np.bincount(names.ravel(), charge.ravel(), minlength=n)[1:] / (80e6 * layer)
+    # half within root two, three quarters within two
+    share = [np.mean(total < limit) for limit in (np.sqrt(2), 2.0)]
+    assert share == pytest.approx([0.5, 0.75], abs=3 * 0.5 / np.sqrt(n))
+    width, height = boxes[1:, cv2.CC_STAT_WIDTH], boxes[1:, cv2.CC_STAT_HEIGHT]
+    across = layer * np.sqrt(np.clip(total**2 - 1, 0, None))
+    seen = np.hypot((width - 1) * pitch[0], (height - 1) * pitch[1])
+    left, top = boxes[1:, cv2.CC_STAT_LEFT], boxes[1:, cv2.CC_STAT_TOP]
+    whole = (left > 0) & (top > 0) & (left + width < 1500) & (top + height < 1500) & (total < 4)
+    assert total[whole].min() > 0.95
+    assert np.median(np.abs(seen - across)[whole]) < np.hypot(*pitch)
+    # as many along the rows as along the columns, in metres, and as many of either slant
+    long = whole & (total > 1.5)
+    wide = (width * pitch[0] > height * pitch[1])[long]
+    slants = []
+    for k in np.flatnonzero(long) + 1:
+        x, y, w, h = boxes[k, :4]
+        rows, columns = np.nonzero(names[y : y + h, x : x + w] == k)
+        slants.append(np.sum((rows - rows.mean()) * (columns - columns.mean())))
+    bound = 3 * 0.5 / np.sqrt(long.sum())
+    assert wide.mean() == pytest.approx(0.5, abs=bound)
+    assert np.mean(np.array(slants) > 0) == pytest.approx(0.5, abs=bound)
+
+
+@pytest.mark.parametrize("b", [2, 3])
+def test_binned_pattern_is_that_of_the_pixels_it_joins(b):
+    """Sensitivity is their mean, offset and dark current their sums: noise of sensitivity falls as 1 / b."""
+    single = Detector(
+        prnu=0.05, dsnu_e=20.0, dark_current_e_s=100.0, dark_nonuniformity=0.3, dead_pixel_share=0.01
+    )
+    whole, binned = fixed_pattern(single, 60, 90), fixed_pattern(replace(single, binning=b), 60 // b, 90 // b)
+
+    def blocks(values):
+        return values.reshape(60 // b, b, 90 // b, b)
+
+    assert binned.sensitivity == pytest.approx(blocks(whole.sensitivity).mean(axis=(1, 3)), rel=1e-5)
+    assert binned.offset_e == pytest.approx(blocks(whole.offset_e).sum(axis=(1, 3)), abs=1e-3)
+    assert binned.dark_e_s == pytest.approx(blocks(whole.dark_e_s).sum(axis=(1, 3)), rel=1e-5)
+
+
+@pytest.mark.parametrize("charge_binning", [True, False])
+@pytest.mark.parametrize("b", [1, 2, 4])
+def test_declared_sigma_of_a_binned_pattern_is_the_pictures(b, charge_binning):
+    """Where sensitivity differs by a tenth nothing else counts: it averages over the pixels of a bin."""
+    s = sensor(prnu=0.1, dark_current_e_s=500.0, dsnu_e=10.0, binning=b, charge_binning=charge_binning)
+    image = digitise(np.full((240, 240), 0.4, np.float32), s, 1, 2, 0.05).astype(float)
+    # the sigma of 57,600 pixels is known to 0.3 %
+    declared = noise_sigma(s, 0.4, 0.05)
+    assert declared == pytest.approx(image.std() * 5 / s.saturation_e, rel=0.02)
+    assert declared > 0.9 * 0.1 / b * 0.4

@@ -31,7 +31,7 @@ def plan():
     camera = smaller(plan.camera, 256)
     # longer, and to the side, so that the craft is cropped
     return replace(
-        plan, camera=replace(camera, fx_px=camera.fx_px * 1.6, fy_px=camera.fy_px * 1.6, cx_px=12.0)
+        plan, camera=replace(camera, fx_px=camera.fx_px * 1.6, fy_px=camera.fy_px * 1.45, cx_px=12.0)
     )
 
 

@@ -1,12 +1,17 @@
 """Recipes: what is drawn is what the recipe says, and sample k depends on (recipe, seed, k) alone."""
 
+from dataclasses import replace
+
+import msgspec
 import numpy as np
 import pytest
 
+from simulator.camera.lens.camera_model import Distortion
 from simulator.errors import UserError
+from simulator.recipes.file import UniformRange
 from simulator.recipes.load import list_recipes, load_recipe
 from simulator.recipes.plan import plan_recipe
-from simulator.recipes.poses import scaled_range_m
+from simulator.recipes.poses import draw_pose, scaled_range_m
 from simulator.targets.library import list_targets, load_target
 from simulator.world.constants import EARTH_RADIUS_M
 from simulator.world.frames.rotation import matrix_from_quat
@@ -71,8 +76,13 @@ def test_the_bounding_sphere_stays_in_view_where_it_fits(plan, scenes):
     for s in scenes:
         x, y, z = s.t_camera_from_target_m
         pixel = s.camera.project(np.array([x, y, z]))
-        r = s.camera.fx_px * radius / z
-        for p, size in zip(pixel, (s.camera.width_px, s.camera.height_px), strict=True):
+        for p, size, f in zip(
+            pixel,
+            (s.camera.width_px, s.camera.height_px),
+            (s.camera.fx_px, s.camera.fy_px),
+            strict=True,
+        ):
+            r = f * radius / z
             if r < size / 2:
                 assert r - 1 <= p <= size - r
 
@@ -153,3 +163,26 @@ def test_the_range_of_a_recipe_is_the_origins_depth_and_that_of_a_flight_the_cen
     apart = np.linalg.norm(np.subtract(scene.r_target_eci_m, scene.r_camera_eci_m))
     # positions in orbit are kept to a nanometre or so
     assert apart == pytest.approx(np.linalg.norm(scene.camera_from_target.apply(com)), abs=1e-6)
+
+
+def test_random_places_fill_the_room_up_to_the_frames_edge(draw_kit):
+    """The sphere is drawn evenly over all of the room that it has, across and down, and never leaves the frame."""
+    target, camera, rng = load_target("tango@low"), draw_kit.lens_camera, np.random.default_rng(8)
+    radius = max(np.linalg.norm(p.positions_m, axis=1).max() for p in target.parts)
+    recipe = msgspec.structs.replace(load_recipe("eval-black"), range=UniformRange(near_m=5.0, far_m=15.0))
+    straight = replace(camera, distortion=Distortion())
+    places = []
+    for k in range(N):
+        t = draw_pose(rng, recipe, camera, target, k).t_camera_from_target_m
+        half = np.array([camera.fx_px, camera.fy_px]) * radius / t[2]
+        size = np.array([camera.width_px, camera.height_px])
+        room = size / 2 - half
+        assert np.all(room > 0)
+        off = straight.project(t) - (size - 1) / 2
+        places.append(off / room)
+    for u in np.sort(places, axis=0).T:
+        # it comes within a fiftieth of its room to each edge, and no nearer than the edge
+        assert -1 - 1e-9 <= u[0] < -0.98
+        assert 0.98 < u[-1] <= 1 + 1e-9
+        # Kolmogorov-Smirnov at 0.1 %
+        assert np.abs((u + 1) / 2 - (np.arange(N) + 0.5) / N).max() < 1.95 / np.sqrt(N)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from simulator.scene.illumination.atmosphere import earth_atmosphere
 from simulator.scene.illumination.refraction import (
     _HEIGHTS_M,
     LIMB_DARKENING,
@@ -68,3 +69,20 @@ def test_a_craft_goes_through_half_light_into_the_shadow() -> None:
     at_limb = float(sunlight_past_earth(np.array([-behind, 0.0, RADIUS_M]), sun, "mono")[0])
     assert at_limb < 0.4
     assert half < 15e3
+
+
+def test_bent_light_is_spread_and_neither_lost_nor_made() -> None:
+    """What enters between two heights lands between two others, however far behind: its sum is the same.
+
+    The air bends the lower rays more, which dims the penumbra; 3e5 m behind the limb there is hardly any of that.
+    """
+    heights = np.linspace(-120e3, 200e3, 641)
+
+    def landed(behind: float) -> float:
+        sun = np.array([AU_M, 0.0, 0.0])
+        air_radius = earth_atmosphere("mono").radius_m
+        places = np.stack([np.full_like(heights, -behind), np.zeros_like(heights), heights + air_radius], 1)
+        return float(np.mean([sunlight_past_earth(r, sun, "mono")[0] for r in places]))
+
+    # steps of 500 m and a table whose steps are 100 m
+    assert landed(2.6e6) == pytest.approx(landed(3e5), rel=5e-3)

@@ -18,12 +18,20 @@ N = 6
 
 @pytest.fixture(scope="session")
 def small_plan():
-    """Makes plans of Tango on 384 pixels."""
+    """Makes plans of Tango on 384 pixels, whose fx, fy and middle cannot be taken for each other."""
 
     def make(n=N, *, bands=None, **sensor):
         scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
         plan = plan_flight(scenario, n=n, quality="draft", bands=bands)
-        return dataclasses.replace(plan, camera=smaller(plan.camera, 384))
+        camera = smaller(plan.camera, 384)
+        # no lens: one of the formats holds none
+        camera = dataclasses.replace(
+            camera,
+            fy_px=0.88 * camera.fy_px,
+            cx_px=camera.cx_px + 9,
+            cy_px=camera.cy_px - 6,
+        )
+        return dataclasses.replace(plan, camera=camera)
 
     return make
 

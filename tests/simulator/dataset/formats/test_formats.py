@@ -1,6 +1,7 @@
 """Each format read back by a reader written from its public page, beside the native records."""
 
 import csv
+import dataclasses
 import json
 import math
 import shutil
@@ -15,9 +16,11 @@ from scipy.spatial.transform import Rotation
 
 import flyaround as fa
 from flyaround.__main__ import run
+from simulator.camera.lens.camera_model import Distortion
 from simulator.dataset.card import read_card
 from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.formats.registry import formats, read_foreign, writable
+from simulator.dataset.formats.ros_messages import camera_info
 from simulator.labels.truth import read_truth
 
 pytestmark = pytest.mark.gl
@@ -60,10 +63,11 @@ def test_speed_and_speedplus(everything, frames):
     ):
         root = everything / name
         camera = json.loads((root / "camera.json").read_text())
-        assert (camera["Nu"], camera["fx"] / camera["ppx"]) == (
-            384,
-            pytest.approx(frames[0].camera.fx_px),
+        assert camera["Nu"] == 384
+        assert (camera["fx"] / camera["ppx"], camera["fy"] / camera["ppy"]) == pytest.approx(
+            (frames[0].camera.fx_px, frames[0].camera.fy_px)
         )
+        assert (camera["fx_px"], camera["fy_px"]) == (frames[0].camera.fx_px, frames[0].camera.fy_px)
         for split in SPLITS:
             rows = json.loads((root / lists / f"{split}.json").read_text())
             assert [r["filename"] for r in rows] == [f"img{f.number:06d}.jpg" for f in of(frames, split)]
@@ -124,6 +128,7 @@ def test_bop(everything, frames):
     assert math.dist(*points[[points[:, 0].argmin(), points[:, 0].argmax()]]) <= info["diameter"] + 1e-3
     assert 800 < info["diameter"] < 2000  # millimetres
     for split in SPLITS:
+        whole = json.loads((root / "camera.json").read_text())
         scene = root / SHORT[split] / "000000"
         gt, gt_info, cameras = (
             json.loads((scene / f"scene_{name}.json").read_text()) for name in ("gt", "gt_info", "camera")
@@ -134,6 +139,7 @@ def test_bop(everything, frames):
             (one,), (about,) = gt[key], gt_info[key]
             R, t = np.array(one["cam_R_m2c"]).reshape(3, 3), np.array(one["cam_t_m2c"])
             K = np.array(cameras[key]["cam_K"]).reshape(3, 3)
+            assert K.tolist() == [[whole["fx"], 0, whole["cx"]], [0, whole["fy"], whole["cy"]], [0, 0, 1]]
             seen = points @ R.T + t
             pixels = (seen / seen[:, 2:]) @ K.T
             np.testing.assert_allclose(pixels[:, 0].min(), frame.truth.box_amodal_px[0], atol=2e-3)
@@ -343,7 +349,8 @@ def test_what_is_written_is_read_again(everything, frames, form, tmp_path):
     out = tmp_path / "out"
     assert run(["convert", str(place / lists[form]), "-o", str(out), "--target", "tango@low"]) == 0
     for again, frame in zip(fa.open_dataset(out), of(frames, "train"), strict=True):
-        assert again.camera.fx_px == pytest.approx(frame.camera.fx_px, rel=1e-12)
+        for name in ("fx_px", "fy_px", "cx_px", "cy_px"):
+            assert getattr(again.camera, name) == pytest.approx(getattr(frame.camera, name), rel=1e-12)
         # by the model alone, less than an outline apart from what was drawn
         apart = np.count_nonzero(again.mask != frame.mask)
         assert apart < 0.03 * np.count_nonzero(frame.mask)
@@ -430,3 +437,18 @@ def test_each_format_says_what_it_holds(everything):
         assert form.name == name
         if form.writer is not None:
             assert form.sentence(card).startswith(f"{name} holds ")
+
+
+def test_camera_info_projects_as_the_camera_does(draw_kit):
+    """By the message's definition: K and D make the raw image, P the rectified one."""
+    camera = draw_kit.lens_camera
+    info = camera_info(camera, "2026-03-01T12:00:00.000Z")
+    K, P = np.reshape(info["k"], (3, 3)), np.reshape(info["p"], (3, 4))
+    points = np.array([[0.3, 0.2, 4.0], [-0.5, 0.4, 5.0], [0.1, -0.3, 3.0]])
+    raw, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), K, np.array(info["d"]))
+    assert raw[:, 0] == pytest.approx(camera.project(points), abs=1e-9)
+    rectified = np.concatenate([points, np.ones((3, 1))], axis=1) @ P.T
+    straight = dataclasses.replace(camera, distortion=Distortion())
+    assert rectified[:, :2] / rectified[:, 2:] == pytest.approx(straight.project(points), abs=1e-9)
+    assert np.reshape(info["r"], (3, 3)).tolist() == np.eye(3).tolist()
+    assert (info["width"], info["height"]) == (320, 240)

@@ -266,6 +266,9 @@ def test_shallow_water_shines(draw, bands, quality):
     if bands == "rgb":
         assert bank[1] > 3 * ocean[1]  # it is green that comes back
         assert bank[0] < bank[1] / 2
+        # clear water: reflectance falls from blue to red by some eight times (Morel & Maritorena 2001, fig. 8)
+        red, green, blue = ocean / sun_irradiance_w_m2("rgb", 1.5e11)
+        assert blue > 1.7 * green > 1.7**2 * red
 
 
 def test_cells_that_do_not_look_for_shallow_water_would_find_none(draw, monkeypatch):

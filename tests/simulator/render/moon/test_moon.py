@@ -11,7 +11,7 @@ from simulator.scene.environments import Environment
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.scene.illumination.moonlight import disc_phase, lommel_seeliger_disc
 from simulator.scene.illumination.refraction import shadow_profile, sunlight_past_earth
-from simulator.world.frames.rotation import quat_from_matrix
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 pytestmark = pytest.mark.gl
 AU_M, MOON_M = 149_597_870_700.0, 384_400_000.0
@@ -72,6 +72,65 @@ def test_the_moons_light_is_the_published_one(renderer, draw_kit, speck, phase_d
         * disc_phase(np.radians(phase_deg))
     )
     assert np.mean(irradiance) == pytest.approx(published, rel=0.15)
+
+
+def test_the_moons_night_side_has_the_earths_light_alone(renderer, draw_kit, speck):
+    """From the Earth, a thick crescent: beyond the terminator the Moon shines by what a gibbous Earth sends."""
+    drawn, crescent = {}, 2.0
+    nearly_full = 0.06  # no nearer: the Earth's shadow
+    for phase in (nearly_full, crescent):
+        q, sun = _facing(phase)
+        scene = _scene(
+            draw_kit, speck, camera_eci=(1.0, 0, 0), look_eci=(1, 0, 0), moon_eci=(MOON_M, 0, 0), sun_eci=sun,
+            environment=msgspec.structs.replace(draw_kit.nothing, moon=True), fov_rad=0.012, q_moon_from_eci_wxyz=q,
+        )  # fmt: skip
+        drawn[phase] = renderer.render(scene, speck).radiance.astype(float)
+    full, thin = drawn.values()
+    # where each pixel's ray meets the sphere, and the Sun's height there
+    v, u = np.mgrid[:96, :96]
+    rays = scene.camera.unproject(np.stack([u, v], axis=-1).reshape(-1, 2).astype(float))
+    d = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    d = d / np.linalg.norm(d, axis=1, keepdims=True) @ matrix_from_quat(scene.q_camera_from_eci_wxyz)
+    moon = np.array([MOON_M - 1.0, 0, 0])
+    along = d @ moon
+    inside = along**2 - moon @ moon + 1_737_400.0**2
+    on = (inside > 0.1 * 1_737_400.0**2).reshape(96, 96)
+    normal = (d * (along - np.sqrt(np.maximum(inside, 0)))[:, None] - moon) / 1_737_400.0
+    to_sun = np.array(scene.r_sun_eci_m) - scene.r_moon_eci_m
+    height = (normal @ to_sun / np.linalg.norm(to_sun)).reshape(96, 96)
+    night, day = on & (height < -0.05), on & (height > 0.2)
+    assert min(night.sum(), day.sum()) > 400
+    assert thin.min() >= 0
+    # against the full Moon the ground's albedo cancels: the full Earth of V -16.8 at the Moon's distance, the Sun of
+    # -26.76 (Allen 2000), and the phase of a Lambert sphere
+    share = thin[night] / full[night] * disc_phase(nearly_full)
+    lambert = (np.sin(crescent) - crescent * np.cos(crescent)) / np.pi
+    assert np.median(share) == pytest.approx(lambert * 10 ** (-0.4 * (-16.8 + 26.76)), rel=0.25)
+    assert share.max() < 2 * np.median(share)
+    assert share.min() > 0.5 * np.median(share)
+    assert thin[day].min() > 100 * thin[night].max()
+
+
+def test_no_slope_is_lit_from_below_the_horizon_nor_from_behind(renderer, draw_kit, speck):
+    """Close to the ground, where craters are resolved: with the Sun 5 degrees under the horizon none sees it."""
+    lit = []
+    for height_deg in (-5.0, 3.0):
+        # 10 km up, looking down at the near side's middle
+        sun = np.radians(90 - height_deg)
+        scene = _scene(
+            draw_kit, speck, camera_eci=(MOON_M - 1_747_400.0, 0, 0), look_eci=(1, 0, 0), moon_eci=(MOON_M, 0, 0),
+            sun_eci=np.array([MOON_M, 0, 0]) + AU_M * np.array([-np.cos(sun), np.sin(sun), 0]), fov_rad=0.8,
+            environment=msgspec.structs.replace(draw_kit.nothing, moon=True), q_moon_from_eci_wxyz=_facing(0.0)[0],
+        )  # fmt: skip
+        lit.append(renderer.render(scene, speck).radiance.astype(float))
+    under, over = lit
+    earthlight = np.median(under)
+    # slopes turn to and from the Earth, at the zenith, too
+    assert 0 < under.min() <= under.max() < 2 * earthlight
+    # grazing light leaves what is turned away in the dark, and only that
+    assert 0.1 < np.mean(over < 2 * earthlight) < 0.6
+    assert over.min() > 0.5 * under.min()
+    assert np.median(over) > 5 * earthlight
 
 
 def test_phase_of_the_lommel_seeliger_disc():

@@ -108,3 +108,20 @@ def test_camera_on_wheels_keeps_the_target_in_view() -> None:
     aside = -matrix_from_quat(planned.q_camera_from_eci_wxyz) @ np.array(planned.relative_eci_m)
     assert los[1] == pytest.approx(np.degrees(np.arctan2(np.hypot(*aside[:2]), aside[2])), abs=0.05)
     assert abs(los[0] - los[1]) > 0.5
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_wheel_is_as_full_one_way_as_the_other(axis: int, sign: int) -> None:
+    """A half turn to the right and one to the left: the wheel stops at its momentum, and the body at J^-1 of it."""
+    error = np.zeros(3)
+    error[axis] = sign * 1.5
+    wheels = Wheels(
+        inertia_kg_m2=J, torque_nm=1.0, momentum_nms=0.5, start_error_deg=tuple(np.degrees(error))
+    )
+    track = fly_wheels(resting, 20.0, wheels)
+    held = track.momentum_nms[:, axis] * sign
+    assert held.max() == pytest.approx(0.5, abs=1e-9)
+    assert held.min() > -1e-3
+    # what the wheel took, the body turns with, the error's way back
+    assert (-sign * track.omega_rad_s[:, axis]).max() == pytest.approx(0.5 / J[axis], rel=1e-3)

@@ -11,8 +11,12 @@ import pytest
 from simulator.scenario.flight import fly
 from simulator.scenario.load import load_scenario
 from simulator.targets.library import load_target
-from simulator.world.constants import AU_M, EARTH_RADIUS_M, SUN_RADIUS_M
-from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
+from simulator.world.constants import AU_M, EARTH_RADIUS_M, MOON_RADIUS_M, SUN_RADIUS_M
+from simulator.world.ephemeris.eclipse import (
+    sun_fraction_past_earth_and_moon,
+    sun_fraction_past_sphere,
+    sun_visible_fraction,
+)
 from simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from simulator.world.frames.rotation import matrix_from_quat
 from simulator.world.orbit.forces import EarthForces, Forces, Surface
@@ -163,3 +167,35 @@ def test_flight_light_pressure_and_drawn_earth_have_one_shadow() -> None:
             light_pressure = np.linalg.norm(push.target(t + dt, r, v) - pull.target(t + dt, r, v))
             full = 1361 / 299792458.0 * 1.3 / 100 * (AU_M / np.linalg.norm(geometric - r)) ** 2
             assert light_pressure / full == pytest.approx(rays, abs=0.006)
+
+
+@pytest.mark.parametrize("earth_height_m", [EARTH_RADIUS_M + 1.5e3, EARTH_RADIUS_M + 60e3])
+def test_what_earth_and_moon_hide_of_the_sun_is_added(earth_height_m: float) -> None:
+    """The Earth's limb hides the disc from below, the Moon from above; against rays to points of the disc."""
+    r = np.array([-2e6, earth_height_m, 0.0])
+    to_sun = (SUN - r) / np.linalg.norm(SUN - r)
+    up = np.cross([0.0, 0.0, 1.0], to_sun)
+    sun_rad, moon_m = SUN_RADIUS_M / AU_M, 3.9e8
+    # the Moon's centre so high that its limb is half a solar radius above the Sun's centre
+    above = MOON_RADIUS_M / moon_m + 0.5 * sun_rad
+    moon = r + moon_m * (np.cos(above) * to_sun + np.sin(above) * up)
+    rng = np.random.default_rng(2)
+    radius, angle = SUN_RADIUS_M * np.sqrt(rng.random(100_000)), 2 * np.pi * rng.random(100_000)
+    d = SUN - r + radius[:, None] * (np.cos(angle)[:, None] * up + np.sin(angle)[:, None] * [0.0, 0.0, 1.0])
+    d /= np.linalg.norm(d, axis=-1, keepdims=True)
+    by_earth, by_moon = (
+        np.linalg.norm(body - (d @ body)[:, None] * d, axis=-1) < size
+        for body, size in ((-r, EARTH_RADIUS_M), (moon - r, MOON_RADIUS_M))
+    )
+    assert 0.1 < by_moon.mean() < 0.4
+    assert not np.any(by_earth & by_moon)
+    found = sun_fraction_past_earth_and_moon(r, SUN, moon)
+    # of a hundred thousand points: three sigma of the count
+    assert found == pytest.approx(np.mean(~by_earth & ~by_moon), abs=0.005)
+
+
+def test_full_shade_of_either_body_is_full_shade() -> None:
+    """With nothing left by the Earth and a part hidden by the Moon too, the share is zero and not less."""
+    r = np.array([-2e6, 0.0, 0.0])
+    moon = r + 3.9e8 * np.array([np.cos(0.008), np.sin(0.008), 0.0])
+    assert sun_fraction_past_earth_and_moon(r, SUN, moon) == 0.0

@@ -200,3 +200,14 @@ def test_lighter_chaser_is_blown_behind() -> None:
     # ten times the drag: nine times the target's deceleration, over t^2/2
     own = 0.5 * 1.454e-13 * 2.2 * 0.5 / 50.0 * 7500.0**2
     assert p @ V0 / np.linalg.norm(V0) == pytest.approx(-9 * own * 300.0**2 / 2, rel=0.1)
+
+
+def test_drag_of_the_chaser_is_that_of_its_own_velocity() -> None:
+    """Beside the target and faster than it: the air alone tells them apart, as two craft flown each by itself."""
+    forces = EarthForces(sky=SKY, forces=Forces(drag=True, target=SMALL, chaser=SMALL))
+    for w in (100.0 * V0 / np.linalg.norm(V0), np.cross(R0, V0) / np.linalg.norm(R0)):
+        _, apart = forces.pair(0.0, R0, V0, np.zeros(3), w)
+        expected = forces.target(0.0, R0, V0 + w) - forces.target(0.0, R0, V0)
+        # 1e-14: a sum of gravity's 8 m/s2 is rounded there
+        assert np.linalg.norm(expected) > 1e-10
+        assert np.allclose(apart, expected, rtol=0, atol=1e-14)
