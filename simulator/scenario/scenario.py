@@ -87,7 +87,7 @@ class SensorSection(Section, frozen=True, kw_only=True):
         UserError
             If the camera's file has other pixels than the detector named.
         """
-        base = sensor_preset(self.preset)
+        base = preset = sensor_preset(self.preset)
         if self.detector is not None and base.detector is None:
             base = replace(base, detector=Detector())
         if self.bits is not None:
@@ -95,7 +95,7 @@ class SensorSection(Section, frozen=True, kw_only=True):
         keys = ("full_scale_j_m2_sr", "blur_sigma_px", "speckle_variance", "gaussian_variance")
         given = {key: getattr(self, key) for key in keys}
         sensor = replace(base, **{key: value for key, value in given.items() if value is not None})
-        pitch_um = self.pixel_pitch_um or _camera_pitch_um(camera, base, where)
+        pitch_um = self.pixel_pitch_um or _camera_pitch_um(camera, preset, where)
         if pitch_um is not None:
             x, y = pitch_um
             sensor = replace(sensor, pixel_pitch_x_m=x * 1e-6, pixel_pitch_y_m=y * 1e-6)
