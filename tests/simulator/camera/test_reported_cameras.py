@@ -705,7 +705,7 @@ def test_what_is_not_understood_whole_is_refused(name):
         (b"\x93NUMPY\x01\0", "NumPy"),
         (b"MATLAB 5.0 MAT-file", r"\.mat file"),
         (b"\x80\x04\x95", "pickle"),
-        (b"\x01\0\0\0\x02\0\0\0", "not text|UTF-16"),  # COLMAP's cameras.bin
+        (b"\x01\0\0\0\x02\0\0\0", "binary file|UTF-16"),  # COLMAP's cameras.bin
         ("width: 640".encode("utf-16"), "UTF-16"),
         (b"", "JSON or YAML"),
     ],
