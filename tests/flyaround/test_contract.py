@@ -92,9 +92,11 @@ def test_exit_codes(tmp_path: Path) -> None:
     assert run(["fly", "--no-such-option"]) == codes["user_mistake"]
     assert codes["no_answers"] == NO_ANSWERS
     for sent, code in (("SIGINT", codes["interrupted"]), ("SIGTERM", codes["terminated"])):
+        # what runs in the background is started with Ctrl-C ignored
         stop = (
-            "import os, signal, flyaround.cli as c, flyaround.__main__ as m; c.app = lambda **_: "
+            "import os, signal, flyaround.cli as c, flyaround.__main__ as m; "
+            "signal.signal(signal.SIGINT, signal.default_int_handler); c.app = lambda **_: "
             f"(os.kill(os.getpid(), signal.{sent}), signal.pause()); m.main()"
         )
-        done = subprocess.run([sys.executable, "-c", stop], capture_output=True, check=False)
+        done = subprocess.run([sys.executable, "-c", stop], capture_output=True, timeout=200, check=False)
         assert done.returncode == code
