@@ -119,7 +119,9 @@ def test_an_error_elsewhere_keeps_the_frames_and_an_error_of_the_disk_is_told(tm
 
     with pytest.raises(UserError, match="no space"):
         _add_all(Full(tmp_path), (_frame(k) for k in range(1, 4)), most_bytes=1)
-    assert sorted(read_manifest(store)) == [0]
+    # lines come before names: those of the frame that was not written are there, and no later ones
+    assert sorted(read_manifest(store)) == [0, 1]
+    assert not store.exists("images/000001.json")
 
 
 def test_a_torn_last_line_and_nonsense_are_left_out(tmp_path):
