@@ -29,7 +29,8 @@ def test_missing_references_are_named(tmp_path: Path) -> None:
 def test_earth_rotation_is_astropys_and_tles_are_vallados() -> None:
     rows = [against_astropy(ROOT / "tests" / "reference"), *against_sgp4()]
     assert all(row.met for row in rows), rows
-    assert "546 states" in rows[1].against
+    # of 546 published ones 18 are below the surface or beyond the body's reach, and refused
+    assert "528 states" in rows[1].against
 
 
 def test_axisymmetric_body_turns_as_euler_has_it() -> None:
