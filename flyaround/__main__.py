@@ -74,7 +74,7 @@ def _call(arguments: list[str]) -> None:
 
 
 def _is_users(error: Exception) -> bool:
-    """Whether an error says by itself what a user can do."""
+    """Return True if an error says by itself what a user can do."""
     from hil.board.errors import BoardModelError  # noqa: PLC0415 - may fail
     from hil.link.errors import LinkError  # noqa: PLC0415 - may fail
 

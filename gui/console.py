@@ -114,7 +114,7 @@ class Console:
     mesh: MeshImport | None = None
     held: frozenset[str] = frozenset()
     hand_control: bool = False
-    """Whether keys fly the chaser. Commands, buttons, scripts, sticks and the key of abort always do."""
+    """True while keys fly the chaser. Commands, buttons, scripts, sticks and the key of abort always do."""
     on_pass_time: list[Callable[[Console], None]] = field(default_factory=list)
     """What else is to be kept up to date, once a turn of the loop."""
     _player: Player | None = None

@@ -42,7 +42,7 @@ class Keyboard:
 
     @property
     def typing(self) -> bool:
-        """Whether a field takes text."""
+        """True while a field takes text."""
         return bool(self._imgui.get_io().want_text_input)
 
     def set_urgent(self, names: Iterable[str]) -> None:
@@ -80,5 +80,5 @@ class Keyboard:
 
     @property
     def ctrl(self) -> bool:
-        """Whether a Ctrl key is down."""
+        """True while a Ctrl key is down."""
         return bool(self._imgui.get_io().key_ctrl)

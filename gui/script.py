@@ -113,7 +113,7 @@ def _line(raw: str, table: CommandTable) -> Line:
 
 
 class CommandLog:
-    """What was done, line by line; also in a file, where one is given, as soon as it is done."""
+    """The operator's commands, line by line; also in a file, if one is given, as soon as each is done."""
 
     def __init__(self) -> None:
         self.lines: list[Line] = []

@@ -44,7 +44,7 @@ _LIMITS = (
     "can't start new thread",
     "failed to map segment",
 )
-"""What libraries say under a limit of memory or threads, by errors of other kinds."""
+"""Messages of libraries that run out of memory or threads and raise other errors."""
 
 
 def machine_sentence(error: BaseException) -> str | None:

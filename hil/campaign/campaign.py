@@ -52,7 +52,7 @@ class RequirementOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlownCase(msgspec.Struct, frozen=True, kw_only=True):
-    """What a case's runs flew: a scenario of the campaign's, by its hash; target, faults, boards and drivers."""
+    """The subject of a case's runs: the scenario, by its hash; target, faults, boards and drivers."""
 
     name: str
     scenario: str

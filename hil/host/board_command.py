@@ -1,4 +1,4 @@
-"""What to type on a board that is to connect to a host."""
+"""The command that connects a board to a host."""
 
 from __future__ import annotations
 

@@ -141,7 +141,7 @@ def _has_hash(store: Store, name: str, digest: str) -> bool:
 
 
 def _agrees_with_its_record(folder: Path, k: int) -> bool:
-    """Whether image, mask and layers are those that the record has the hashes of, and there is no other file."""
+    """Return True if image, mask and layers have the hashes of the record, and there is no other file."""
     if not is_whole(folder, k):
         return False
     paths = frame_paths(folder, k)

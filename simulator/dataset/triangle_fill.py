@@ -63,7 +63,7 @@ def fill_triangles(fine: ByteArray, corners: FloatArray) -> None:
 
 
 def polygon_within(polygon: FloatArray, low: float, high: FloatArray) -> FloatArray:
-    """What of a convex polygon (K, 2) lies within ``low`` to ``high`` (2,), as corners (L, 2); none where nothing does.
+    """Clip a convex polygon (K, 2) to the box ``low`` to ``high`` (2,); return corners (L, 2), none if it lies outside.
 
     Source: Sutherland and Hodgman (1974), Reentrant polygon clipping.
     """

@@ -8,7 +8,7 @@ _USER = re.compile(r"(?<=://)(?:[^/\s:@'\"]*:(?!\d+(?:[/\s'\",;]|$))[^\s'\"]*|[^
 """Up to the last @ before the path, or of a word whose password has slashes of its own."""
 _QUERY = re.compile(r"(\b[a-zA-Z][\w+.-]*://[^\s'\"?#]*)([?#][^\s'\"]*)")
 _VALUE = re.compile(r"(?<=[?&#;])(?!(?:baud|rtscts|datagram)=)([^=&;#]*)=[^&;#]*")
-"""Of a query, but for the settings of links to boards."""
+"""Query of a URL, except the settings of links to boards."""
 
 
 def without_secrets(text: str) -> str:

@@ -114,7 +114,7 @@ def _check_height(flight: Flight, name: str) -> None:
 
 
 def _place_problem(craft: str, r_m: FloatArray, body: Body) -> str | None:
-    """What is wrong with where a craft is, from the centre of the body."""
+    """Return why a craft cannot be at a place, in words."""
     distance = float(np.linalg.norm(r_m))
     if not np.isfinite(distance):
         return f"the place of {craft} is not a finite number"

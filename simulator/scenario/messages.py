@@ -94,7 +94,7 @@ def _state_orbit(centre: BodyName, state: State) -> StateOrbit:
 
 
 def target_ephemeris(scenario: Scenario) -> Ephemeris | None:
-    """What the target of a loaded scenario follows; None where the forces move it."""
+    """Return the ephemeris that the target of a loaded scenario follows; None if the forces move it."""
     orbit = scenario.orbit
     if not isinstance(orbit, OemOrbit):
         return None
@@ -106,7 +106,7 @@ def target_ephemeris(scenario: Scenario) -> Ephemeris | None:
 
 
 def chaser_ephemeris(scenario: Scenario) -> Ephemeris | None:
-    """What the chaser follows, about the body that the target circles; None where its mode moves it.
+    """Return the ephemeris that the chaser follows, about the target's central body; None if its mode moves it.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def chaser_ephemeris(scenario: Scenario) -> Ephemeris | None:
 
 
 def followed_words(scenario: Scenario) -> list[str]:
-    """What each craft of a loaded scenario that follows a file does, as sentences."""
+    """Return a sentence for each craft of a loaded scenario that follows a file."""
     found = {"target": target_ephemeris(scenario), "chaser": chaser_ephemeris(scenario)}
     return [
         f"{craft}: follows {Path(e.where).name} between its lines, {e.interpolation}"

@@ -72,7 +72,7 @@ class Versions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """What is flown: scenario, seed, target with the hash of its model, and the command that asked for it."""
+    """A run's subject: scenario, seed, target with the hash of its model, and the command that asked for it."""
 
     scenario: ScenarioRecord
     seed: int
@@ -98,7 +98,7 @@ class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
-    """What a run was told, written when its ledger begins: all that is known of one that was killed.
+    """The terms of a run, written when its ledger begins: all that is known of one that was killed.
 
     ``board`` and the driver in ``versions`` are added once the first board is ready. No key is ever recorded.
     """

@@ -57,7 +57,7 @@ def _check_band(
     on_craft: BoolArray,
     factor: float,
 ) -> str:
-    """Say what of one band (H, W) is not the sensor's noise; empty if nothing.
+    """Return how one band (H, W) differs from the sensor's noise, in words; empty if it does not.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from simulator.runtime.sections import Section
 
 _G0_M_S2 = 9.80665
 CHASER_MASS_KG = 100.0
-"""Of a chaser whose scenario gives none."""
+"""Mass of a chaser whose scenario gives none [kg]."""
 
 
 class Thrusters(Section, frozen=True, kw_only=True):

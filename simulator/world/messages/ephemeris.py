@@ -117,7 +117,7 @@ class Ephemeris:
 
     @property
     def end_s(self) -> float:
-        """How far it goes on from the epoch without a gap between segments [s]."""
+        """End of the span from the epoch without a gap between segments [s]."""
         reach = 0.0
         for piece in self.pieces:
             if piece.first_s <= reach + ROUNDING_S:
@@ -161,7 +161,7 @@ class Ephemeris:
 
     @property
     def interpolation(self) -> str:
-        """How the lines are interpolated, in a few words."""
+        """Name of the interpolation, in a few words."""
         ways = {_words(p) for p in self.pieces}
         return " and ".join(sorted(ways))
 

@@ -39,7 +39,7 @@ _CATALOGUE_KEYS = (
     ),
     *("TLE_LINE2", "ORIGINATOR", "CREATION_DATE", "COMMENT"),
 )
-"""What catalogues on the web add to the keys of the standard."""
+"""Keys that web catalogues add to those of the standard."""
 _THEORIES = ("SGP4", "SGP/SGP4", "SGP")
 _FIXED = {
     "CENTER_NAME": ("EARTH",),

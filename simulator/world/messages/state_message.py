@@ -184,5 +184,5 @@ def read_opm(segment: Segment) -> OrbitParameters:
 
 
 def is_state_message(text: str, kind: str) -> bool:
-    """Whether a text is an OPM or OMM in key = value form."""
+    """Return True if a text is an OPM or OMM in key = value form."""
     return first_line(text).startswith(f"CCSDS_{kind}_VERS")

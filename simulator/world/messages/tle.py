@@ -146,7 +146,7 @@ def read_element_sets(text: str, where: str) -> list[ElementSet]:
 
 
 def is_element_file(text: str) -> bool:
-    """Whether one of the first lines of a text looks like line 1 of two-line elements."""
+    """Return True if one of the first lines of a text looks like line 1 of two-line elements."""
     return any(_DATA_LINE.match(line) and line[0] == "1" for line in text.splitlines()[:20])
 
 

@@ -33,7 +33,7 @@ class Ephemeris(Protocol):
 
     @property
     def end_s(self) -> float:
-        """How far it goes without a gap."""
+        """End of the span without a gap [s]."""
         ...
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:

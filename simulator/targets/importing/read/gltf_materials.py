@@ -107,7 +107,7 @@ class GltfMaterials:
         )
 
     def _report(self, m: dict[str, Any], coat: dict[str, Any]) -> None:
-        """Note what of a material is not carried over."""
+        """Note the properties of a material that are not carried over."""
         for key, what in (("emissiveTexture", "emission"), ("occlusionTexture", "occlusion maps")):
             if key in m or (what == "emission" and any(m.get("emissiveFactor", ()))):
                 self._lost.add(what)

@@ -99,7 +99,7 @@ class MaterialLibraries:
 
     @property
     def notes(self) -> list[str]:
-        """What was done to the pictures."""
+        """Notes of changes to the pictures."""
         return self._reader.notes
 
     @property

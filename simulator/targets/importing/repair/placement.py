@@ -192,7 +192,7 @@ def _check_size(model: RawModel, extent_m: float, factor: float, *, said: bool, 
 
 
 def _proposed_unit(extent: float, units_in_metres: float) -> str:
-    """Return the advice to give the unit under which a craft of ``extent`` units is likeliest, if there is one."""
+    """Return the advice to give the unit under which a craft of ``extent`` units is most plausible, if there is one."""
     fits = [u for u, m in UNITS_M.items() if m != units_in_metres and SMALLEST_M <= extent * m <= LIKELY_M]
     if not fits:
         return (
