@@ -32,6 +32,8 @@ def tracked() -> list[Path]:
 def module_of(path: Path) -> str:
     """A file's dotted name."""
     parts = path.with_suffix("").parts
+    if parts[0] in PACKAGES[1:]:
+        parts = (PACKAGES[0], *parts)
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 

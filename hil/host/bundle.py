@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-import hil
-from hil.board.svd.propose.learned.learned_proposal import KIN
-from simulator.errors import UserError
-from simulator.runtime.files import write_atomic
-from simulator.targets.board_model.write import board_record
+import flyaround.hil
+from flyaround.hil.board.svd.propose.learned.learned_proposal import KIN
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.targets.board_model.write import board_record
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from simulator.targets.model import Target
+    from flyaround.simulator.targets.model import Target
 
 # Run by `python3 board.pyz`; the zip is its own import path.
-MAIN = b'from hil.board.__main__ import run_and_exit\n\nrun_and_exit("board.pyz")\n'
+MAIN = b'from flyaround.hil.board.__main__ import run_and_exit\n\nrun_and_exit("board.pyz")\n'
 
 SHEBANG = b"#!/usr/bin/env python3\n"
 
@@ -68,17 +68,18 @@ def write_bundle(path: Path, targets: Sequence[Target]) -> int:
 
 def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
     yield "__main__.py", MAIN
-    root = Path(hil.__path__[0])
+    yield "flyaround/__init__.py", b""  # the package itself is for newer Pythons
+    root = Path(flyaround.hil.__path__[0])
     for source in (root / "__init__.py", *(root / "board").rglob("*.py"), *(root / "link").rglob("*.py")):
         # pictures of stages are for people: no estimate asks for them
         if source.parent.name != "debug":
-            yield f"hil/{source.relative_to(root).as_posix()}", source.read_bytes()
+            yield f"flyaround/hil/{source.relative_to(root).as_posix()}", source.read_bytes()
     names = {KIN.get(target.name, target.name) for target in targets}
     for kind in ("*.npz", "*.c", "*.h"):
         for data in (root / "board").rglob(kind):
             # a network is over a megabyte: only those of the crafts that go along
             if WEIGHTS not in data.parts or data.stem in names:
-                yield f"hil/{data.relative_to(root).as_posix()}", data.read_bytes()
+                yield f"flyaround/hil/{data.relative_to(root).as_posix()}", data.read_bytes()
     for target in targets:
         yield f"hil/board/models/{target.name}.board.json", msgspec.json.encode(board_record(target))
     spec = importlib.util.find_spec("serial")

@@ -119,9 +119,9 @@ def copy_tree(root: Path, to: Path) -> None:
         capture_output=True,
     )
     for name in filter(None, said.stdout.decode().split("\0")):
-        if (root / name).is_file():
+        if (root / name).is_file() or (root / name).is_symlink():
             (to / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(root / name, to / name)
+            shutil.copy2(root / name, to / name, follow_symlinks=False)
 
 
 @dataclass

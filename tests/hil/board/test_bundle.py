@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import hil
+import flyaround.hil
 from flyaround.__main__ import run
-from hil.board.__main__ import main
+from flyaround.hil.board.__main__ import main
 
-ROOT = Path(hil.__path__[0])
+ROOT = Path(flyaround.hil.__path__[0])
 
 
 @pytest.fixture(scope="module")
@@ -32,13 +32,19 @@ def test_the_bundle_is_small_whole_and_the_same_again(bundle: Path, tmp_path: Pa
     # 1.27 MB of it are the weights of each learned proposal: one for each of the two crafts, one for the light of lamps
     assert bundle.stat().st_size < 1_900_000 + 2 * 1_280_000
     names = zipfile.ZipFile(bundle).namelist()
-    assert {"__main__.py", "serial/serialposix.py", "hil/board/models/cubesat-3u.board.json"} <= set(names)
-    assert sum(name.startswith("hil/board/svd/") for name in names) >= 30
+    assert {
+        "__main__.py",
+        "serial/serialposix.py",
+        "flyaround/hil/board/models/cubesat-3u.board.json",
+    } <= set(names)
+    assert sum(name.startswith("flyaround/hil/board/svd/") for name in names) >= 30
     # of the learned proposals those of its crafts alone
-    assert "hil/board/svd/propose/learned/weights/tango.npz" in names
-    assert "hil/board/svd/propose/learned/weights/lamps/tango.npz" in names
-    assert "hil/board/svd/propose/learned/weights/soyuz-ms.npz" not in names
-    assert not any(name.startswith(("simulator", "flyaround", "hil/host")) for name in names)
+    assert "flyaround/hil/board/svd/propose/learned/weights/tango.npz" in names
+    assert "flyaround/hil/board/svd/propose/learned/weights/lamps/tango.npz" in names
+    assert "flyaround/hil/board/svd/propose/learned/weights/soyuz-ms.npz" not in names
+    assert not any(
+        name.startswith(("flyaround/simulator", "flyaround/gui", "flyaround/hil/host")) for name in names
+    )
     assert (
         run(["hil", "bundle", str(tmp_path / "again.pyz"), "--target", "tango", "--target", "cubesat-3u"])
         == 0
