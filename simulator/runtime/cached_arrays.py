@@ -1,6 +1,6 @@
 """Arrays in the user's cache folder: decoded maps and tables that are slow to make, written atomically.
 
-A name says what an entry was made from, its end if it is what was written (`flyaround.simulator.runtime.cache`). Who needs
+A name says what an entry was made from, its end if it is what was written (`runtime.cache`). Who needs
 what another thread or program is making waits for it. What no program has asked for in `KEPT_DAYS` goes when something
 new is stored.
 """

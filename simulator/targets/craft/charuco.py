@@ -1,6 +1,6 @@
 """The calibration board: a ChArUco board, its squares geometry, the markers in its light squares a texture.
 
-The plate and the frame are the chessboard's (`flyaround.simulator.targets.craft.chessboard`): origin in the middle of the
+The plate and the frame are the chessboard's (`craft.chessboard`): origin in the middle of the
 face, x right, y up, z out of the face. `charuco_board` is the same pattern as OpenCV knows it, whose object points have
 their origin in the upper left corner of the pattern, y down and z into the board; `model_from_opencv_m` turns them into
 the model's. Corner ``corner_R_C`` has the ChArUco id ``10 R + C``.
