@@ -1,4 +1,4 @@
-"""The face: public API and command line. Composes everything, holds no logic.
+"""Flyaround, a simulator of spacecraft close approach: the public API.
 
 >>> import flyaround as fa
 >>> plan = fa.plan_flight(fa.load_scenario("tango-flyaround"), n=3)
@@ -8,8 +8,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from flyaround.lazy import lazy_names
 
 if TYPE_CHECKING:
     from flyaround.hil.board.svd import PoseResult
@@ -136,16 +137,15 @@ _HOMES = {
 }
 
 
+_get = lazy_names(__name__, _HOMES)
+
+
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - the type checker reads the imports above
     if name == "__version__":
         from importlib.metadata import version  # noqa: PLC0415 - slow to import, needed here alone
 
         return version("flyaround")
-    if name not in _HOMES:
-        raise AttributeError(f"module 'flyaround' has no attribute {name!r}")
-    value = getattr(import_module(_HOMES[name]), name)
-    globals()[name] = value
-    return value
+    return _get(name)
 
 
 def __dir__() -> list[str]:

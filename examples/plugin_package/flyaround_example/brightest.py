@@ -4,10 +4,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from flyaround.plugins import BoardModel, CameraIntrinsics, Estimate
+
 
 @dataclass
 class Answer:
-    """What an estimator returns."""
+    """An `Estimate`."""
 
     t_camera_from_target_m: np.ndarray
     accepted: bool = False
@@ -20,12 +22,12 @@ class Answer:
 class Brightest:
     """Made once for a target and a camera, then asked picture by picture."""
 
-    def __init__(self, model, camera) -> None:
-        # what is known of the target: its wireframe, keypoints and so on
+    def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
+        # the model holds the target's wireframe, keypoints and so on
         self._model, self._camera = model, camera
 
-    def estimate(self, image: np.ndarray) -> Answer:
-        """The pose in an (H, W) picture."""
+    def estimate(self, image: np.ndarray) -> Estimate:
+        """Return the pose in an (H, W) picture."""
         y, x = np.nonzero(image >= 0.5 * image.max())
         c = self._camera
         ray = np.array([(x.mean() - c.cx_px) / c.fx_px, (y.mean() - c.cy_px) / c.fy_px, 1.0])

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-import flyaround as fa
+from flyaround.plugins import Frame
 
 CELLS = (20, 32)
 NOISE_M = 0.01
 
 
-def measure(frame: fa.Frame, rng: np.random.Generator) -> dict[str, np.ndarray]:
+def measure(frame: Frame, rng: np.random.Generator) -> dict[str, np.ndarray]:
     """Nearest depth in each cell [m], NaN where nothing is; random numbers from ``rng`` alone."""
     depth = frame.depth_m
     rows = np.array_split(np.arange(depth.shape[0]), CELLS[0])

@@ -1,0 +1,83 @@
+"""Public types for plug-ins: what a package that adds a sensor, a format, a recipe, an estimator or a target imports.
+
+`docs/plugins.md` says what an entry point of each group must be.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+from flyaround.lazy import lazy_names
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from flyaround.hil.board.answering import BoardEstimator, Estimate
+    from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, PoseResult
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.formats.posed_pictures import PosedPictures
+    from flyaround.simulator.frame import Frame
+    from flyaround.simulator.labels.truth import Truth
+    from flyaround.simulator.targets.model import Target
+
+__all__ = [
+    "BoardEstimator",
+    "BoardModel",
+    "CameraIntrinsics",
+    "DatasetCard",
+    "DatasetFormat",
+    "Estimate",
+    "FormatOutput",
+    "FormatWriter",
+    "Frame",
+    "LabelledFrame",
+    "PoseResult",
+    "PosedPictures",
+    "Sensor",
+    "Target",
+    "Truth",
+]
+
+
+class Sensor(Protocol):
+    """A function that measures something in a drawn frame (group ``flyaround.sensors``)."""
+
+    def __call__(self, frame: Frame, rng: np.random.Generator) -> dict[str, NDArray[Any]]:
+        """Return the measured arrays by name.
+
+        Parameters
+        ----------
+        frame : Frame
+            Image, radiance, depth and truth.
+        rng : numpy.random.Generator
+            The only source of random numbers; it depends on seed, frame and sensor.
+        """
+        ...
+
+
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "BoardEstimator": "flyaround.hil.board.answering",
+        "BoardModel": "flyaround.hil.board.svd",
+        "CameraIntrinsics": "flyaround.hil.board.svd",
+        "DatasetCard": "flyaround.simulator.dataset.card",
+        "DatasetFormat": "flyaround.simulator.dataset.formats.base",
+        "Estimate": "flyaround.hil.board.answering",
+        "FormatOutput": "flyaround.simulator.dataset.formats.base",
+        "FormatWriter": "flyaround.simulator.dataset.formats.base",
+        "Frame": "flyaround.simulator.frame",
+        "LabelledFrame": "flyaround.simulator.dataset.formats.labelled_frame",
+        "PoseResult": "flyaround.hil.board.svd",
+        "PosedPictures": "flyaround.simulator.dataset.formats.posed_pictures",
+        "Target": "flyaround.simulator.targets.model",
+        "Truth": "flyaround.simulator.labels.truth",
+    },
+)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
