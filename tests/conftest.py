@@ -18,7 +18,9 @@ hypothesis.settings.load_profile("any machine")
 
 
 def pytest_configure():
-    """Workers that draw at once (pytest-xdist) share the processors, as drawing processes do."""
+    """Let workers that draw at once (pytest-xdist) share the processors, and one large cache."""
+    # the tests draw every craft: under the size that users have they would bake each anew
+    os.environ.setdefault("FLYAROUND_CACHE_MB", "20000")
     share_processors(int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
 
 

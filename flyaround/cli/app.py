@@ -27,6 +27,7 @@ COMMANDS = {
     "compare": "compare",
     "bench": "bench",
     "doctor": "doctor",
+    "cache": "cache",
     "plugins": "plugins",
     "scenarios": "flights",
     "recipes": "recipes",

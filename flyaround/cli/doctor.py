@@ -23,7 +23,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.render.bake.ray_cast import embree_is_here
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.cache import cache_folder
-from flyaround.simulator.runtime.cached_arrays import cache_bytes
+from flyaround.simulator.runtime.cache_contents import cache_kinds
 
 
 def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
@@ -96,7 +96,9 @@ def _kernels() -> Finding:
 
 
 def _cache() -> Finding:
-    found = f"{cache_folder()}, {cache_bytes() / 1e6:.0f} MB"
+    found = (
+        f"{cache_folder()}, {sum(kind.size_bytes for kind in cache_kinds()) / 1e6:.0f} MB (flyaround cache)"
+    )
     return Finding("cache", True, False, found, "")
 
 

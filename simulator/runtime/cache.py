@@ -124,8 +124,15 @@ def read_checked(path: Path) -> bytes | None:
     except (OSError, ValueError) as error:
         log.warning("cache file %s cannot be used (%s) and is made again", path, error)
         return None
+    mark_used(path)
     with mapped:
         return mapped[:length]
+
+
+def mark_used(path: Path) -> None:
+    """Set a cache file's time of last use; a folder that may not be written to does not matter."""
+    with contextlib.suppress(OSError):
+        path.touch(exist_ok=True)
 
 
 def store_checked(path: Path, write: Callable[[IO[bytes]], object]) -> bool:

@@ -1,8 +1,8 @@
 """Arrays in the user's cache folder: decoded maps and tables that are slow to make, written atomically.
 
 A name says what an entry was made from, its end if it is what was written (`runtime.cache`). Who needs
-what another thread or program is making waits for it. What no program has asked for in `KEPT_DAYS` goes when something
-new is stored.
+what another thread or program is making waits for it. When something new is stored the least recently used entries
+go (`runtime.cache_contents`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,14 @@ from typing import IO, TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
-from flyaround.simulator.runtime.cache import DamagedError, cache_folder, map_checked, store_checked
+from flyaround.simulator.runtime.cache import (
+    DamagedError,
+    cache_folder,
+    map_checked,
+    mark_used,
+    store_checked,
+)
+from flyaround.simulator.runtime.cache_contents import trim_cache
 from flyaround.simulator.runtime.prebuilt import is_prebuilt, prebuilt_array
 
 if sys.platform != "win32":
@@ -30,23 +37,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-KEPT_DAYS = 90
-_DAY_S = 86400.0
 _LONGEST_WAIT_S, _LOOK_AGAIN_S = 120.0, 0.02  # for another that makes the same; it may have been stopped
 _LONGEST_HEAD = 1 << 16  # of an array of NumPy's format 1.0
 _T = TypeVar("_T", bound=np.generic)
 _Array = np.typing.NDArray[np.generic]
 _kept_as: dict[int, Path] = {}  # where arrays lie, by their identity
 log = logging.getLogger(__name__)
-
-
-def cache_bytes() -> int:
-    """Size of the cache folder [bytes]."""
-    total = 0
-    for path in cache_folder().rglob("*"):
-        with suppress(OSError):  # another program may have removed it
-            total += path.stat().st_size if path.is_file() else 0
-    return total
 
 
 def cached_array(key: str, make: Callable[[], NDArray[_T]]) -> NDArray[_T]:
@@ -100,7 +96,7 @@ def _read(paths: Sequence[Path], level: int) -> list[NDArray[_T]] | None:
         log.log(level, "cache file %s or one with it cannot be read (%s) and is made again", paths[0], error)
         return None
     for path in paths:
-        _mark_used(path)
+        mark_used(path)
     return kept
 
 
@@ -138,7 +134,7 @@ def _stored(path: Path, array: NDArray[_T]) -> NDArray[_T]:
     if not store_checked(path, lambda file: np.save(file, array, allow_pickle=False)):
         return array
     try:
-        _forget(path.parent)
+        trim_cache()
         # the page cache serves it from here on, this process's own memory is free again
         return _mapped(path)
     except (OSError, ValueError) as error:
@@ -181,18 +177,3 @@ def _lock(file: IO[bytes]) -> bool:
     except OSError:
         return True
     return True
-
-
-def _mark_used(path: Path) -> None:
-    # once a day: a folder that may not be written to does not matter
-    with suppress(OSError):
-        if time.time() - path.stat().st_mtime > _DAY_S:
-            path.touch()
-
-
-def _forget(folder: Path) -> None:
-    """Remove what was not used for long, and what a program left that ended while it wrote."""
-    for path in (*folder.glob("*.npy"), *folder.glob("*.tmp"), *folder.glob("*.lock")):
-        with suppress(OSError):  # another program may have removed it
-            if time.time() - path.stat().st_mtime > KEPT_DAYS * _DAY_S:
-                path.unlink()
