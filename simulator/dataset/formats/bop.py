@@ -181,12 +181,17 @@ def _way(first: NDArray[Any], last: NDArray[Any]) -> list[int]:
 
 
 def mesh_ply(target: Target) -> bytes:
-    """The mesh of a target as binary PLY, millimetres."""
-    import trimesh  # noqa: PLC0415 - slow to import
-
+    """Return the mesh of a target as binary PLY, millimetres."""
     mesh = mesh_of(target)
-    solid = trimesh.Trimesh(mesh.positions_m * MM, mesh.triangles, process=False)
-    return bytes(solid.export(file_type="ply"))
+    vertices = (mesh.positions_m * MM).astype("<f4")
+    faces = np.zeros(len(mesh.triangles), [("corners", "u1"), ("vertices", "<i4", 3)])
+    faces["corners"], faces["vertices"] = 3, mesh.triangles
+    head = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    return head.encode() + vertices.tobytes() + faces.tobytes()
 
 
 def model_info(target: Target) -> dict[str, Any]:
