@@ -12,36 +12,36 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hil.board.svd import PoseResult
-    from hil.evaluate.estimate import estimate
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.camera.lens.files import list_cameras, load_camera
-    from simulator.dataset.capture import capture
-    from simulator.dataset.check.verify import check_dataset
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
-    from simulator.dataset.labelled_dataset import LabelledDataset, open_dataset
-    from simulator.dataset.single_frames import render_scene, save_picture
-    from simulator.errors import UserError
-    from simulator.frame import Frame, take_frame
-    from simulator.labels.overlay import draw_truth
-    from simulator.labels.truth import Truth, read_truth
-    from simulator.loop import Sink, run_frames
-    from simulator.recipes.load import list_recipes, load_recipe
-    from simulator.recipes.plan import plan_recipe, varied_plan
-    from simulator.recipes.vary_file import load_vary
-    from simulator.render.renderer import Renderer
-    from simulator.scenario.load import list_scenarios, load_scenario
-    from simulator.scenario.plan import Plan, plan_flight
-    from simulator.scenario.poses import scene_at
-    from simulator.scenario.scenario import Scenario
-    from simulator.scene.environments import Environment
-    from simulator.scene.state import SceneState
-    from simulator.targets.glb.read import load_glb
-    from simulator.targets.glb.write import write_glb
-    from simulator.targets.library import list_targets, load_target
-    from simulator.targets.model import Target
-    from simulator.world.frames.pose import Pose
+    from flyaround.hil.board.svd import PoseResult
+    from flyaround.hil.evaluate.estimate import estimate
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.camera.lens.files import list_cameras, load_camera
+    from flyaround.simulator.dataset.capture import capture
+    from flyaround.simulator.dataset.check.verify import check_dataset
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.labelled_dataset import LabelledDataset, open_dataset
+    from flyaround.simulator.dataset.single_frames import render_scene, save_picture
+    from flyaround.simulator.errors import UserError
+    from flyaround.simulator.frame import Frame, take_frame
+    from flyaround.simulator.labels.overlay import draw_truth
+    from flyaround.simulator.labels.truth import Truth, read_truth
+    from flyaround.simulator.loop import Sink, run_frames
+    from flyaround.simulator.recipes.load import list_recipes, load_recipe
+    from flyaround.simulator.recipes.plan import plan_recipe, varied_plan
+    from flyaround.simulator.recipes.vary_file import load_vary
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.scenario.load import list_scenarios, load_scenario
+    from flyaround.simulator.scenario.plan import Plan, plan_flight
+    from flyaround.simulator.scenario.poses import scene_at
+    from flyaround.simulator.scenario.scenario import Scenario
+    from flyaround.simulator.scene.environments import Environment
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.glb.read import load_glb
+    from flyaround.simulator.targets.glb.write import write_glb
+    from flyaround.simulator.targets.library import list_targets, load_target
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.frames.pose import Pose
 
     __version__: str
 
@@ -92,47 +92,47 @@ __all__ = [
 
 # imported at first use: a program that only draws does not wait for what writes data sets
 _HOMES = {
-    "Camera": "simulator.camera.lens.camera_model",
-    "Environment": "simulator.scene.environments",
-    "Frame": "simulator.frame",
-    "LabelledDataset": "simulator.dataset.labelled_dataset",
-    "LabelledFrame": "simulator.dataset.formats.labelled_frame",
-    "Plan": "simulator.scenario.plan",
-    "Pose": "simulator.world.frames.pose",
-    "PoseResult": "hil.board.svd",
-    "Renderer": "simulator.render.renderer",
-    "Scenario": "simulator.scenario.scenario",
-    "SceneState": "simulator.scene.state",
-    "Sensor": "simulator.camera.detector.sensor",
-    "Sink": "simulator.loop",
-    "Target": "simulator.targets.model",
-    "Truth": "simulator.labels.truth",
-    "UserError": "simulator.errors",
-    "capture": "simulator.dataset.capture",
-    "check_dataset": "simulator.dataset.check.verify",
-    "draw_truth": "simulator.labels.overlay",
-    "estimate": "hil.evaluate.estimate",
-    "list_cameras": "simulator.camera.lens.files",
-    "list_recipes": "simulator.recipes.load",
-    "list_scenarios": "simulator.scenario.load",
-    "list_targets": "simulator.targets.library",
-    "load_camera": "simulator.camera.lens.files",
-    "load_glb": "simulator.targets.glb.read",
-    "load_recipe": "simulator.recipes.load",
-    "load_scenario": "simulator.scenario.load",
-    "load_target": "simulator.targets.library",
-    "load_vary": "simulator.recipes.vary_file",
-    "open_dataset": "simulator.dataset.labelled_dataset",
-    "plan_flight": "simulator.scenario.plan",
-    "plan_recipe": "simulator.recipes.plan",
-    "read_truth": "simulator.labels.truth",
-    "render_scene": "simulator.dataset.single_frames",
-    "run_frames": "simulator.loop",
-    "save_picture": "simulator.dataset.single_frames",
-    "scene_at": "simulator.scenario.poses",
-    "take_frame": "simulator.frame",
-    "varied_plan": "simulator.recipes.plan",
-    "write_glb": "simulator.targets.glb.write",
+    "Camera": "flyaround.simulator.camera.lens.camera_model",
+    "Environment": "flyaround.simulator.scene.environments",
+    "Frame": "flyaround.simulator.frame",
+    "LabelledDataset": "flyaround.simulator.dataset.labelled_dataset",
+    "LabelledFrame": "flyaround.simulator.dataset.formats.labelled_frame",
+    "Plan": "flyaround.simulator.scenario.plan",
+    "Pose": "flyaround.simulator.world.frames.pose",
+    "PoseResult": "flyaround.hil.board.svd",
+    "Renderer": "flyaround.simulator.render.renderer",
+    "Scenario": "flyaround.simulator.scenario.scenario",
+    "SceneState": "flyaround.simulator.scene.state",
+    "Sensor": "flyaround.simulator.camera.detector.sensor",
+    "Sink": "flyaround.simulator.loop",
+    "Target": "flyaround.simulator.targets.model",
+    "Truth": "flyaround.simulator.labels.truth",
+    "UserError": "flyaround.simulator.errors",
+    "capture": "flyaround.simulator.dataset.capture",
+    "check_dataset": "flyaround.simulator.dataset.check.verify",
+    "draw_truth": "flyaround.simulator.labels.overlay",
+    "estimate": "flyaround.hil.evaluate.estimate",
+    "list_cameras": "flyaround.simulator.camera.lens.files",
+    "list_recipes": "flyaround.simulator.recipes.load",
+    "list_scenarios": "flyaround.simulator.scenario.load",
+    "list_targets": "flyaround.simulator.targets.library",
+    "load_camera": "flyaround.simulator.camera.lens.files",
+    "load_glb": "flyaround.simulator.targets.glb.read",
+    "load_recipe": "flyaround.simulator.recipes.load",
+    "load_scenario": "flyaround.simulator.scenario.load",
+    "load_target": "flyaround.simulator.targets.library",
+    "load_vary": "flyaround.simulator.recipes.vary_file",
+    "open_dataset": "flyaround.simulator.dataset.labelled_dataset",
+    "plan_flight": "flyaround.simulator.scenario.plan",
+    "plan_recipe": "flyaround.simulator.recipes.plan",
+    "read_truth": "flyaround.simulator.labels.truth",
+    "render_scene": "flyaround.simulator.dataset.single_frames",
+    "run_frames": "flyaround.simulator.loop",
+    "save_picture": "flyaround.simulator.dataset.single_frames",
+    "scene_at": "flyaround.simulator.scenario.poses",
+    "take_frame": "flyaround.simulator.frame",
+    "varied_plan": "flyaround.simulator.recipes.plan",
+    "write_glb": "flyaround.simulator.targets.glb.write",
 }
 
 

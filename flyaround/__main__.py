@@ -7,11 +7,11 @@ import os
 import signal
 import sys
 
-from simulator.errors import UserError, machine_sentence
-from simulator.runtime.limits import limits_problem
-from simulator.runtime.memory import keep_freed_memory
-from simulator.runtime.threads import use_one_for_matrices
-from simulator.runtime.urls import without_secrets
+from flyaround.simulator.errors import UserError, machine_sentence
+from flyaround.simulator.runtime.limits import limits_problem
+from flyaround.simulator.runtime.memory import keep_freed_memory
+from flyaround.simulator.runtime.threads import use_one_for_matrices
+from flyaround.simulator.runtime.urls import without_secrets
 
 DRAWING = frozenset({"render", "capture", "sim", "demo", "bench"})
 """Commands that open the graphics driver, which ends the process where memory is short."""
@@ -66,8 +66,8 @@ def run(arguments: list[str]) -> int:
 
 def _call(arguments: list[str]) -> None:
     """Import the command line, which under a low limit may fail like the rest, and call it."""
-    from flyaround.cli import app  # noqa: PLC0415 - may fail
-    from flyaround.commands.command_line import typed  # noqa: PLC0415 - may fail
+    from flyaround.cli.app import app  # noqa: PLC0415 - may fail
+    from flyaround.cli.command_line import typed  # noqa: PLC0415 - may fail
 
     with typed(arguments):
         app(args=arguments, prog_name="flyaround")
@@ -75,8 +75,8 @@ def _call(arguments: list[str]) -> None:
 
 def _is_users(error: Exception) -> bool:
     """Return True if an error says by itself what a user can do."""
-    from hil.board.errors import BoardModelError  # noqa: PLC0415 - may fail
-    from hil.link.errors import LinkError  # noqa: PLC0415 - may fail
+    from flyaround.hil.board.errors import BoardModelError  # noqa: PLC0415 - may fail
+    from flyaround.hil.link.errors import LinkError  # noqa: PLC0415 - may fail
 
     return isinstance(error, UserError | LinkError | BoardModelError)
 
@@ -87,7 +87,7 @@ def _say_error(sentence: str) -> None:
     try:
         from rich.text import Text  # noqa: PLC0415 - may fail
 
-        from flyaround.commands.terminal import terminal  # noqa: PLC0415 - may fail
+        from flyaround.cli.terminal import terminal  # noqa: PLC0415 - may fail
 
         text = Text.assemble(("flyaround: ", "red"), line)
         terminal(stderr=True).print(text, soft_wrap=True)

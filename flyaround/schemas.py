@@ -7,20 +7,20 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from hil.campaign.campaign import outcome_json_schema
-from hil.campaign.definitions import campaign_json_schema
-from hil.campaign.map_results import delay_map_json_schema
-from hil.evaluate.metrics import metrics_json_schema
-from hil.host.ledger.run_terms import run_schema
-from hil.host.ledger.summary import summary_schema
-from simulator.dataset.card import card_json_schema
-from simulator.labels.imported import imported_json_schema
-from simulator.labels.truth import truth_json_schema
-from simulator.recipes.load import recipe_json_schema
-from simulator.recipes.vary_file import vary_json_schema
-from simulator.runtime.files import write_atomic
-from simulator.scenario.load import scenario_json_schema
-from simulator.targets.records import board_json_schema, target_json_schema
+from flyaround.hil.campaign.campaign import outcome_json_schema
+from flyaround.hil.campaign.definitions import campaign_json_schema
+from flyaround.hil.campaign.map_results import delay_map_json_schema
+from flyaround.hil.evaluate.metrics import metrics_json_schema
+from flyaround.hil.host.ledger.run_terms import run_schema
+from flyaround.hil.host.ledger.summary import summary_schema
+from flyaround.simulator.dataset.card import card_json_schema
+from flyaround.simulator.labels.imported import imported_json_schema
+from flyaround.simulator.labels.truth import truth_json_schema
+from flyaround.simulator.recipes.load import recipe_json_schema
+from flyaround.simulator.recipes.vary_file import vary_json_schema
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.scenario.load import scenario_json_schema
+from flyaround.simulator.targets.records import board_json_schema, target_json_schema
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -9,37 +9,37 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 
-from gui import style
-from gui.command_table import CommandTable
-from gui.commands.all import COMMANDS
-from gui.commands.capture import keep_capture
-from gui.commands.estimator import keep_estimates
-from gui.commands.hil import keep_hil
-from gui.commands.log import script_header
-from gui.commands.people import keep_film, keep_mesh
-from gui.console import Console
-from gui.flight.cautions import CautionWatch
-from gui.flight.gamepad import Gamepad
-from gui.flight.recorder import FlightRecorder
-from gui.flight.session import Session
-from gui.flight.telemetry import telemetry_of
-from gui.layout import Layout, layout_file, panel_commands, read_layout
-from gui.legibility import text_faults
-from gui.picture.feed import Feed
-from gui.picture.further import CAMERA_SHARE, further_feeds
-from gui.picture.turns import Turns
-from gui.picture.view_settings import Options, ViewSettings
-from gui.script import Script
-from gui.window import Window, import_parts
-from simulator.dataset.single_frames import save_picture
-from simulator.errors import UserError
-from simulator.frame import Frame
-from simulator.loop import open_frames
-from simulator.runtime.files import empty_folder, write_atomic
-from simulator.scenario.load import load_scenario
+from flyaround.gui import style
+from flyaround.gui.command_table import CommandTable
+from flyaround.gui.commands.all import COMMANDS
+from flyaround.gui.commands.capture import keep_capture
+from flyaround.gui.commands.estimator import keep_estimates
+from flyaround.gui.commands.hil import keep_hil
+from flyaround.gui.commands.log import script_header
+from flyaround.gui.commands.people import keep_film, keep_mesh
+from flyaround.gui.console import Console
+from flyaround.gui.flight.cautions import CautionWatch
+from flyaround.gui.flight.gamepad import Gamepad
+from flyaround.gui.flight.recorder import FlightRecorder
+from flyaround.gui.flight.session import Session
+from flyaround.gui.flight.telemetry import telemetry_of
+from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
+from flyaround.gui.legibility import text_faults
+from flyaround.gui.picture.feed import Feed
+from flyaround.gui.picture.further import CAMERA_SHARE, further_feeds
+from flyaround.gui.picture.turns import Turns
+from flyaround.gui.picture.view_settings import Options, ViewSettings
+from flyaround.gui.script import Script
+from flyaround.gui.window import Window, import_parts
+from flyaround.simulator.dataset.single_frames import save_picture
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import open_frames
+from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 log = logging.getLogger(__name__)
 
@@ -73,7 +73,7 @@ class Request:
     size : of the window. seed : instead of the scenario's. device_index : EGL device of the render process.
     seconds : close by itself after this long, counted from the first picture.
     screenshot : picture of the whole window at the end.
-    overlays : names of `gui.picture.view_settings.Overlays` to switch on.
+    overlays : names of `flyaround.gui.picture.view_settings.Overlays` to switch on.
     record : folder for the flight as it was flown and the scenario that replays it.
     script : commands to be done at their times. log : file for what was done, as a script.
     """

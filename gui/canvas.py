@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gui import hover_text, style
+from flyaround.gui import hover_text, style
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from gui.window import Window
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.gui.window import Window
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 Point = tuple[float, float]
 MOST_POINTS = 600

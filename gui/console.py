@@ -8,26 +8,26 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from gui.flight.manual_control import STEERING
-from gui.flight.opening import ScenarioOpener
-from gui.flight.scenario_draft import ScenarioDraft
-from gui.jobs.capture_job import CaptureJob
-from gui.jobs.hil_session import HilSession
-from gui.picture.estimates import Estimates
-from gui.picture.settings_history import SettingsHistory
-from gui.script import CommandLog, Line, Player, Script
-from simulator.errors import UserError
+from flyaround.gui.flight.manual_control import STEERING
+from flyaround.gui.flight.opening import ScenarioOpener
+from flyaround.gui.flight.scenario_draft import ScenarioDraft
+from flyaround.gui.jobs.capture_job import CaptureJob
+from flyaround.gui.jobs.hil_session import HilSession
+from flyaround.gui.picture.estimates import Estimates
+from flyaround.gui.picture.settings_history import SettingsHistory
+from flyaround.gui.script import CommandLog, Line, Player, Script
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from gui.command_table import Command, CommandTable, Value
-    from gui.flight.session import Session
-    from gui.jobs.mesh_import import MeshImport
-    from gui.picture.feed import Feed, Picture
-    from gui.picture.video import Film
-    from gui.picture.view_settings import Options
+    from flyaround.gui.command_table import Command, CommandTable, Value
+    from flyaround.gui.flight.session import Session
+    from flyaround.gui.jobs.mesh_import import MeshImport
+    from flyaround.gui.picture.feed import Feed, Picture
+    from flyaround.gui.picture.video import Film
+    from flyaround.gui.picture.view_settings import Options
 
 log = logging.getLogger(__name__)
 

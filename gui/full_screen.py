@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Self
 
-from gui.window import NO_DISPLAY, import_parts
-from simulator.errors import UserError
+from flyaround.gui.window import NO_DISPLAY, import_parts
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 VERTEX = """#version 330
 void main() {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gui import style
+from flyaround.gui import style
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

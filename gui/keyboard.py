@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gui.key_queue import KeyQueue
+from flyaround.gui.key_queue import KeyQueue
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

@@ -16,18 +16,18 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 import platformdirs
 
-from gui import style
-from gui.command_table import STATE, Command
-from gui.panels.all import PANELS
-from gui.widgets import Widgets
-from simulator.runtime.files import write_atomic
+from flyaround.gui import style
+from flyaround.gui.command_table import STATE, Command
+from flyaround.gui.panels.all import PANELS
+from flyaround.gui.widgets import Widgets
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from gui.console import Console
-    from gui.panels.all import Panel
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.panels.all import Panel
+    from flyaround.gui.window import Window
 
 log = logging.getLogger(__name__)
 

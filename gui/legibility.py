@@ -16,8 +16,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from gui.window import Window
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.gui.window import Window
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 Box = tuple[float, float, float, float]
 """x0, y0, x1, y1 on the screen."""

@@ -13,15 +13,15 @@ import shlex
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from gui.command_table import line_of
-from simulator.errors import UserError
+from flyaround.gui.command_table import line_of
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from io import FileIO
     from pathlib import Path
 
-    from gui.command_table import CommandTable, Value
+    from flyaround.gui.command_table import CommandTable, Value
 
 Verb = Literal["do", "hold", "release"]
 LARGEST_BYTES = 4_000_000

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gui import hover_text, style
+from flyaround.gui import hover_text, style
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gui.command_table import Value
-    from gui.console import Console
-    from gui.window import Window
+    from flyaround.gui.command_table import Value
+    from flyaround.gui.console import Console
+    from flyaround.gui.window import Window
 
 
 class Widgets:

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, Self
 import cv2
 import numpy as np
 
-from gui import style
-from gui.keyboard import Keyboard
-from simulator.errors import UserError
+from flyaround.gui import style
+from flyaround.gui.keyboard import Keyboard
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import moderngl
 
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 NO_DISPLAY = (
     "no window can be opened here (no X or Wayland display answers); start flyaround sim in a desktop "

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.imaging.exposure import integrate
-from simulator.imaging.image_formation import digitise_scene, expose_scene, prefetch_scene_noise
-from simulator.labels.labelling import label_picture
-from simulator.labels.request import LabelRequest
+from flyaround.simulator.imaging.exposure import integrate
+from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene, prefetch_scene_noise
+from flyaround.simulator.labels.labelling import label_picture
+from flyaround.simulator.labels.request import LabelRequest
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.labels.truth import Truth
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import ByteArray, Float32Array
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.labels.truth import Truth
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 NO_RADIANCE, _NO_IMAGE = np.zeros((0, 0), np.float32), np.zeros((0, 0), np.uint8)
 

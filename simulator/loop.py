@@ -13,22 +13,22 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, Self, TypeVar, cast, overload
 
-from simulator.frame import Frame, take_frame
-from simulator.labels.request import LabelRequest
-from simulator.runtime.threads import share_processors
-from simulator.runtime.worker import ProcessDiedError, ProgressWatch
-from simulator.runtime.worker_pool import WorkerPool
+from flyaround.simulator.frame import Frame, take_frame
+from flyaround.simulator.labels.request import LabelRequest
+from flyaround.simulator.runtime.threads import share_processors
+from flyaround.simulator.runtime.worker import ProcessDiedError, ProgressWatch
+from flyaround.simulator.runtime.worker_pool import WorkerPool
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
-    from simulator.render.earth.map_textures import EarthMaps
-    from simulator.render.gl.context import GlInfo
-    from simulator.render.renderer import Renderer
-    from simulator.scenario.plan import FramePlan
-    from simulator.scene.illumination.bands import Bands
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.render.earth.map_textures import EarthMaps
+    from flyaround.simulator.render.gl.context import GlInfo
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.scenario.plan import FramePlan
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
     FrameLabels = bool | LabelRequest | Callable[[int], LabelRequest]
 
@@ -222,10 +222,10 @@ class OpenRenderer:
         share_processors(self.processes)
         if self.gives_way and hasattr(os, "nice"):
             os.nice(self.gives_way)
-        from simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who asks need not load OpenGL
+        from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who asks need not load OpenGL
 
         prefetched = prefetch_maps_of(self.first)
-        from simulator.render.renderer import Renderer  # noqa: PLC0415 - the same; maps are read meanwhile
+        from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same; maps are read meanwhile
 
         return Renderer(device_index=self.device_index, prefetched=prefetched)
 
@@ -379,8 +379,8 @@ def open_frames(
         ) as elsewhere:
             yield elsewhere
         return
-    from simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who draws elsewhere need not load OpenGL
-    from simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
+    from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who draws elsewhere need not load OpenGL
+    from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
 
     maps = prefetch_maps_of(first) if prefetched is None else prefetched
     with (

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import hypothesis
 import pytest
 
-from simulator.runtime.threads import share_processors
+from flyaround.simulator.runtime.threads import share_processors
 
 MOST_PROGRAMS = 120
 """A driver keeps three megabytes for each until its context goes: the suite's four hundred were over a gigabyte."""
@@ -37,7 +37,7 @@ def renderer(renderers, request):
 
     A file of tests of what is left out or interpolated says SOFTWARE_PATH = True: with a GPU nothing is.
     """
-    from simulator.render.renderer import Renderer
+    from flyaround.simulator.render.renderer import Renderer
 
     software_path = getattr(request.module, "SOFTWARE_PATH", None)
     if renderers:

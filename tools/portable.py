@@ -43,7 +43,7 @@ on = [name for name in {NAMES!r} if features[name]]
 assert not on, f"NumPy still uses {on}"
 """
 KERNELS = """
-from hil.board.svd.native.backend import describe_backend
+from flyaround.hil.board.svd.native.backend import describe_backend
 assert describe_backend().startswith({NAME!r}), describe_backend()
 """
 THREADS = """
@@ -52,7 +52,7 @@ threads = {p["num_threads"] for p in threadpoolctl.threadpool_info() if p["inter
 assert threads == {NUMBER}, f"OpenBLAS uses {threads} threads"
 """
 VECTORS = """
-from simulator.render.gl.context import create_context
+from flyaround.simulator.render.gl.context import create_context
 info = create_context().info["GL_RENDERER"]
 assert "{BITS} bits" in info, info
 """

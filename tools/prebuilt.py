@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.bake.edge_gaps import edge_gaps
-from simulator.render.bake.radiance_transfer import visibility_to_ship
-from simulator.render.earth.air_tables import air_tables
-from simulator.render.earth.albedo import cached_albedo
-from simulator.render.earth.ocean_colour import ocean_colour
-from simulator.render.earth.seasons import land_of_months
-from simulator.render.target.mesh import prepared
-from simulator.runtime.cache import read_checked
-from simulator.runtime.prebuilt import SUFFIX, without_prebuilt
-from simulator.targets.library import cache_name, load_target
+from flyaround.simulator.render.bake.edge_gaps import edge_gaps
+from flyaround.simulator.render.bake.radiance_transfer import visibility_to_ship
+from flyaround.simulator.render.earth.air_tables import air_tables
+from flyaround.simulator.render.earth.albedo import cached_albedo
+from flyaround.simulator.render.earth.ocean_colour import ocean_colour
+from flyaround.simulator.render.earth.seasons import land_of_months
+from flyaround.simulator.render.target.mesh import prepared
+from flyaround.simulator.runtime.cache import read_checked
+from flyaround.simulator.runtime.prebuilt import SUFFIX, without_prebuilt
+from flyaround.simulator.targets.library import cache_name, load_target
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -1,10 +1,10 @@
-"""Every command but those that open panels, which `gui.layout` adds."""
+"""Every command but those that open panels, which `flyaround.gui.layout` adds."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.commands import (
+from flyaround.gui.commands import (
     camera,
     capture,
     display,
@@ -22,7 +22,7 @@ from gui.commands import (
 )
 
 if TYPE_CHECKING:
-    from gui.command_table import Command
+    from flyaround.gui.command_table import Command
 
 COMMANDS: tuple[Command, ...] = (
     *scenario.COMMANDS,

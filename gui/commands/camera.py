@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.command_table import Argument, Command
-from gui.picture.sensor_terms import checked_change
-from simulator.camera.lens.files import list_cameras, load_camera
-from simulator.errors import UserError
+from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.picture.sensor_terms import checked_change
+from flyaround.simulator.camera.lens.files import list_cameras, load_camera
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from gui.console import Console
+    from flyaround.gui.console import Console
 
 SCENARIO = "scenario"
 MOST_GAIN = 100.0

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from gui.command_table import Argument, Command
-from gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
-from gui.jobs.program import new_folder
-from simulator.errors import UserError
-from simulator.runtime.files import write_atomic
-from simulator.scenario.load import list_scenarios, load_scenario
-from simulator.scenario.write import to_toml
+from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
+from flyaround.gui.jobs.program import new_folder
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.simulator.scenario.write import to_toml
 
 if TYPE_CHECKING:
-    from gui.console import Console
+    from flyaround.gui.console import Console
 
 FOLDER = Path("out") / "console"
 THIS, NEW = "this-flight", "new"

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from gui.command_table import STATE, Argument, Command
-from gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
+from flyaround.gui.command_table import STATE, Argument, Command
+from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from gui.console import Console
+    from flyaround.gui.console import Console
 
 OVERLAY_KEYS = {
     "keypoints": "F2",

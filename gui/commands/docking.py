@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.command_table import STATE, Argument, Command
-from gui.flight.docking import PRESETS
+from flyaround.gui.command_table import STATE, Argument, Command
+from flyaround.gui.flight.docking import PRESETS
 
 if TYPE_CHECKING:
-    from gui.console import Console
+    from flyaround.gui.console import Console
 
 
 def _approach(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.command_table import STATE, Argument, Command
+from flyaround.gui.command_table import STATE, Argument, Command
 
 if TYPE_CHECKING:
-    from gui.console import Console
+    from flyaround.gui.console import Console
 
 
 def _run(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch

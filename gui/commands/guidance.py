@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.command_table import Argument, Command
-from gui.flight import guidance_modes
-from gui.flight.guidance_modes import CLEAR_RADII, begin_mode
-from gui.flight.planned_burns import LARGEST_M_S, LONGEST_AHEAD_S, burn_of
+from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.flight import guidance_modes
+from flyaround.gui.flight.guidance_modes import CLEAR_RADII, begin_mode
+from flyaround.gui.flight.planned_burns import LARGEST_M_S, LONGEST_AHEAD_S, burn_of
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from simulator.world.guidance.chaser import Chaser
+    from flyaround.gui.console import Console
+    from flyaround.simulator.world.guidance.chaser import Chaser
 
 FAR_M = 1e5
 APPROACH_M_S = 0.1

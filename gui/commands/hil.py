@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from gui.command_table import Argument, Command
-from gui.jobs.program import new_folder
-from hil.host.ledger.run_terms import FlownRecord
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import RunConfig
-from hil.host.truth_policy import check_access
-from simulator.scenario.faults import (
+from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.jobs.program import new_folder
+from flyaround.hil.host.ledger.run_terms import FlownRecord
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.run import RunConfig
+from flyaround.hil.host.truth_policy import check_access
+from flyaround.simulator.scenario.faults import (
     Bandwidth,
     Blinding,
     ClockDrift,
@@ -35,8 +35,8 @@ from simulator.scenario.faults import (
 )
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from simulator.scenario.faults import CameraFault, LineFault
+    from flyaround.gui.console import Console
+    from flyaround.simulator.scenario.faults import CameraFault, LineFault
 
 LISTEN = "tcp://127.0.0.1:5600"
 FOLDER = Path("out") / "console"

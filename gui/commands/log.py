@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gui.command_table import Argument, Command
-from simulator.runtime.files import write_atomic
+from flyaround.gui.command_table import Argument, Command
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
-    from gui.console import Console
+    from flyaround.gui.console import Console
 
 FOLDER = Path("out") / "console"
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gui.command_table import Argument, Command
-from gui.jobs.mesh_import import MESHES, MeshImport
-from gui.picture.video import Film, eight_bits
-from simulator.errors import UserError
+from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.jobs.mesh_import import MESHES, MeshImport
+from flyaround.gui.picture.video import Film, eight_bits
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from gui.console import Console
+    from flyaround.gui.console import Console
 
 FOLDER = Path("out") / "console"
 LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from gui.command_table import Argument, Command
+from flyaround.gui.command_table import Argument, Command
 
 if TYPE_CHECKING:
-    from gui.console import Console
+    from flyaround.gui.console import Console
 
 
 def _open(console: Console, scenario: str) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.command_table import STATE, Argument, Command
-from gui.flight.manual_control import THRUST, TURN
-from gui.flight.steering import ATTITUDE_MODES
+from flyaround.gui.command_table import STATE, Argument, Command
+from flyaround.gui.flight.manual_control import THRUST, TURN
+from flyaround.gui.flight.steering import ATTITUDE_MODES
 
 if TYPE_CHECKING:
-    from gui.console import Console
+    from flyaround.gui.console import Console
 
 DIRECTIONS = tuple(name.removeprefix("steer.") for name in (*THRUST, *TURN))
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from gui.command_table import Argument, Command
-from gui.flight.jumps import EVENTS
-from gui.flight.session import RATES
+from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.flight.jumps import EVENTS
+from flyaround.gui.flight.session import RATES
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.flight.jumps import Event
+    from flyaround.gui.console import Console
+    from flyaround.gui.flight.jumps import Event
 
 
 def _pause(console: Console) -> None:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gui.command_table import Argument, Command
-from gui.flight.flown_files import FlownFiles, free_folder
-from simulator.errors import UserError
+from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.flight.flown_files import FlownFiles, free_folder
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from gui.console import Console
+    from flyaround.gui.console import Console
 
 FOLDER = Path("out") / "console" / "flights"
 SLICE_S = 0.008

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.command_table import Argument, Command
-from gui.flight.relative_map import LEAST_WIDTH_M, MOST_WIDTH_M
-from gui.picture.orbit_camera import ABOUT, FARTHEST_M, NEAREST_M
+from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.flight.relative_map import LEAST_WIDTH_M, MOST_WIDTH_M
+from flyaround.gui.picture.orbit_camera import ABOUT, FARTHEST_M, NEAREST_M
 
 if TYPE_CHECKING:
-    from gui.console import Console
+    from flyaround.gui.console import Console
 
 
 def _fit(console: Console) -> None:

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gui.flight.docking import PROBE_M
-from gui.flight.manual_control import ACCELERATION_M_S2, COARSE, COARSE_GAIN, FINE, FINE_GAIN
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.gui.flight.docking import PROBE_M
+from flyaround.gui.flight.manual_control import ACCELERATION_M_S2, COARSE, COARSE_GAIN, FINE, FINE_GAIN
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from gui.flight.docking import DockingFigures, DockingLimits
-    from gui.flight.docking_port import DockingPort
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.gui.flight.docking import DockingFigures, DockingLimits
+    from flyaround.gui.flight.docking_port import DockingPort
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 PUSHES = (("steer.right", "steer.left"), ("steer.down", "steer.up"), ("steer.forward", "steer.back"))
 """Along each camera axis: the command of the positive and of the negative direction."""

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.frames.vectors import cross
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.frames.vectors import cross
 
 if TYPE_CHECKING:
-    from gui.flight.docking_port import DockingPort
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.guidance.manual_control import ChaserState
+    from flyaround.gui.flight.docking_port import DockingPort
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 State = Literal["within", "near", "outside"]
 

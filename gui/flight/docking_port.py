@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.bake.ray_cast import make_tracer
-from simulator.runtime.arrays import Quat, Vec3, quat, vec3
-from simulator.runtime.memory import cached_per_object
-from simulator.targets.joined_mesh import mesh_of
-from simulator.world.attitude.pointing import DOWN_AXES_LVLH
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
-from simulator.world.guidance.paths import Glideslope, Hold, RbarApproach, VbarApproach, Waypoints
+from flyaround.simulator.render.bake.ray_cast import make_tracer
+from flyaround.simulator.runtime.arrays import Quat, Vec3, quat, vec3
+from flyaround.simulator.runtime.memory import cached_per_object
+from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.world.attitude.pointing import DOWN_AXES_LVLH
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from flyaround.simulator.world.guidance.paths import Glideslope, Hold, RbarApproach, VbarApproach, Waypoints
 
 if TYPE_CHECKING:
-    from simulator.render.bake.ray_cast import Tracer
-    from simulator.runtime.arrays import FloatArray
-    from simulator.targets.model import Target
-    from simulator.world.flight.flight import Flight
-    from simulator.world.guidance.chaser import Chaser
+    from flyaround.simulator.render.bake.ray_cast import Tracer
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.guidance.chaser import Chaser
 
 FRAME = "docking"
 """Name of the frame of a target's model that is a port."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from gui.flight.docking import (
+from flyaround.gui.flight.docking import (
     CAPTURE_M,
     CORRIDOR_DEG,
     TWO_TENTHS,
@@ -20,19 +20,25 @@ from gui.flight.docking import (
     judge_contact,
     touches_port,
 )
-from gui.flight.docking_port import docking_port, port_along, radius_m, target_from_lvlh, way_to_surface_m
-from gui.flight.hold_points import HoldPoints, not_ready
-from simulator.runtime.arrays import quat, vec3
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from flyaround.gui.flight.docking_port import (
+    docking_port,
+    port_along,
+    radius_m,
+    target_from_lvlh,
+    way_to_surface_m,
+)
+from flyaround.gui.flight.hold_points import HoldPoints, not_ready
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
-    from gui.flight.docking import DockingFigures, DockingLimits
-    from gui.flight.docking_port import DockingPort
-    from simulator.runtime.arrays import FloatArray
-    from simulator.targets.model import Target
-    from simulator.world.flight.flight import Flight
-    from simulator.world.guidance.keep_out import KeepOut
-    from simulator.world.guidance.manual_control import ChaserState
+    from flyaround.gui.flight.docking import DockingFigures, DockingLimits
+    from flyaround.gui.flight.docking_port import DockingPort
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.guidance.keep_out import KeepOut
+    from flyaround.simulator.world.guidance.manual_control import ChaserState
 
     News = tuple[Literal["note", "caution", "warning"], str]
 

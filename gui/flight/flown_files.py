@@ -6,15 +6,15 @@ import time
 from array import array
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
-from simulator.runtime.files import empty_folder, write_atomic
-from simulator.scenario.write import replay_scenario
-from simulator.world.flight.recording import Recording, state_row
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.scenario.write import replay_scenario
+from flyaround.simulator.world.flight.recording import Recording, state_row
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from gui.flight.session import Session
+    from flyaround.gui.flight.session import Session
 
 RECORDING, REPLAY = "flight.npz", "replay.toml"
 MOST_FOLDERS = 10_000

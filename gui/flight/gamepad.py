@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gui.command_table import Value
+    from flyaround.gui.command_table import Value
 
     Do = tuple[str, *tuple[Value, ...]]
     Pad = tuple[str, tuple[float, ...], tuple[bool, ...]]

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from simulator.world.constants import EARTH_RADIUS_M, FLATTENING, J2_EARTH, MOON_RADIUS_M
-from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
-from simulator.world.ephemeris.moon_orientation import q_moon_from_eci
-from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.orbit.propagation import elements_from_state
+from flyaround.simulator.world.constants import EARTH_RADIUS_M, FLATTENING, J2_EARTH, MOON_RADIUS_M
+from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
+from flyaround.simulator.world.ephemeris.moon_orientation import q_moon_from_eci
+from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.orbit.propagation import elements_from_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.ephemeris.bodies import BodyName
-    from simulator.world.flight.flight import Flight
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.ephemeris.bodies import BodyName
+    from flyaround.simulator.world.flight.flight import Flight
 
 SAMPLES = 181
 """Points of the track an orbit."""

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.world.guidance.free_flight import NaturalCircumnavigation, RangeKeeping, SafeEllipse
-from simulator.world.guidance.paths import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.guidance.free_flight import NaturalCircumnavigation, RangeKeeping, SafeEllipse
+from flyaround.simulator.world.guidance.paths import (
     ForcedFlyaround,
     Glideslope,
     Hold,
@@ -17,15 +17,15 @@ from simulator.world.guidance.paths import (
     VbarApproach,
     Waypoints,
 )
-from simulator.world.guidance.thruster_control import path_impulse
-from simulator.world.orbit.propagation import elements_from_state
-from simulator.world.relative.clohessy_wiltshire import transition_matrix
-from simulator.world.relative.yamanaka_ankersen import true_anomaly_after
+from flyaround.simulator.world.guidance.thruster_control import path_impulse
+from flyaround.simulator.world.orbit.propagation import elements_from_state
+from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
+from flyaround.simulator.world.relative.yamanaka_ankersen import true_anomaly_after
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.guidance.chaser import Chaser
-    from simulator.world.orbit.propagation import OrbitTrack
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.guidance.chaser import Chaser
+    from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
     LvlhState = tuple[FloatArray, FloatArray]
 

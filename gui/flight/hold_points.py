@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
-from gui.flight.docking import CORRIDOR_DEG, judge
+from flyaround.gui.flight.docking import CORRIDOR_DEG, judge
 
 if TYPE_CHECKING:
-    from gui.flight.docking import DockingFigures, DockingLimits
+    from flyaround.gui.flight.docking import DockingFigures, DockingLimits
 
 Decision = Literal["open", "go", "no-go", "passed"]
 

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gui.flight.open_end import orbit_ahead
-from simulator.errors import UserError
-from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.gui.flight.open_end import orbit_ahead
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.scenario.plan import Plan
-    from simulator.world.flight.flight import Flight
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.world.flight.flight import Flight
 
 Event = Literal["eclipse", "sunrise", "terminator"]
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 import pickle
 from typing import TYPE_CHECKING, Protocol
 
-from gui.flight.timeline import Timeline
-from simulator.errors import UserError
+from flyaround.gui.flight.timeline import Timeline
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from simulator.world.guidance.manual_control import ChaserState
+    from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 
 class KeptFlight(Protocol):

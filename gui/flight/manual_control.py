@@ -6,21 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.world.frames.rotation import (
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
     quat_from_rotvec,
     quat_multiply,
 )
-from simulator.world.guidance.manual_control import ChaserState, SteeringCommand
+from flyaround.simulator.world.guidance.manual_control import ChaserState, SteeringCommand
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
-    from gui.flight.docking_port import DockingPort
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.frames.lvlh import Lvlh
+    from flyaround.gui.flight.docking_port import DockingPort
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.frames.lvlh import Lvlh
 
 # Directions along camera axes: x right, y down, z forward.
 THRUST: dict[str, Vec3] = {

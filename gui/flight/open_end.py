@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from simulator.errors import UserError
-from simulator.scenario.flight import fly
-from simulator.world.attitude.target_attitude import Attitude
-from simulator.world.guidance.paths import Hold
-from simulator.world.orbit.forces import Forces
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.flight import fly
+from flyaround.simulator.world.attitude.target_attitude import Attitude
+from flyaround.simulator.world.guidance.paths import Hold
+from flyaround.simulator.world.orbit.forces import Forces
 
 if TYPE_CHECKING:
-    from simulator.scenario.plan import Plan
-    from simulator.world.flight.flight import Flight
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.world.flight.flight import Flight
 
 
 STILL = Hold(position_lvlh_m=(0.0, 100.0, 0.0))

@@ -5,12 +5,12 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
-from gui.flight.session import Session
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
+from flyaround.gui.flight.session import Session
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
-    from simulator.scenario.scenario import Scenario
+    from flyaround.simulator.scenario.scenario import Scenario
 
 
 class ScenarioOpener:

@@ -8,15 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.world.orbit.propagation import elements_from_state
-from simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix, true_anomaly_after
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.orbit.propagation import elements_from_state
+from flyaround.simulator.world.relative.yamanaka_ankersen import (
+    elliptic_transition_matrix,
+    true_anomaly_after,
+)
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.guidance.manual_control import ChaserState
-    from simulator.world.orbit.propagation import OrbitTrack
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.guidance.manual_control import ChaserState
+    from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
 BURN_M_S2 = 0.05
 """Acceleration of a burn, half of which comes before its time and half after."""

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.guidance.manual_control import ChaserState
-    from simulator.world.guidance.thrusters import Thrusters
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.guidance.manual_control import ChaserState
+    from flyaround.simulator.world.guidance.thrusters import Thrusters
 
 G0_M_S2 = 9.80665
 PLUME_HALF_ANGLE_DEG = 30.0

@@ -11,17 +11,24 @@ import time
 from array import array
 from typing import TYPE_CHECKING, TextIO
 
-from simulator.errors import UserError
-from simulator.runtime.files import empty_folder, write_atomic
-from simulator.scenario.write import replay_scenario
-from simulator.world.flight.recording import CSV_SUFFIX, NUMBERS, Recording, csv_header, csv_line, state_row
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.scenario.write import replay_scenario
+from flyaround.simulator.world.flight.recording import (
+    CSV_SUFFIX,
+    NUMBERS,
+    Recording,
+    csv_header,
+    csv_line,
+    state_row,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from simulator.scenario.scenario import Scenario
-    from simulator.world.flight.world_state import WorldState
+    from flyaround.simulator.scenario.scenario import Scenario
+    from flyaround.simulator.world.flight.world_state import WorldState
 
 EVERY_S = 0.1
 """Simulated time between the states that are kept; at higher rates each step of the session is one."""

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.targets.model import Target
-    from simulator.world.flight.world_state import WorldState
-    from simulator.world.frames.lvlh import Lvlh
-    from simulator.world.guidance.keep_out import KeepOut
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.flight.world_state import WorldState
+    from flyaround.simulator.world.frames.lvlh import Lvlh
+    from flyaround.simulator.world.guidance.keep_out import KeepOut
 
 Rect = tuple[float, float, float, float]
 """x, y, width, height on the screen."""

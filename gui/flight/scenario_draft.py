@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from gui.flight.text_lines import line_of
-from simulator.errors import UserError
-from simulator.runtime.files import write_atomic
-from simulator.scenario.load import list_scenarios, load_scenario, parse_scenario
-from simulator.scenario.scenario import Scenario
-from simulator.scenario.show import show_scenario
+from flyaround.gui.flight.text_lines import line_of
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario, parse_scenario
+from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scenario.show import show_scenario
 
 
 @dataclass

@@ -7,40 +7,40 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from gui.flight.docking_watch import Docking
-from gui.flight.jumps import event_ahead_s
-from gui.flight.look_back import LookBack
-from gui.flight.open_end import longer_flight
-from gui.flight.planned_burns import predicted_path
-from gui.flight.recorder import FlightRecorder
-from gui.flight.steering import BORESIGHT, Steering
-from gui.flight.trail import Trail
-from simulator.errors import UserError
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.scenario.plan import plan_flight
-from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.guidance.manual_control import ChaserState, predicted_drift_lvlh_m, step
+from flyaround.gui.flight.docking_watch import Docking
+from flyaround.gui.flight.jumps import event_ahead_s
+from flyaround.gui.flight.look_back import LookBack
+from flyaround.gui.flight.open_end import longer_flight
+from flyaround.gui.flight.planned_burns import predicted_path
+from flyaround.gui.flight.recorder import FlightRecorder
+from flyaround.gui.flight.steering import BORESIGHT, Steering
+from flyaround.gui.flight.trail import Trail
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.guidance.manual_control import ChaserState, predicted_drift_lvlh_m, step
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
-    from gui.flight.guidance_modes import LvlhState
-    from gui.flight.jumps import Event
-    from gui.flight.planned_burns import BurnPlan, PredictedPath
-    from gui.flight.steering import AttitudeMode
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scenario.plan import Plan
-    from simulator.scenario.scenario import Scenario
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
-    from simulator.world.flight.flight import Flight
-    from simulator.world.flight.world_state import WorldState
+    from flyaround.gui.flight.guidance_modes import LvlhState
+    from flyaround.gui.flight.jumps import Event
+    from flyaround.gui.flight.planned_burns import BurnPlan, PredictedPath
+    from flyaround.gui.flight.steering import AttitudeMode
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.scenario.scenario import Scenario
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.flight.world_state import WorldState
 
 Mode = Literal["guidance", "steer"]
 
 RATES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 STEP_S = 0.02
-"""Step at 1x; it grows with the rate as far as what acts on the chaser allows (`gui.flight.steering`)."""
+"""Step at 1x; it grows with the rate as far as what acts on the chaser allows (`flyaround.gui.flight.steering`)."""
 MOST_STEPS_PER_S = 1000.0
 """Of operator's time. Where steps must be short the clock runs slower than its rate, and the window stays alive."""
 HOLD_POINTS_EVERY_S = 0.5
@@ -84,7 +84,7 @@ class Session:
 
     Parameters
     ----------
-    plan : of the scenario, from `simulator.scenario.plan.plan_flight`; its camera, sensor and seed are used.
+    plan : of the scenario, from `flyaround.simulator.scenario.plan.plan_flight`; its camera, sensor and seed are used.
     recorder : keeps the states for a replay, if given.
     """
 
@@ -320,7 +320,7 @@ class Session:
         self.set_attitude("hold" if self.tracking else "target")
 
     def set_attitude(self, mode: AttitudeMode) -> None:
-        """How the attitude is controlled: see `gui.flight.steering`."""
+        """How the attitude is controlled: see `flyaround.gui.flight.steering`."""
         self.take_over()
         if mode == "target":
             self._follow_target()

@@ -7,28 +7,28 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from gui.flight import manual_control
-from gui.flight.autopilot import Autopilot
-from gui.flight.guidance_modes import CONTROL_S
-from gui.flight.manual_control import STEERING, THRUST, TURN
-from gui.flight.planned_burns import BurnPlan
-from gui.flight.propellant import Propellant, plume_strikes
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.guidance.keep_out import KeepOut
-from simulator.world.guidance.manual_control import guarded_command
-from simulator.world.guidance.thruster_control import retreat_impulse
+from flyaround.gui.flight import manual_control
+from flyaround.gui.flight.autopilot import Autopilot
+from flyaround.gui.flight.guidance_modes import CONTROL_S
+from flyaround.gui.flight.manual_control import STEERING, THRUST, TURN
+from flyaround.gui.flight.planned_burns import BurnPlan
+from flyaround.gui.flight.propellant import Propellant, plume_strikes
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.guidance.manual_control import guarded_command
+from flyaround.simulator.world.guidance.thruster_control import retreat_impulse
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
-    from gui.flight.docking_watch import Docking, News
-    from gui.flight.guidance_modes import Guided
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.flight.flight import Flight
-    from simulator.world.frames.lvlh import Lvlh
-    from simulator.world.guidance.manual_control import ChaserState, SteeringCommand
-    from simulator.world.guidance.thrusters import Thrusters
+    from flyaround.gui.flight.docking_watch import Docking, News
+    from flyaround.gui.flight.guidance_modes import Guided
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.frames.lvlh import Lvlh
+    from flyaround.simulator.world.guidance.manual_control import ChaserState, SteeringCommand
+    from flyaround.simulator.world.guidance.thrusters import Thrusters
 
 Axes = Literal["camera", "lvlh"]
 Thrust = Literal["continuous", "pulse"]

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from simulator.scene.state import SceneState
-    from simulator.world.flight.world_state import WorldState
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.world.flight.world_state import WorldState
 
 
 @dataclass(frozen=True, kw_only=True)

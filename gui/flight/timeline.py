@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.arrays import quat, vec3
-from simulator.world.flight.recording import Recording
-from simulator.world.guidance.manual_control import ChaserState
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.world.flight.recording import Recording
+from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from simulator.runtime.arrays import Vec3
+    from flyaround.simulator.runtime.arrays import Vec3
 
 MOST_POINTS = 4000
 EVERY_S = 0.5

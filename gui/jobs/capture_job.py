@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from gui.jobs.program import ChildProgram
-from simulator.errors import UserError
+from flyaround.gui.jobs.program import ChildProgram
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 LOOK_EVERY_S = 0.5
 THUMBNAILS, THUMBNAIL_PX = 6, 200

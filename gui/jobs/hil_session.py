@@ -13,20 +13,20 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gui.jobs.hil_stream import Ended, ListeningAt, Row, Said, StopStream, Wanted, stream
-from gui.jobs.program import ChildProgram
-from simulator.errors import UserError
+from flyaround.gui.jobs.hil_stream import Ended, ListeningAt, Row, Said, StopStream, Wanted, stream
+from flyaround.gui.jobs.program import ChildProgram
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from multiprocessing.connection import Connection
     from pathlib import Path
 
-    from gui.flight.session import Session
-    from hil.host.ledger.frames_csv import LedgerRow
-    from hil.host.run import RunConfig
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scenario.faults import CameraFault, LineFault
+    from flyaround.gui.flight.session import Session
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.run import RunConfig
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scenario.faults import CameraFault, LineFault
 
 State = Literal["off", "starting", "waiting for a board", "streaming", "ending"]
 

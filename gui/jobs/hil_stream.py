@@ -16,20 +16,20 @@ from dataclasses import dataclass, replace
 from multiprocessing import connection, parent_process
 from typing import TYPE_CHECKING, Any, get_args
 
-from hil.host.faults.camera_faults import with_camera_faults
-from hil.host.run import RunConfig, run_host
-from simulator.errors import UserError
-from simulator.frame import Frame
-from simulator.loop import FrameRequest, open_frames
-from simulator.scenario.faults import CameraFault, Faults, LineFault
-from simulator.scene.state import SceneState
+from flyaround.hil.host.faults.camera_faults import with_camera_faults
+from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import FrameRequest, open_frames
+from flyaround.simulator.scenario.faults import CameraFault, Faults, LineFault
+from flyaround.simulator.scene.state import SceneState
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from multiprocessing.connection import Connection
 
-    from hil.host.ledger.frames_csv import LedgerRow
-    from hil.host.ledger.summary import LedgerSummary
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.ledger.summary import LedgerSummary
 
 CAMERA_FAULTS: tuple[type, ...] = get_args(CameraFault)
 
@@ -79,8 +79,8 @@ def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> Non
     threading.Thread(target=_leave_with_parent, name="watch parent", daemon=True).start()
     # who closes the session interrupts it, as Ctrl-C does
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    logging.getLogger("hil.host").addHandler(_ToConsole(pipe))
-    logging.getLogger("hil.host").setLevel(logging.INFO)
+    logging.getLogger("flyaround.hil.host").addHandler(_ToConsole(pipe))
+    logging.getLogger("flyaround.hil.host").setLevel(logging.INFO)
     newest = _Newest(pipe)
     config = replace(config, new_line_faults=newest.take_line_faults)
     ends: list[LedgerSummary] = []

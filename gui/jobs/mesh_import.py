@@ -8,7 +8,7 @@ import sys
 import tempfile
 from typing import TYPE_CHECKING, NamedTuple
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -1,37 +1,37 @@
-"""Every panel and view, in the order of the menu; `gui.layout` opens, docks and names them."""
+"""Every panel and view, in the order of the menu; `flyaround.gui.layout` opens, docks and names them."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, Protocol
 
-from gui.panels.board_link import BoardLinkPanel
-from gui.panels.capture import CapturePanel
-from gui.panels.chaser import ChaserPanel
-from gui.panels.command_line import CommandLinePanel
-from gui.panels.docking import DockingPanel
-from gui.panels.editor import EditorPanel
-from gui.panels.estimator import EstimatorPanel
-from gui.panels.help import HelpPanel
-from gui.panels.key_list import KeyList, Palette
-from gui.panels.log import LogPanel
-from gui.panels.passes import PassesPanel
-from gui.panels.picture import PicturePanel, WorldPanel
-from gui.panels.scenarios import ScenarioChooser
-from gui.panels.sensor import SensorPanel
-from gui.panels.steering import SteeringPanel
-from gui.panels.target import TargetPanel
-from gui.panels.time import TimePanel
-from gui.panels.timeline import TimelinePanel
-from gui.panels.tour import TourPanel
-from gui.views.camera import CameraView
-from gui.views.earth_map import EarthMap
-from gui.views.labels import DepthView, KeypointsView, PartsView
-from gui.views.lvlh_map import LvlhMap
-from gui.views.orbit_camera import OrbitCameraView
+from flyaround.gui.panels.board_link import BoardLinkPanel
+from flyaround.gui.panels.capture import CapturePanel
+from flyaround.gui.panels.chaser import ChaserPanel
+from flyaround.gui.panels.command_line import CommandLinePanel
+from flyaround.gui.panels.docking import DockingPanel
+from flyaround.gui.panels.editor import EditorPanel
+from flyaround.gui.panels.estimator import EstimatorPanel
+from flyaround.gui.panels.help import HelpPanel
+from flyaround.gui.panels.key_list import KeyList, Palette
+from flyaround.gui.panels.log import LogPanel
+from flyaround.gui.panels.passes import PassesPanel
+from flyaround.gui.panels.picture import PicturePanel, WorldPanel
+from flyaround.gui.panels.scenarios import ScenarioChooser
+from flyaround.gui.panels.sensor import SensorPanel
+from flyaround.gui.panels.steering import SteeringPanel
+from flyaround.gui.panels.target import TargetPanel
+from flyaround.gui.panels.time import TimePanel
+from flyaround.gui.panels.timeline import TimelinePanel
+from flyaround.gui.panels.tour import TourPanel
+from flyaround.gui.views.camera import CameraView
+from flyaround.gui.views.earth_map import EarthMap
+from flyaround.gui.views.labels import DepthView, KeypointsView, PartsView
+from flyaround.gui.views.lvlh_map import LvlhMap
+from flyaround.gui.views.orbit_camera import OrbitCameraView
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.window import Window
 
 Place = Literal["centre", "right", "right-upper", "right-middle", "right-low", "left", "bottom", "over"]
 

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gui import style
-from gui.commands.hil import FAULT_S, FAULTS, LISTEN
-from gui.jobs.hil_session import BIN_EDGES_MS
-from gui.picture.estimates import known_methods
-from gui.widgets import Widgets
+from flyaround.gui import style
+from flyaround.gui.commands.hil import FAULT_S, FAULTS, LISTEN
+from flyaround.gui.jobs.hil_session import BIN_EDGES_MS
+from flyaround.gui.picture.estimates import known_methods
+from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.jobs.hil_session import HilSession
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.jobs.hil_session import HilSession
+    from flyaround.gui.window import Window
 
 SEEN = {
     "off": style.QUIET,

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui import style
-from gui.commands.capture import NEW, THIS
-from gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS
-from gui.widgets import Widgets
-from simulator.dataset.formats.registry import writable
-from simulator.recipes.load import list_recipes
-from simulator.scenario.load import list_scenarios
+from flyaround.gui import style
+from flyaround.gui.commands.capture import NEW, THIS
+from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS
+from flyaround.gui.widgets import Widgets
+from flyaround.simulator.dataset.formats.registry import writable
+from flyaround.simulator.recipes.load import list_recipes
+from flyaround.simulator.scenario.load import list_scenarios
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.jobs.capture_job import CaptureJob
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.jobs.capture_job import CaptureJob
+    from flyaround.gui.window import Window
 
 THUMB = 120.0
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui import style
-from gui.flight.docking import PRESETS, judge
-from gui.views.docking_hud import ABOUT, DISTANCE, status
-from gui.widgets import Widgets
+from flyaround.gui import style
+from flyaround.gui.flight.docking import PRESETS, judge
+from flyaround.gui.views.docking_hud import ABOUT, DISTANCE, status
+from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.flight.docking import Judged
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.flight.docking import Judged
+    from flyaround.gui.window import Window
 
 STATES = {
     "within": "within its limit",

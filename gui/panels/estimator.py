@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from gui import style
-from gui.picture.estimates import known_methods
-from gui.widgets import Widgets
+from flyaround.gui import style
+from flyaround.gui.picture.estimates import known_methods
+from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.picture.estimates import ComparedEstimate, Estimates
-    from gui.window import Window
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.gui.console import Console
+    from flyaround.gui.picture.estimates import ComparedEstimate, Estimates
+    from flyaround.gui.window import Window
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 PLOT_HEIGHT = 92.0
 LEAST_DEG, LEAST_M = 1e-3, 1e-4

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui import style
-from gui.panels.key_list import matches
-from gui.widgets import Widgets
+from flyaround.gui import style
+from flyaround.gui.panels.key_list import matches
+from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.window import Window
 
 GROUPS = {
     "camera": ("overlay", "picture", "film"),

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from gui import style
-from gui.commands.display import MOST_STOPS
-from gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
-from gui.widgets import Widgets
+from flyaround.gui import style
+from flyaround.gui.commands.display import MOST_STOPS
+from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
+from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.window import Window
 
 
 class PicturePanel:

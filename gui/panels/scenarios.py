@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from gui import style
-from gui.widgets import Widgets
-from simulator.recipes.load import list_recipes
-from simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.gui import style
+from flyaround.gui.widgets import Widgets
+from flyaround.simulator.recipes.load import list_recipes
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.window import Window
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.gui.console import Console
+    from flyaround.gui.window import Window
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 CARD = 168.0
 """Width of a card at scale 1."""
@@ -93,7 +93,7 @@ class ScenarioChooser:
 def _card(name: str) -> tuple[str, ByteArray]:
     """A scenario's title and its picture; a grey one where none was made."""
     scenario = load_scenario(name)
-    place = files("assets").joinpath("scenarios", f"{name}.jpg")
+    place = files("flyaround.assets").joinpath("scenarios", f"{name}.jpg")
     picture = (
         cv2.imdecode(np.frombuffer(place.read_bytes(), np.uint8), cv2.IMREAD_COLOR_RGB)
         if place.is_file()

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gui import style
-from gui.commands.camera import SCENARIO
-from gui.picture.sensor_terms import BINS, Histogram, SensorTerm, histogram_of, terms_of
-from gui.picture.view_settings import changed_sensor
-from gui.widgets import Widgets
-from simulator.camera.lens.files import list_cameras
+from flyaround.gui import style
+from flyaround.gui.commands.camera import SCENARIO
+from flyaround.gui.picture.sensor_terms import BINS, Histogram, SensorTerm, histogram_of, terms_of
+from flyaround.gui.picture.view_settings import changed_sensor
+from flyaround.gui.widgets import Widgets
+from flyaround.simulator.camera.lens.files import list_cameras
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.picture.feed import Picture
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.picture.feed import Picture
+    from flyaround.gui.window import Window
 
 BAND_COLOURS = (style.AXIS_COLORS[0], style.AXIS_COLORS[1], style.AXIS_COLORS[2])
 

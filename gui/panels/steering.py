@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui import style
-from gui.flight.jumps import EVENTS
-from gui.flight.steering import ATTITUDE_MODES
-from gui.widgets import Widgets
+from flyaround.gui import style
+from flyaround.gui.flight.jumps import EVENTS
+from flyaround.gui.flight.steering import ATTITUDE_MODES
+from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.window import Window
 
 GUIDANCE = (
     "guidance.hold",

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui import style
-from gui.commands.camera import MOST_GAIN
-from gui.widgets import Widgets
-from simulator.targets.library import list_targets
+from flyaround.gui import style
+from flyaround.gui.commands.camera import MOST_GAIN
+from flyaround.gui.widgets import Widgets
+from flyaround.simulator.targets.library import list_targets
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.window import Window
 
 
 class TargetPanel:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui import style
-from gui.commands.timeline import clock
-from gui.widgets import Widgets
+from flyaround.gui import style
+from flyaround.gui.commands.timeline import clock
+from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.flight.timeline import Timeline
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.flight.timeline import Timeline
+    from flyaround.gui.window import Window
 
 
 class TimelinePanel:

@@ -6,11 +6,11 @@ import shlex
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gui.picture.view_settings import OVERLAYS, Overlays
+from flyaround.gui.picture.view_settings import OVERLAYS, Overlays
 
 if TYPE_CHECKING:
-    from gui.flight.session import Session
-    from gui.picture.view_settings import Options
+    from flyaround.gui.flight.session import Session
+    from flyaround.gui.picture.view_settings import Options
 
 
 @dataclass(frozen=True)

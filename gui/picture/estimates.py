@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
-from hil.evaluate.pose_errors import frame_errors
-from simulator.errors import UserError
-from simulator.runtime.plugins import plugins
-from simulator.runtime.worker import ProcessDiedError, ProgressWatch, WorkerProcess
+from flyaround.hil.evaluate.pose_errors import frame_errors
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.plugins import plugins
+from flyaround.simulator.runtime.worker import ProcessDiedError, ProgressWatch, WorkerProcess
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from gui.picture.feed import Picture
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import ByteArray, Quat, Vec3
-    from simulator.scene.state import TargetRef
+    from flyaround.gui.picture.feed import Picture
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import ByteArray, Quat, Vec3
+    from flyaround.simulator.scene.state import TargetRef
 
 State = Literal["off", "starting", "waiting", "estimating"]
 
@@ -129,10 +129,10 @@ class EstimatesByProcess:
         """
         import msgspec  # noqa: PLC0415 - what only this process needs
 
-        from hil.board.errors import BoardModelError  # noqa: PLC0415
-        from hil.board.svd import CameraIntrinsics  # noqa: PLC0415
-        from hil.evaluate.added_estimators import any_estimator, check_any_method  # noqa: PLC0415
-        from hil.evaluate.method_choice import MethodChoice, board_model  # noqa: PLC0415
+        from flyaround.hil.board.errors import BoardModelError  # noqa: PLC0415
+        from flyaround.hil.board.svd import CameraIntrinsics  # noqa: PLC0415
+        from flyaround.hil.evaluate.added_estimators import any_estimator, check_any_method  # noqa: PLC0415
+        from flyaround.hil.evaluate.method_choice import MethodChoice, board_model  # noqa: PLC0415
 
         key = (request.method, request.camera, request.target)
         if key not in self._made:
@@ -153,8 +153,8 @@ class EstimatesByProcess:
 
 def estimate_picture(held: EstimatesByProcess, request: EstimateRequest) -> Answer:
     """Estimate the pose in a picture, in the estimator's process."""
-    from hil.board.svd.debug.stage_pictures import stage_pictures  # noqa: PLC0415 - what only this process needs
-    from hil.evaluate.estimate import checked_picture  # noqa: PLC0415
+    from flyaround.hil.board.svd.debug.stage_pictures import stage_pictures  # noqa: PLC0415 - what only this process needs
+    from flyaround.hil.evaluate.estimate import checked_picture  # noqa: PLC0415
 
     start = time.perf_counter()
     estimator = held.estimator(request)
@@ -191,7 +191,7 @@ def _jpeg(picture: ByteArray) -> ByteArray:
 
 def known_methods() -> tuple[str, ...]:
     """Names that need no file: the built-in methods, and those of other packages."""
-    from hil.board.svd import METHODS  # noqa: PLC0415 - loads OpenCV, and most flights have no estimator
+    from flyaround.hil.board.svd import METHODS  # noqa: PLC0415 - loads OpenCV, and most flights have no estimator
 
     return (*METHODS, *sorted(plugins("estimator")))
 

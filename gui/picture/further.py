@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.picture.feed import Feed, PictureKind
-from gui.picture.label_images import LABELS, LABELS_EVERY_S
-from gui.picture.orbit_picture import orbit_scene
+from flyaround.gui.picture.feed import Feed, PictureKind
+from flyaround.gui.picture.label_images import LABELS, LABELS_EVERY_S
+from flyaround.gui.picture.orbit_picture import orbit_scene
 
 if TYPE_CHECKING:
-    from gui.flight.session import Session
-    from gui.picture.turns import Turns
-    from gui.picture.view_settings import Options, ViewSettings
-    from simulator.scene.state import Quality, SceneState
+    from flyaround.gui.flight.session import Session
+    from flyaround.gui.picture.turns import Turns
+    from flyaround.gui.picture.view_settings import Options, ViewSettings
+    from flyaround.simulator.scene.state import Quality, SceneState
 
 ORBIT_CAMERA, LABEL_VIEWS = "orbit-camera", "labels"
 CAMERA_SHARE = 2.0

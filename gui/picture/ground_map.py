@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.render.earth.maps import DAY, NIGHT, decode_file
-from simulator.render.moon.moon_pass import moon_map
+from flyaround.simulator.render.earth.maps import DAY, NIGHT, decode_file
+from flyaround.simulator.render.moon.moon_pass import moon_map
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import ByteArray, Float32Array
-    from simulator.world.ephemeris.bodies import BodyName
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
+    from flyaround.simulator.world.ephemeris.bodies import BodyName
 
 WIDTH_PX, HEIGHT_PX = 720, 360
 NIGHT_SHARE = 0.22

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from gui import style
-from gui.flight.relative_map import nice_step
-from simulator.labels.part_classes import PART_CLASSES, part_class
-from simulator.labels.request import LabelRequest
-from simulator.targets.model import PartClass
+from flyaround.gui import style
+from flyaround.gui.flight.relative_map import nice_step
+from flyaround.simulator.labels.part_classes import PART_CLASSES, part_class
+from flyaround.simulator.labels.request import LabelRequest
+from flyaround.simulator.targets.model import PartClass
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from gui.style import Rgba
-    from simulator.frame import Frame
-    from simulator.labels.truth import KeypointState
-    from simulator.runtime.arrays import ByteArray, Float32Array
+    from flyaround.gui.style import Rgba
+    from flyaround.simulator.frame import Frame
+    from flyaround.simulator.labels.truth import KeypointState
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
 
 LABELS = LabelRequest(layers=("depth", "parts"))
 LABELS_EVERY_S = 1.0

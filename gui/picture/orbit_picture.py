@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.lens.camera_model import Camera
-from simulator.imaging.auto_exposure import AutoExposure
-from simulator.imaging.metering import wanted_exposure_s
-from simulator.runtime.arrays import quat, vec3
-from simulator.scene.build import build_scene
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.imaging.auto_exposure import AutoExposure
+from flyaround.simulator.imaging.metering import wanted_exposure_s
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scene.build import build_scene
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
-    from gui.flight.session import Moment, Session
-    from gui.picture.orbit_camera import OrbitCamera
-    from gui.picture.view_settings import ViewSettings
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import Quality, SceneState
-    from simulator.world.flight.world_state import WorldState
-    from simulator.world.frames.lvlh import Lvlh
+    from flyaround.gui.flight.session import Moment, Session
+    from flyaround.gui.picture.orbit_camera import OrbitCamera
+    from flyaround.gui.picture.view_settings import ViewSettings
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import Quality, SceneState
+    from flyaround.simulator.world.flight.world_state import WorldState
+    from flyaround.simulator.world.frames.lvlh import Lvlh
 
 FIELD_DEG = 40.0
 """Across the picture's height."""

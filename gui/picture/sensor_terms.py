@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gui.picture.view_settings import changed_sensor
-from simulator.camera.detector.limits import sensor_problem
-from simulator.errors import UserError
+from flyaround.gui.picture.view_settings import changed_sensor
+from flyaround.simulator.camera.detector.limits import sensor_problem
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.runtime.arrays import IntArray
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.runtime.arrays import IntArray
 
 BLUR = ("blur_sigma_px", "blur, sigma [px]", "more makes edges softer")
 DEPTH = ("bits", "depth [bit]", "levels of a picture are two to this power; fewer make steps")

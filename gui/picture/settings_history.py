@@ -5,10 +5,10 @@ from __future__ import annotations
 from copy import deepcopy
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from gui.picture.view_settings import Options
+    from flyaround.gui.picture.view_settings import Options
 
 MOST = 200
 ONE_DRAG_MS = 800

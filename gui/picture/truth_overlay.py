@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from simulator.labels.boxes import amodal_box
-from simulator.labels.visibility import hidden_from_direction, occluded_from_camera
-from simulator.targets.joined_mesh import JoinedMesh
-from simulator.world.frames.rotation import rotation_angle_rad
+from flyaround.simulator.labels.boxes import amodal_box
+from flyaround.simulator.labels.visibility import hidden_from_direction, occluded_from_camera
+from flyaround.simulator.targets.joined_mesh import JoinedMesh
+from flyaround.simulator.world.frames.rotation import rotation_angle_rad
 
 if TYPE_CHECKING:
-    from gui.picture.view_settings import Overlays
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import BoolArray, FloatArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
-    from simulator.world.frames.pose import Pose
+    from flyaround.gui.picture.view_settings import Overlays
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.frames.pose import Pose
 
 Seen = Literal["visible", "shadowed", "hidden"]
 Pixel = tuple[float, float]

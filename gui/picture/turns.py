@@ -6,17 +6,17 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING
 
-from gui.picture.feed import PictureFailedError, last_line
-from simulator.errors import UserError
-from simulator.loop import FramesLostError
-from simulator.runtime.worker import ProcessDiedError
+from flyaround.gui.picture.feed import PictureFailedError, last_line
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.loop import FramesLostError
+from flyaround.simulator.runtime.worker import ProcessDiedError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from gui.picture.feed import FramesOnRequest
-    from simulator.frame import Frame
-    from simulator.loop import FrameRequest
+    from flyaround.gui.picture.feed import FramesOnRequest
+    from flyaround.simulator.frame import Frame
+    from flyaround.simulator.loop import FrameRequest
 
 WANTS_S = 0.5
 """A view that was refused and has not asked again for so long does not want any more."""
@@ -111,7 +111,7 @@ class Turns:
 
 
 class Channel:
-    """A view's way to the producer; `gui.picture.feed.FramesOnRequest`.
+    """A view's way to the producer; `flyaround.gui.picture.feed.FramesOnRequest`.
 
     Parameters
     ----------

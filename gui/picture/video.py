@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.errors import UserError, write_error
+from flyaround.simulator.errors import UserError, write_error
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 WAITING = 8
 """Pictures that may wait for the encoder; others are left out, and counted."""

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
-from gui.flight.relative_map import MapLook
-from gui.picture.orbit_camera import OrbitCamera
-from simulator.camera.detector.sensor import noiseless
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.bands import Bands
-from simulator.scene.state import Quality
+from flyaround.gui.flight.relative_map import MapLook
+from flyaround.gui.picture.orbit_camera import OrbitCamera
+from flyaround.simulator.camera.detector.sensor import noiseless
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.bands import Bands
+from flyaround.simulator.scene.state import Quality
 
 if TYPE_CHECKING:
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.scene.illumination.area_light import AreaLight
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.scene.illumination.area_light import AreaLight
+    from flyaround.simulator.scene.state import SceneState
 
 Detail = Literal["auto", "full", "half", "quarter"]
 DETAILS: tuple[Detail, ...] = ("auto", "full", "half", "quarter")

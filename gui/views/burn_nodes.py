@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gui import style
-from gui.flight.planned_burns import BurnPlan, PlannedBurn
-from simulator.runtime.arrays import vec3
+from flyaround.gui import style
+from flyaround.gui.flight.planned_burns import BurnPlan, PlannedBurn
+from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
-    from gui.canvas import Canvas, Point
-    from gui.console import Console
-    from gui.flight.planned_burns import PredictedPath
-    from gui.flight.relative_map import MapPort, Plane
-    from gui.flight.session import Session
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.gui.canvas import Canvas, Point
+    from flyaround.gui.console import Console
+    from flyaround.gui.flight.planned_burns import PredictedPath
+    from flyaround.gui.flight.relative_map import MapPort, Plane
+    from flyaround.gui.flight.session import Session
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 COLOUR = style.PURPLE
 ARM = 16.0

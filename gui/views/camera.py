@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gui import hover_text, style
-from gui.picture.truth_overlay import Pixel
-from gui.views.docking_hud import DockingHud
-from gui.views.estimate_overlay import EstimateOverlay
-from gui.views.letterbox import Letterbox
-from gui.views.mouse_steering import MouseSteering
-from gui.views.truth_marks import TruthMarks
+from flyaround.gui import hover_text, style
+from flyaround.gui.picture.truth_overlay import Pixel
+from flyaround.gui.views.docking_hud import DockingHud
+from flyaround.gui.views.estimate_overlay import EstimateOverlay
+from flyaround.gui.views.letterbox import Letterbox
+from flyaround.gui.views.mouse_steering import MouseSteering
+from flyaround.gui.views.truth_marks import TruthMarks
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.flight.session import Session
-    from gui.picture.feed import Feed, Picture
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.flight.session import Session
+    from flyaround.gui.picture.feed import Feed, Picture
+    from flyaround.gui.window import Window
 
 FIGURES = {
     "UTC": "mid-exposure of this picture",

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gui import style
-from gui.canvas import Canvas
-from gui.flight.ground_track import (
+from flyaround.gui import style
+from flyaround.gui.canvas import Canvas
+from flyaround.gui.flight.ground_track import (
     GroundTrack,
     geodetic_deg,
     ground_track,
@@ -18,21 +18,21 @@ from gui.flight.ground_track import (
     terminator_deg,
     unbroken,
 )
-from gui.picture.ground_map import GroundMap, load_ground_map
-from gui.views.letterbox import Letterbox
-from simulator.world.constants import FLATTENING
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
+from flyaround.gui.views.letterbox import Letterbox
+from flyaround.simulator.world.constants import FLATTENING
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-    from gui.canvas import Point
-    from gui.console import Console
-    from gui.flight.session import Session
-    from gui.window import Window
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.ephemeris.bodies import BodyName
-    from simulator.world.flight.world_state import WorldState
+    from flyaround.gui.canvas import Point
+    from flyaround.gui.console import Console
+    from flyaround.gui.flight.session import Session
+    from flyaround.gui.window import Window
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.ephemeris.bodies import BodyName
+    from flyaround.simulator.world.flight.world_state import WorldState
 
 TRACK_EVERY_S = 60.0
 """Simulated time between two tracks, at 60x and less; beyond that one a second of the window's."""

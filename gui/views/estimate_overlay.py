@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gui import hover_text, style
-from gui.picture.truth_overlay import Segment, wireframe_at
-from simulator.world.frames.pose import Pose
-from simulator.world.frames.rotation import quat_normalize
+from flyaround.gui import hover_text, style
+from flyaround.gui.picture.truth_overlay import Segment, wireframe_at
+from flyaround.simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.rotation import quat_normalize
 
 if TYPE_CHECKING:
-    from gui.picture.estimates import ComparedEstimate, Estimates
-    from gui.picture.feed import Picture
-    from gui.views.letterbox import Letterbox
-    from gui.window import Window
+    from flyaround.gui.picture.estimates import ComparedEstimate, Estimates
+    from flyaround.gui.picture.feed import Picture
+    from flyaround.gui.views.letterbox import Letterbox
+    from flyaround.gui.window import Window
 
 OLD_S = 5.0
 """An estimate of a picture that is older by more of simulated time is not drawn."""

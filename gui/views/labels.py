@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gui import style
-from gui.canvas import Canvas
-from gui.picture.further import LABEL_VIEWS
-from gui.picture.label_images import (
+from flyaround.gui import style
+from flyaround.gui.canvas import Canvas
+from flyaround.gui.picture.further import LABEL_VIEWS
+from flyaround.gui.picture.label_images import (
     PART_COLOURS,
     STATE_COLOURS,
     DepthPicture,
@@ -21,17 +21,17 @@ from gui.picture.label_images import (
     mask_picture,
     part_picture,
 )
-from gui.views.letterbox import Letterbox
+from flyaround.gui.views.letterbox import Letterbox
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gui.canvas import Point
-    from gui.console import Console
-    from gui.picture.feed import Picture
-    from gui.window import Window
-    from simulator.labels.truth import KeypointState, Truth
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.gui.canvas import Point
+    from flyaround.gui.console import Console
+    from flyaround.gui.picture.feed import Picture
+    from flyaround.gui.window import Window
+    from flyaround.simulator.labels.truth import KeypointState, Truth
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 Place = tuple[float, float, float, float]
 SCALE_STEPS = 32

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from gui.picture.truth_overlay import Pixel
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.gui.picture.truth_overlay import Pixel
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True)

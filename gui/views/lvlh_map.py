@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gui import style
-from gui.canvas import Canvas
-from gui.flight.relative_map import (
+from flyaround.gui import style
+from flyaround.gui.canvas import Canvas
+from flyaround.gui.flight.relative_map import (
     MapLook,
     MapPort,
     boresight_lvlh,
@@ -20,17 +20,17 @@ from gui.flight.relative_map import (
     sun_lvlh,
     target_edges_lvlh_m,
 )
-from gui.views.burn_nodes import BurnNodes
-from gui.widgets import Widgets
-from simulator.runtime.arrays import Vec3, vec3
+from flyaround.gui.views.burn_nodes import BurnNodes
+from flyaround.gui.widgets import Widgets
+from flyaround.simulator.runtime.arrays import Vec3, vec3
 
 if TYPE_CHECKING:
-    from gui.canvas import Point
-    from gui.console import Console
-    from gui.flight.session import Session
-    from gui.window import Window
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.frames.lvlh import Lvlh
+    from flyaround.gui.canvas import Point
+    from flyaround.gui.console import Console
+    from flyaround.gui.flight.session import Session
+    from flyaround.gui.window import Window
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.frames.lvlh import Lvlh
 
 DRIFT_EVERY_S = 0.25
 """The predicted drift is worked out anew this often, at 1x."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gui.flight.gamepad import STILL, share
-from gui.widgets import Widgets
+from flyaround.gui.flight.gamepad import STILL, share
+from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.views.letterbox import Letterbox
-    from gui.window import Window
+    from flyaround.gui.console import Console
+    from flyaround.gui.views.letterbox import Letterbox
+    from flyaround.gui.window import Window
 
 REACH = 0.25
 """A drag over this share of the picture's height is the whole turn or push."""

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gui import style
-from gui.canvas import Canvas, Point
-from gui.picture.further import ORBIT_CAMERA
-from gui.picture.orbit_camera import ABOUT
-from gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chaser_marks
-from gui.views.letterbox import Letterbox
-from gui.widgets import Widgets
+from flyaround.gui import style
+from flyaround.gui.canvas import Canvas, Point
+from flyaround.gui.picture.further import ORBIT_CAMERA
+from flyaround.gui.picture.orbit_camera import ABOUT
+from flyaround.gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chaser_marks
+from flyaround.gui.views.letterbox import Letterbox
+from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
-    from gui.console import Console
-    from gui.picture.feed import Picture
-    from gui.window import Window
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.gui.console import Console
+    from flyaround.gui.picture.feed import Picture
+    from flyaround.gui.window import Window
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 DEGREES_PER_UNIT = 0.4
 WHEEL_FACTOR = 1.15

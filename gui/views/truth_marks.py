@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gui import style
-from gui.canvas import Canvas
-from gui.picture.label_placement import PlacedLabel, place_labels
-from gui.picture.truth_overlay import Marker, Marks, Seen
+from flyaround.gui import style
+from flyaround.gui.canvas import Canvas
+from flyaround.gui.picture.label_placement import PlacedLabel, place_labels
+from flyaround.gui.picture.truth_overlay import Marker, Marks, Seen
 
 if TYPE_CHECKING:
-    from gui.picture.feed import Picture
-    from gui.picture.view_settings import Options
-    from gui.views.letterbox import Letterbox
-    from gui.window import Window
-    from simulator.targets.model import Target
+    from flyaround.gui.picture.feed import Picture
+    from flyaround.gui.picture.view_settings import Options
+    from flyaround.gui.views.letterbox import Letterbox
+    from flyaround.gui.window import Window
+    from flyaround.simulator.targets.model import Target
 
 SEEN_COLORS: dict[Seen, style.Rgba] = {"visible": style.GOOD, "shadowed": style.WARN, "hidden": style.BAD}
 Place = tuple[float, float, float, float]

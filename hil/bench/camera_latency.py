@@ -1,6 +1,6 @@
 """How well the host keeps a camera's time: pictures in a loop, at a constant latency, to a board that answers at once.
 
-Each picture carries its frame number and time in a corner (`hil.corner_code`); the board reads it back, so that pixels
+Each picture carries its frame number and time in a corner (`flyaround.hil.corner_code`); the board reads it back, so that pixels
 and ledger are held against each other in every frame.
 """
 
@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.board.agent import run_board
-from hil.corner_code import CodePlace, CornerCode, draw_code, read_code
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import RunConfig, run_host
-from simulator.frame import NO_RADIANCE, Frame
-from simulator.recipes.plan import plan_recipe
-from simulator.world.time.instant import nanoseconds_utc
+from flyaround.hil.board.agent import run_board
+from flyaround.hil.corner_code import CodePlace, CornerCode, draw_code, read_code
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.simulator.frame import NO_RADIANCE, Frame
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.host.ledger.frames_csv import LedgerRow
-    from hil.host.ledger.summary import LedgerSummary
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.ledger.summary import LedgerSummary
 
     Pictures = Sequence[NDArray[np.uint8]]
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from hil.board.svd.native.backend import BACKEND_VARIABLE
-from simulator.bench.parts import PartCost, cost
-from simulator.loop import run_frames
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import Plan, plan_flight
-from simulator.targets.board_model.write import write_board_model
+from flyaround.hil.board.svd.native.backend import BACKEND_VARIABLE
+from flyaround.simulator.bench.parts import PartCost, cost
+from flyaround.simulator.loop import run_frames
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import Plan, plan_flight
+from flyaround.simulator.targets.board_model.write import write_board_model
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,8 +35,8 @@ N_TRACKED, EVERY_S = 42, 0.5
 BOARD = """
 import json, sys
 import cv2, numpy as np
-from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
-from hil.board.svd.native.backend import describe_backend
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
+from flyaround.hil.board.svd.native.backend import describe_backend
 cv2.setNumThreads(1)
 folder, every_s = sys.argv[1], float(sys.argv[2])
 model = BoardModel.read(folder + "/model.json")

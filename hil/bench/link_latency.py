@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from hil.board.agent import run_board
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import RunConfig, run_host
-from simulator.bench.parts import PartCost, cost
-from simulator.frame import NO_RADIANCE, Frame
-from simulator.recipes.plan import plan_recipe
+from flyaround.hil.board.agent import run_board
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.simulator.bench.parts import PartCost, cost
+from flyaround.simulator.frame import NO_RADIANCE, Frame
+from flyaround.simulator.recipes.plan import plan_recipe
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from hil.host.link_process.ipc import Compression
+    from flyaround.hil.host.link_process.ipc import Compression
 
 SIZES_PX = ((1024, 1024), (1920, 1200))
 

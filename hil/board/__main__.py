@@ -1,4 +1,4 @@
-"""``python -m hil.board URL --model FILE``: the board's agent, with nothing but argparse.
+"""``python -m flyaround.hil.board URL --model FILE``: the board's agent, with nothing but argparse.
 
 With ``gige://ADDRESS --camera FILE`` the board reads a camera on the network instead. Also ``--image FILE --camera
 FILE``: one answer as JSON, to see that a board can do it at all.
@@ -14,21 +14,21 @@ import signal
 import sys
 from typing import Iterator, List, NoReturn, Optional
 
-from hil.board.agent import bundled_models, describe_board, svd_factory
-from hil.board.gige.camera import SCHEME
-from hil.board.gige.camera_board import read_camera, run_camera_board
-from hil.board.gige.options import CAMERA_OPTIONS, TITLE, camera_board_options, check_options
-from hil.board.options import add_options, make_agent
-from hil.board.service import WATCHDOG_S, ExitCode, program_path, systemd_unit
-from hil.board.serving import NoSessionError, exit_at_once, exit_code, serve_sessions
-from hil.link.errors import LinkError
+from flyaround.hil.board.agent import bundled_models, describe_board, svd_factory
+from flyaround.hil.board.gige.camera import SCHEME
+from flyaround.hil.board.gige.camera_board import read_camera, run_camera_board
+from flyaround.hil.board.gige.options import CAMERA_OPTIONS, TITLE, camera_board_options, check_options
+from flyaround.hil.board.options import add_options, make_agent
+from flyaround.hil.board.service import WATCHDOG_S, ExitCode, program_path, systemd_unit
+from flyaround.hil.board.serving import NoSessionError, exit_at_once, exit_code, serve_sessions
+from flyaround.hil.link.errors import LinkError
 
 
 class AgentTerminated(KeyboardInterrupt):
     """SIGTERM came: ended as by Ctrl-C, so that what is at work is cleaned up."""
 
 
-def main(arguments: Optional[List[str]] = None, program: str = "hil.board") -> int:
+def main(arguments: Optional[List[str]] = None, program: str = "flyaround.hil.board") -> int:
     """The board's agent: meet the host, answer its frames.
 
     Exit code 0: the host ended the session in order; 1: it vanished; 2: a mistake in what was given; 3: the watchdog
@@ -150,7 +150,7 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
     """
     import cv2  # noqa: PLC0415 - a board that only relays has none
 
-    from hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - the same
+    from flyaround.hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - the same
 
     if camera is None:
         raise LinkError("--image needs the camera it was taken with: name its file with --camera")
@@ -178,4 +178,4 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
 
 
 if __name__ == "__main__":
-    run_and_exit("hil.board")
+    run_and_exit("flyaround.hil.board")

@@ -13,17 +13,17 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 
-from hil.board.answering import BoardEstimator
-from hil.board.errors import BoardModelError
-from hil.board.frame_server import BoardSummary, FrameServer
-from hil.link.errors import LinkError
-from hil.link.packets.enums import GREY_FORMATS, format_mask
-from hil.link.packets.images import check_terms, supported_encodings
-from hil.link.packets.messages import ErrorCode, ErrorMessage, Hello, HelloAck, PixelFormat
-from hil.link.packets.packet import PacketType
-from hil.link.security import prove_to_host
-from hil.link.session import SILENCE_S, Link, greet_host
-from hil.link.transports.url import connect, parse_url
+from flyaround.hil.board.answering import BoardEstimator
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.frame_server import BoardSummary, FrameServer
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.packets.enums import GREY_FORMATS, format_mask
+from flyaround.hil.link.packets.images import check_terms, supported_encodings
+from flyaround.hil.link.packets.messages import ErrorCode, ErrorMessage, Hello, HelloAck, PixelFormat
+from flyaround.hil.link.packets.packet import PacketType
+from flyaround.hil.link.security import prove_to_host
+from flyaround.hil.link.session import SILENCE_S, Link, greet_host
+from flyaround.hil.link.transports.url import connect, parse_url
 
 logger = logging.getLogger(__name__)
 
@@ -44,9 +44,9 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
     LinkError
         If the model file, the method or the kernels that are asked for cannot be used.
     """
-    from hil.board.methods import check_method_name, estimator_by_name  # noqa: PLC0415 - needs OpenCV
-    from hil.board.svd import BoardModel, CameraIntrinsics  # noqa: PLC0415 - the same
-    from hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - the same
+    from flyaround.hil.board.methods import check_method_name, estimator_by_name  # noqa: PLC0415 - needs OpenCV
+    from flyaround.hil.board.svd import BoardModel, CameraIntrinsics  # noqa: PLC0415 - the same
+    from flyaround.hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - the same
 
     try:
         # built and loaded before a host is met
@@ -80,7 +80,7 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
     if compiled:
         import cv2  # noqa: PLC0415 - a board with an estimator of its own needs none
 
-        from hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - needs OpenCV
+        from flyaround.hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - needs OpenCV
 
         runs_on += f", OpenCV {cv2.__version__}, {describe_backend().split()[0]}"
     return Hello(
@@ -106,7 +106,7 @@ def _bundled(name: str) -> Optional[bytes]:
 
 
 def _models() -> Any:  # noqa: ANN401 - a Path, or its like inside a zip
-    return files("hil.board").joinpath("models")
+    return files("flyaround.hil.board").joinpath("models")
 
 
 class BoardAgent:

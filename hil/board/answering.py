@@ -5,15 +5,15 @@ from __future__ import annotations
 import logging
 from typing import Any, Callable, Dict, Iterable, Optional, Protocol
 
-from hil.link.clock import now_ns
-from hil.link.packets.messages import PoseMessage
-from hil.link.packets.pixels import Image
+from flyaround.hil.link.clock import now_ns
+from flyaround.hil.link.packets.messages import PoseMessage
+from flyaround.hil.link.packets.pixels import Image
 
 logger = logging.getLogger(__name__)
 
 
 class Estimate(Protocol):
-    """What an estimator returns; ``hil.board.svd.PoseResult`` is one."""
+    """What an estimator returns; ``flyaround.hil.board.svd.PoseResult`` is one."""
 
     @property
     def accepted(self) -> bool:

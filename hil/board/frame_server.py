@@ -10,11 +10,11 @@ import threading
 from dataclasses import dataclass
 from typing import Optional
 
-from hil.board.answering import BoardEstimator, estimated_pose
-from hil.link.clock import answer_time_sync, now_ns
-from hil.link.errors import LinkClosed, PacketError, ProtocolMistake
-from hil.link.packets.images import FrameAssembler
-from hil.link.packets.messages import (
+from flyaround.hil.board.answering import BoardEstimator, estimated_pose
+from flyaround.hil.link.clock import answer_time_sync, now_ns
+from flyaround.hil.link.errors import LinkClosed, PacketError, ProtocolMistake
+from flyaround.hil.link.packets.images import FrameAssembler
+from flyaround.hil.link.packets.messages import (
     NO_FRAME,
     Bye,
     Credit,
@@ -28,8 +28,8 @@ from hil.link.packets.messages import (
     TimeSyncReply,
     TimeSyncRequest,
 )
-from hil.link.packets.pixels import Image
-from hil.link.session import Link
+from flyaround.hil.link.packets.pixels import Image
+from flyaround.hil.link.session import Link
 
 logger = logging.getLogger(__name__)
 

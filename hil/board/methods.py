@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Optional, Sequence
 
-from hil.board.errors import BoardModelError
-from hil.board.net.network_estimator import NetworkEstimator
-from hil.board.net.network_file import NetworkFile
-from hil.board.svd import METHODS, BoardModel, CameraIntrinsics, Estimator, make_estimator
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.net.network_estimator import NetworkEstimator
+from flyaround.hil.board.net.network_file import NetworkFile
+from flyaround.hil.board.svd import METHODS, BoardModel, CameraIntrinsics, Estimator, make_estimator
 
 NETWORK = "net:"
 

@@ -6,10 +6,10 @@ import argparse
 import math
 from typing import Any, Dict, NamedTuple, Optional, Tuple
 
-from hil.board.agent import BoardAgent, EstimatorFactory
-from hil.link.errors import LinkError
-from hil.link.security import read_key
-from hil.link.session import SILENCE_S
+from flyaround.hil.board.agent import BoardAgent, EstimatorFactory
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.security import read_key
+from flyaround.hil.link.session import SILENCE_S
 
 MOST_WINDOW = 64
 

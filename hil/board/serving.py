@@ -6,10 +6,10 @@ import os
 import sys
 from typing import List, NoReturn
 
-from hil.board.agent import BoardAgent
-from hil.board.frame_server import BoardSummary
-from hil.board.service import ExitCode, ServiceManager
-from hil.link.errors import LinkError
+from flyaround.hil.board.agent import BoardAgent
+from flyaround.hil.board.frame_server import BoardSummary
+from flyaround.hil.board.service import ExitCode, ServiceManager
+from flyaround.hil.link.errors import LinkError
 
 # of a line in which the agent says that it is started anew by itself
 RESTARTS = "; the agent starts anew"

@@ -10,19 +10,27 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
-from hil.campaign.campaign_page import write_campaign_page
-from hil.campaign.case_run import PART, RunResult, RunTask, flown_by, fly_case, inputs_of, read_result
-from hil.campaign.definitions import Campaign, ReadyCase, read_campaign
-from hil.campaign.junit import junit_xml
-from hil.campaign.verdicts import RunVerdict, judge
-from hil.host.ledger.run_terms import ScenarioRecord, Versions
-from hil.host.ledger.summary import Board
-from simulator.errors import UserError
-from simulator.runtime.files import empty_folder, write_atomic
-from simulator.runtime.folder_lock import only_writer
-from simulator.runtime.task_pool import run_tasks
-from simulator.runtime.urls import without_secrets
-from simulator.scenario.faults import Faults
+from flyaround.hil.campaign.campaign_page import write_campaign_page
+from flyaround.hil.campaign.case_run import (
+    PART,
+    RunResult,
+    RunTask,
+    flown_by,
+    fly_case,
+    inputs_of,
+    read_result,
+)
+from flyaround.hil.campaign.definitions import Campaign, ReadyCase, read_campaign
+from flyaround.hil.campaign.junit import junit_xml
+from flyaround.hil.campaign.verdicts import RunVerdict, judge
+from flyaround.hil.host.ledger.run_terms import ScenarioRecord, Versions
+from flyaround.hil.host.ledger.summary import Board
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.runtime.folder_lock import only_writer
+from flyaround.simulator.runtime.task_pool import run_tasks
+from flyaround.simulator.runtime.urls import without_secrets
+from flyaround.simulator.scenario.faults import Faults
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.campaign.quantities import QUANTITIES
-from hil.campaign.verdicts import in_words, worst
-from simulator.reports.markup import Markup, element, markup
-from simulator.reports.page import Page, key_figures, link, note
+from flyaround.hil.campaign.quantities import QUANTITIES
+from flyaround.hil.campaign.verdicts import in_words, worst
+from flyaround.simulator.reports.markup import Markup, element, markup
+from flyaround.simulator.reports.page import Page, key_figures, link, note
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from hil.campaign.definitions import Campaign, Requirement
-    from hil.campaign.verdicts import RunVerdict, Verdict
+    from flyaround.hil.campaign.definitions import Campaign, Requirement
+    from flyaround.hil.campaign.verdicts import RunVerdict, Verdict
 
 STYLE = """
 .ok{color:#1d7a46;font-weight:600}.no{color:var(--bad);font-weight:600}

@@ -16,38 +16,38 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from hil.board.agent import describe_board
-from hil.board.errors import BoardModelError
-from hil.campaign.own_board import SILENCE_S, run_with_own_board
-from hil.campaign.quantities import QUANTITIES, RunRecord, Value
-from hil.host.closed_loop import (
+from flyaround.hil.board.agent import describe_board
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.campaign.own_board import SILENCE_S, run_with_own_board
+from flyaround.hil.campaign.quantities import QUANTITIES, RunRecord, Value
+from flyaround.hil.host.closed_loop import (
     fly_without_pictures,
     frame_every,
     summary_without_pictures,
     write_steps,
     write_summary,
 )
-from hil.host.flight_run import FlightOptions, FlightRun
-from hil.host.ledger.frames_csv import FRAMES_CSV, LedgerRow, LedgerWriter, read_ledger
-from hil.host.ledger.run_terms import FlownRecord, read_terms, terms_without_board, write_terms
-from hil.host.ledger.summary import SUMMARY_JSON, Board, LedgerSummary, LinkTotals
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.pose_link import PoseLink
-from hil.host.report import TRACE_JSON, write_report
-from hil.host.run import RunConfig
-from hil.link.security import read_key
-from hil.link.session import SILENCE_S as LINK_SILENCE_S
-from hil.navigation.closed_loop import ClosedLoopConfig
-from simulator.errors import UserError
-from simulator.runtime.files import write_atomic
-from simulator.runtime.untrusted_files import read_regular
-from simulator.scenario.plan import plan_flight
-from simulator.targets.library import load_target
+from flyaround.hil.host.flight_run import FlightOptions, FlightRun
+from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, LedgerRow, LedgerWriter, read_ledger
+from flyaround.hil.host.ledger.run_terms import FlownRecord, read_terms, terms_without_board, write_terms
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, Board, LedgerSummary, LinkTotals
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.pose_link import PoseLink
+from flyaround.hil.host.report import TRACE_JSON, write_report
+from flyaround.hil.host.run import RunConfig
+from flyaround.hil.link.security import read_key
+from flyaround.hil.link.session import SILENCE_S as LINK_SILENCE_S
+from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from hil.campaign.definitions import ReadyCase
-    from simulator.scenario.faults import Faults
-    from simulator.scenario.plan import Plan
+    from flyaround.hil.campaign.definitions import ReadyCase
+    from flyaround.simulator.scenario.faults import Faults
+    from flyaround.simulator.scenario.plan import Plan
 
 RESULT_JSON, BOARD_LOG = "result.json", "board.log"
 PART = ".part"

@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 
-from hil.board.errors import BoardModelError
-from hil.board.methods import check_method_name
-from hil.campaign.quantities import QUANTITIES
-from hil.host.link_process.ipc import Compression, PixelFormatName
-from hil.host.pose_link import PoseLink
-from simulator.errors import UserError, near_names
-from simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
-from simulator.runtime.untrusted_files import read_regular
-from simulator.runtime.validation_errors import explain
-from simulator.scenario.faults import NO_FAULTS, Faults, check_times, read_faults
-from simulator.scenario.load import load_scenario, scenario_source
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.methods import check_method_name
+from flyaround.hil.campaign.quantities import QUANTITIES
+from flyaround.hil.host.link_process.ipc import Compression, PixelFormatName
+from flyaround.hil.host.pose_link import PoseLink
+from flyaround.simulator.errors import UserError, near_names
+from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.runtime.validation_errors import explain
+from flyaround.simulator.scenario.faults import NO_FAULTS, Faults, check_times, read_faults
+from flyaround.simulator.scenario.load import load_scenario, scenario_source
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.scenario.scenario import Scenario
+    from flyaround.simulator.scenario.scenario import Scenario
 
 MOST_RUNS = 20_000
 Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9._-]*$", min_length=1, max_length=60)]

@@ -13,24 +13,30 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from hil.campaign.delay_map_page import write_delay_map_page
-from hil.campaign.half_success import half_success, wilson
-from hil.campaign.map_flights import Cell, MapFlight, flown_cells
-from hil.campaign.map_results import CellResult, CheckedCell, DelayMapOutcome, HalfLatency, MapSettings
-from hil.host.closed_loop import frame_every
-from hil.navigation.closed_loop import check_closed_loop
-from simulator.errors import UserError
-from simulator.runtime.files import empty_folder, write_atomic
-from simulator.runtime.folder_lock import lock_name, only_writer
-from simulator.runtime.untrusted_files import read_regular
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.hil.campaign.delay_map_page import write_delay_map_page
+from flyaround.hil.campaign.half_success import half_success, wilson
+from flyaround.hil.campaign.map_flights import Cell, MapFlight, flown_cells
+from flyaround.hil.campaign.map_results import (
+    CellResult,
+    CheckedCell,
+    DelayMapOutcome,
+    HalfLatency,
+    MapSettings,
+)
+from flyaround.hil.host.closed_loop import frame_every
+from flyaround.hil.navigation.closed_loop import check_closed_loop
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.runtime.folder_lock import lock_name, only_writer
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
 
-    from hil.campaign.map_flights import FlownCell
+    from flyaround.hil.campaign.map_flights import FlownCell
 
 SETTINGS_JSON, OUTCOME_JSON = "settings.json", "delay_map.json"
 FLIGHTS_CSV, CHECKS_CSV, CELLS_CSV = "flights.csv", "checks.csv", "cells.csv"

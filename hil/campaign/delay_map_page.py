@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib import colormaps
 
-from simulator.reports.page import Page, key_figures, link, note, plot, table
-from simulator.reports.plots import INK, figure_with_axes, png
-from simulator.runtime.files import write_atomic
+from flyaround.simulator.reports.page import Page, key_figures, link, note, plot, table
+from flyaround.simulator.reports.plots import INK, figure_with_axes, png
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from hil.campaign.map_results import CellResult, DelayMapOutcome
+    from flyaround.hil.campaign.map_results import CellResult, DelayMapOutcome
 
 PAGE, PICTURE = "index.html", "delay_map.png"
 ERRORS = "Nothing drawn: poses are the truth with the errors that the estimator svd was measured to make."

@@ -13,8 +13,8 @@ from xml.etree import ElementTree as ET
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from hil.campaign.definitions import Campaign, ReadyCase
-    from hil.campaign.verdicts import RunVerdict
+    from flyaround.hil.campaign.definitions import Campaign, ReadyCase
+    from flyaround.hil.campaign.verdicts import RunVerdict
 
 # what XML 1.0 has no way to write
 _UNWRITABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -10,28 +10,28 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from hil.campaign.own_board import SILENCE_S, run_with_own_board
-from hil.host.closed_loop import figures, fly_without_pictures, frame_every
-from hil.host.flight_run import FlightOptions, FlightRun
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.pose_link import PoseLink
-from hil.host.run import RunConfig
-from hil.navigation.closed_loop import ClosedLoopConfig
-from simulator.errors import UserError, write_error
-from simulator.runtime.files import write_atomic
-from simulator.runtime.table_text import table_text
-from simulator.runtime.task_pool import run_tasks
-from simulator.runtime.untrusted_files import read_regular
-from simulator.scenario.faults import Drop, Jitter
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.hil.campaign.own_board import SILENCE_S, run_with_own_board
+from flyaround.hil.host.closed_loop import figures, fly_without_pictures, frame_every
+from flyaround.hil.host.flight_run import FlightOptions, FlightRun
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.pose_link import PoseLink
+from flyaround.hil.host.run import RunConfig
+from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
+from flyaround.simulator.errors import UserError, write_error
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.table_text import table_text
+from flyaround.simulator.runtime.task_pool import run_tasks
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.scenario.faults import Drop, Jitter
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from hil.host.ledger.summary import ClosedLoopFigures
-    from simulator.scenario.plan import Plan
+    from flyaround.hil.host.ledger.summary import ClosedLoopFigures
+    from flyaround.simulator.scenario.plan import Plan
 
 # of an approach that succeeded: the limits of docs/hil_closed_loop.md
 WITHIN_M, WITHIN_DEG = 0.2, 2.0

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from hil.host.flight_run import FlightRun
-    from hil.host.ledger.summary import LedgerSummary
+    from flyaround.hil.host.flight_run import FlightRun
+    from flyaround.hil.host.ledger.summary import LedgerSummary
 
 EXIT_S = 20.0
 # The longest that host and board of one busy machine may hear nothing of each other; one that ends is noticed at once.

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, TypeAlias
 import msgspec
 import numpy as np
 
-from hil.host.closed_loop import read_steps
-from hil.host.ledger.frames_csv import ACCEPTED, FRAMES_CSV, read_ledger
-from hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
-from simulator.runtime.untrusted_files import read_regular
+from flyaround.hil.host.closed_loop import read_steps
+from flyaround.hil.host.ledger.frames_csv import ACCEPTED, FRAMES_CSV, read_ledger
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
+from flyaround.simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
 
 MOST_BYTES = 1 << 28
 Value: TypeAlias = "float | str | None"

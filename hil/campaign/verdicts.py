@@ -7,14 +7,14 @@ import operator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from hil.campaign.quantities import QUANTITIES
+from flyaround.hil.campaign.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from hil.campaign.case_run import RunResult
-    from hil.campaign.definitions import Campaign, Requirement
-    from hil.campaign.quantities import Value
+    from flyaround.hil.campaign.case_run import RunResult
+    from flyaround.hil.campaign.definitions import Campaign, Requirement
+    from flyaround.hil.campaign.quantities import Value
 
 COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
     "<=": operator.le,

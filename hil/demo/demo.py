@@ -14,28 +14,28 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from hil.demo.page import DemoResults, write_page
-from hil.host.ledger.run_terms import FlownRecord
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.plan_frames import frames_of_plan
-from hil.host.report import write_report
-from hil.host.run import RunConfig, run_host
-from hil.host.truth.logger import TruthLogger
-from simulator.dataset.capture import capture
-from simulator.dataset.check.verify import check_dataset
-from simulator.errors import UserError
-from simulator.runtime.files import empty_folder, write_json
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.hil.demo.page import DemoResults, write_page
+from flyaround.hil.host.ledger.run_terms import FlownRecord
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.plan_frames import frames_of_plan
+from flyaround.hil.host.report import write_report
+from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.hil.host.truth.logger import TruthLogger
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import empty_folder, write_json
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from contextlib import AbstractContextManager
 
-    from hil.host.ledger.frames_csv import LedgerRow
-    from hil.host.ledger.summary import LedgerSummary
-    from simulator.frame import Frame
-    from simulator.scenario.plan import Plan
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.ledger.summary import LedgerSummary
+    from flyaround.simulator.frame import Frame
+    from flyaround.simulator.scenario.plan import Plan
 
     ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
 

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from hil.demo.plots import plot_errors, plot_latency, plot_trajectory
-from hil.host.ledger.summary import LedgerSummary
-from simulator.dataset.capture import CaptureSummary
-from simulator.dataset.card import read_card
-from simulator.dataset.check.verify import CheckReport
-from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.labels.overlay import draw_pose, draw_truth
-from simulator.labels.truth import Truth, read_truth
-from simulator.reports.markup import Content, Markup, element, markup
-from simulator.reports.page import Page, gallery, key_figures, link, note, plot
-from simulator.reports.pictures import write_jpeg
-from simulator.reports.plots import png
+from flyaround.hil.demo.plots import plot_errors, plot_latency, plot_trajectory
+from flyaround.hil.host.ledger.summary import LedgerSummary
+from flyaround.simulator.dataset.capture import CaptureSummary
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.check.verify import CheckReport
+from flyaround.simulator.dataset.formats.native import frame_paths, read_png
+from flyaround.simulator.labels.overlay import draw_pose, draw_truth
+from flyaround.simulator.labels.truth import Truth, read_truth
+from flyaround.simulator.reports.markup import Content, Markup, element, markup
+from flyaround.simulator.reports.page import Page, gallery, key_figures, link, note, plot
+from flyaround.simulator.reports.pictures import write_jpeg
+from flyaround.simulator.reports.plots import png
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from hil.host.ledger.frames_csv import LedgerRow
-    from simulator.frame import Frame
-    from simulator.runtime.arrays import ByteArray
-    from simulator.scenario.plan import Plan
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.simulator.frame import Frame
+    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.scenario.plan import Plan
 
 THUMB = (480, 300)
 N_ANSWERS = 6

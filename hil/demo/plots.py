@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 import numpy as np
 
-from simulator.reports.plots import DARK_GRID, DARK_INK, GREEN, ORANGE, SKY, VERMILION, figure_with_axes
+from flyaround.simulator.reports.plots import (
+    DARK_GRID,
+    DARK_INK,
+    GREEN,
+    ORANGE,
+    SKY,
+    VERMILION,
+    figure_with_axes,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,8 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from hil.host.ledger.frames_csv import LedgerRow
-    from simulator.scenario.plan import Plan
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.simulator.scenario.plan import Plan
 
 WIDTH = 13  # inches
 

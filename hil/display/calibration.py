@@ -10,17 +10,17 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.interpolate import PchipInterpolator
 
-from hil.corner_code import BLOCK_COLUMNS, BLOCK_ROWS, CodePlace
-from hil.display.patterns import LEVELS, PERIOD_PX, SHIFTS, half_period_bits
-from simulator.errors import UserError
-from simulator.runtime.files import write_atomic
-from simulator.runtime.untrusted_files import without_mark
+from flyaround.hil.corner_code import BLOCK_COLUMNS, BLOCK_ROWS, CodePlace
+from flyaround.hil.display.patterns import LEVELS, PERIOD_PX, SHIFTS, half_period_bits
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.untrusted_files import without_mark
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from simulator.runtime.arrays import BoolArray, FloatArray
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
 
 SCHEMA, VERSION = "flyaround.display", 1
 GEOMETRY_DEGREE = 7

@@ -14,7 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 PERIOD_PX = 48
 SHIFTS = 8

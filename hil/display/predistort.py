@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.display.calibration import DisplayCalibration
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.hil.display.calibration import DisplayCalibration
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 
 class Predistorter:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from hil.corner_code import CodePlace, CornerCode, draw_code
-from simulator.errors import UserError
-from simulator.world.time.instant import nanoseconds_utc
+from flyaround.hil.corner_code import CodePlace, CornerCode, draw_code
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
-    from hil.display.predistort import Predistorter
-    from simulator.frame import Frame
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.hil.display.predistort import Predistorter
+    from flyaround.simulator.frame import Frame
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 
 class Screen(Protocol):

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hil.board.methods import check_method_name, estimator_by_name
-from hil.board.svd import BoardModel, CameraIntrinsics, Estimator, PoseResult
-from simulator.runtime.plugins import Plugin, plugins
+from flyaround.hil.board.methods import check_method_name, estimator_by_name
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, Estimator, PoseResult
+from flyaround.simulator.runtime.plugins import Plugin, plugins
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.board.svd.image.observation import Observation
-    from hil.evaluate.method_choice import MethodChoice
+    from flyaround.hil.board.svd.image.observation import Observation
+    from flyaround.hil.evaluate.method_choice import MethodChoice
 
 
 class AddedEstimator(Estimator):
@@ -20,7 +20,7 @@ class AddedEstimator(Estimator):
 
     Parameters
     ----------
-    inner : has ``estimate(image)`` of an (H, W) picture, whose result is as `hil.board.answering.Estimate`.
+    inner : has ``estimate(image)`` of an (H, W) picture, whose result is as `flyaround.hil.board.answering.Estimate`.
     """
 
     def __init__(self, name: str, inner: Any, model: BoardModel, camera: CameraIntrinsics) -> None:  # noqa: ANN401 - a package's own

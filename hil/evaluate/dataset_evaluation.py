@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from hil.board.errors import BoardModelError
-from hil.board.svd import BoardModel
-from hil.board.svd.native.backend import describe_backend
-from hil.evaluate.evaluation_page import write_page
-from hil.evaluate.evaluator import Evaluator, answer_in_worker, start_worker
-from hil.evaluate.greyscale import about_pictures
-from hil.evaluate.mean_predictor import MeanPredictor, mean_predictor
-from hil.evaluate.method_choice import MethodChoice, board_model
-from hil.evaluate.metrics import MethodMetrics, Metrics, compose, summarise
-from hil.evaluate.result_rows import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
-from simulator.dataset.card import read_card
-from simulator.dataset.formats.native import frame_paths, is_whole, read_png
-from simulator.errors import UserError
-from simulator.labels.truth import read_truth
-from simulator.runtime.files import write_atomic
-from simulator.runtime.task_pool import run_tasks
-from simulator.targets.library import load_target
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.svd import BoardModel
+from flyaround.hil.board.svd.native.backend import describe_backend
+from flyaround.hil.evaluate.evaluation_page import write_page
+from flyaround.hil.evaluate.evaluator import Evaluator, answer_in_worker, start_worker
+from flyaround.hil.evaluate.greyscale import about_pictures
+from flyaround.hil.evaluate.mean_predictor import MeanPredictor, mean_predictor
+from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
+from flyaround.hil.evaluate.metrics import MethodMetrics, Metrics, compose, summarise
+from flyaround.hil.evaluate.result_rows import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.task_pool import run_tasks
+from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence

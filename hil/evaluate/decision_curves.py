@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.evaluate.metrics import wilson_interval
+from flyaround.hil.evaluate.metrics import wilson_interval
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from hil.evaluate.result_rows import EvaluatedFrame
+    from flyaround.hil.evaluate.result_rows import EvaluatedFrame
 
 # Borders of the bins in which confidence is compared with how many were right.
 BINS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.95, 0.98, 1.0)

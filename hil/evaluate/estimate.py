@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from hil.board.errors import BoardModelError
-from hil.board.svd import CameraIntrinsics
-from hil.evaluate.added_estimators import any_estimator
-from hil.evaluate.greyscale import grey
-from hil.evaluate.method_choice import MethodChoice, board_model
-from simulator.camera.lens.camera_model import Camera
-from simulator.camera.lens.files import load_camera
-from simulator.dataset.formats.native import read_png
-from simulator.errors import UserError
-from simulator.targets.library import load_target
-from simulator.targets.model import Target
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.hil.evaluate.added_estimators import any_estimator
+from flyaround.hil.evaluate.greyscale import grey
+from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.dataset.formats.native import read_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import Target
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.board.svd import Estimator, PoseResult
+    from flyaround.hil.board.svd import Estimator, PoseResult
 
 _MOST_IN_USE = 4  # estimators that one process keeps: some seconds to make, tens of megabytes each
 
@@ -46,7 +46,7 @@ def estimate(
     image : (H, W) or (H, W, 3) uint8 or uint16 of the camera's size, or the file of one. Colour is taken in grey.
     camera : that took it: a camera, the name of a built-in one, or a file.
     target : the craft in it: a target, a name of `list_targets`, or a target file.
-    method : ``svd``, or another of ``hil.board.methods.ALL_METHODS``; ``net:FILE`` is a network of `flyaround train`.
+    method : ``svd``, or another of ``flyaround.hil.board.methods.ALL_METHODS``; ``net:FILE`` is a network of `flyaround train`.
 
     Returns
     -------

@@ -6,26 +6,26 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from hil.board.svd import BoardModel, CameraIntrinsics
-from hil.evaluate.evaluation_plots import CAPTIONS, draw_plots
-from hil.evaluate.failure_stage import KINDS
-from hil.evaluate.failure_tiles import failure_tile
-from hil.evaluate.greyscale import grey
-from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.labels.imported import read_label_record
-from simulator.reports.markup import Content, Markup, element, markup
-from simulator.reports.page import Page, gallery, note, picture, plot, table
-from simulator.reports.pictures import write_jpeg
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
+from flyaround.hil.evaluate.evaluation_plots import CAPTIONS, draw_plots
+from flyaround.hil.evaluate.failure_stage import KINDS
+from flyaround.hil.evaluate.failure_tiles import failure_tile
+from flyaround.hil.evaluate.greyscale import grey
+from flyaround.simulator.dataset.formats.native import frame_paths, read_png
+from flyaround.simulator.labels.imported import read_label_record
+from flyaround.simulator.reports.markup import Content, Markup, element, markup
+from flyaround.simulator.reports.page import Page, gallery, note, picture, plot, table
+from flyaround.simulator.reports.pictures import write_jpeg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from hil.evaluate.mean_predictor import MeanPredictor
-    from hil.evaluate.metrics import MethodMetrics, Metrics, Summary
-    from hil.evaluate.result_rows import EvaluatedFrame
-    from simulator.dataset.card import DatasetCard
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.hil.evaluate.mean_predictor import MeanPredictor
+    from flyaround.hil.evaluate.metrics import MethodMetrics, Metrics, Summary
+    from flyaround.hil.evaluate.result_rows import EvaluatedFrame
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 INDEX = "index.html"
 TILE_FOLDER = "page"

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from hil.evaluate.decision_curves import reliability, trade_off
-from simulator.reports.plots import (
+from flyaround.hil.evaluate.decision_curves import reliability, trade_off
+from flyaround.simulator.reports.plots import (
     BLUE,
     DIM,
     GREEN,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from hil.evaluate.result_rows import EvaluatedFrame
+    from flyaround.hil.evaluate.result_rows import EvaluatedFrame
 
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 PALETTE = (*COLOURS, "#274c77", "#8ab17d", "#9d4edd", "#7b8794", "#b56576", "#6d597a", "#355070", "#bc6c25")

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 
-from hil.board.svd import BoardModel, CameraIntrinsics, Estimator
-from hil.board.svd.image.noise import noise_sigma
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.evaluate.added_estimators import any_estimator
-from hil.evaluate.failure_stage import failure_kind
-from hil.evaluate.greyscale import grey
-from hil.evaluate.method_choice import MethodChoice
-from hil.evaluate.pose_errors import frame_record
-from hil.evaluate.result_rows import EvaluatedFrame
-from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.errors import UserError
-from simulator.labels.imported import LabelRecord, read_label_record
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, Estimator
+from flyaround.hil.board.svd.image.noise import noise_sigma
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.evaluate.added_estimators import any_estimator
+from flyaround.hil.evaluate.failure_stage import failure_kind
+from flyaround.hil.evaluate.greyscale import grey
+from flyaround.hil.evaluate.method_choice import MethodChoice
+from flyaround.hil.evaluate.pose_errors import frame_record
+from flyaround.hil.evaluate.result_rows import EvaluatedFrame
+from flyaround.simulator.dataset.formats.native import frame_paths, read_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.imported import LabelRecord, read_label_record
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,20 +6,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.edge_support import support
-from hil.board.svd.image.edge_field import edge_field
-from hil.board.svd.model.visibility import visible_samples
-from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.hypotheses.edge_support import support
+from flyaround.hil.board.svd.image.edge_field import edge_field
+from flyaround.hil.board.svd.model.visibility import visible_samples
+from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from hil.board.svd import PoseResult
-    from hil.board.svd.image.region import Region
-    from hil.board.svd.model.prepared_target import PreparedTarget
+    from flyaround.hil.board.svd import PoseResult
+    from flyaround.hil.board.svd.image.region import Region
+    from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
 
 # In the order of the thesis's slides: region, edges, then what comes after them.
 KINDS = ("region", "edges", "ambiguity", "correspondence")

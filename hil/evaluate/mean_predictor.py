@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from hil.evaluate.pose_errors import frame_errors
+from flyaround.hil.evaluate.pose_errors import frame_errors
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

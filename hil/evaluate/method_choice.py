@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from hil.board.methods import NETWORK
-from hil.board.svd import BoardModel
-from simulator.targets.board_model.write import write_board_model
+from flyaround.hil.board.methods import NETWORK
+from flyaround.hil.board.svd import BoardModel
+from flyaround.simulator.targets.board_model.write import write_board_model
 
 if TYPE_CHECKING:
-    from simulator.targets.model import Target
+    from flyaround.simulator.targets.model import Target
 
 
 class MethodChoice(msgspec.Struct, frozen=True):

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from hil.evaluate.mean_predictor import MeanPredictor
-from hil.evaluate.pose_errors import FrameRecord
-from hil.evaluate.pose_spread import PoseSpread, pose_spread
-from simulator.runtime.arrays import vec3
+from flyaround.hil.evaluate.mean_predictor import MeanPredictor
+from flyaround.hil.evaluate.pose_errors import FrameRecord
+from flyaround.hil.evaluate.pose_spread import PoseSpread, pose_spread
+from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.runtime.arrays import vec3
+from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

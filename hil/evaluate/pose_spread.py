@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.evaluate.pose_errors import FrameRecord
+    from flyaround.hil.evaluate.pose_errors import FrameRecord
 
 # A pose with a part beyond so many robust deviations is wrong: no spread makes a filter cope with it.
 WRONG_AT = 5.0

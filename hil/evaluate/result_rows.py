@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from hil.evaluate.pose_errors import FrameRecord
-from simulator.errors import UserError
-from simulator.runtime.table_text import table_text
+from flyaround.hil.evaluate.pose_errors import FrameRecord
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.table_text import table_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

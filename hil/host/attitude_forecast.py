@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.host.closed_loop import fly_without_pictures
-from hil.navigation.attitude_forecast import ForecastError, forecast_errors
-from hil.navigation.closed_loop import ClosedLoopConfig
-from hil.navigation.relative_estimate import MotionModel
-from simulator.errors import UserError
-from simulator.reports.plots import BLUE, VERMILION, figure_with_axes, png
-from simulator.runtime.files import write_atomic
+from flyaround.hil.host.closed_loop import fly_without_pictures
+from flyaround.hil.navigation.attitude_forecast import ForecastError, forecast_errors
+from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
+from flyaround.hil.navigation.relative_estimate import MotionModel
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.reports.plots import BLUE, VERMILION, figure_with_axes, png
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from hil.navigation.relative_estimate import RelativeEstimate
-    from simulator.scenario.plan import Plan
+    from flyaround.hil.navigation.relative_estimate import RelativeEstimate
+    from flyaround.simulator.scenario.plan import Plan
 
 FORECAST_CSV, FORECAST_PNG = "forecast.csv", "forecast.png"
 STEPS = 12

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.corner_code import CodePlace, read_code
-from hil.host.picture_frames import pictures_in
-from simulator.dataset.formats.native import read_png
-from simulator.errors import UserError
-from simulator.world.time.instant import nanoseconds_utc
+from flyaround.hil.corner_code import CodePlace, read_code
+from flyaround.hil.host.picture_frames import pictures_in
+from flyaround.simulator.dataset.formats.native import read_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
 
     Pictures = Iterable[tuple[str, NDArray[Any]]]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import socket
 
-from hil.link.transports.url import parse_url
-from simulator.runtime.urls import without_secrets
+from flyaround.hil.link.transports.url import parse_url
+from flyaround.simulator.runtime.urls import without_secrets
 
 ANY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - listened on at the user's wish
 

@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING
 import msgspec
 
 import hil
-from hil.board.svd.propose.learned.learned_proposal import KIN
-from simulator.errors import UserError
-from simulator.runtime.files import write_atomic
-from simulator.targets.board_model.write import board_record
+from flyaround.hil.board.svd.propose.learned.learned_proposal import KIN
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.targets.board_model.write import board_record
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from simulator.targets.model import Target
+    from flyaround.simulator.targets.model import Target
 
 # Run by `python3 board.pyz`; the zip is its own import path.
-MAIN = b'from hil.board.__main__ import run_and_exit\n\nrun_and_exit("board.pyz")\n'
+MAIN = b'from flyaround.hil.board.__main__ import run_and_exit\n\nrun_and_exit("board.pyz")\n'
 
 SHEBANG = b"#!/usr/bin/env python3\n"
 

@@ -12,33 +12,33 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 import numpy as np
 
-from hil.host.ledger.frames_csv import ACCEPTED, LedgerRow
-from hil.host.ledger.summary import SUMMARY_JSON, ClosedLoopFigures, LedgerSummary, summarise
-from hil.host.pose_link import LinkedPoses, PoseLink, PoseQueue
-from hil.navigation.closed_loop import (
+from flyaround.hil.host.ledger.frames_csv import ACCEPTED, LedgerRow
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, ClosedLoopFigures, LedgerSummary, summarise
+from flyaround.hil.host.pose_link import LinkedPoses, PoseLink, PoseQueue
+from flyaround.hil.navigation.closed_loop import (
     ClosedLoop,
     ClosedLoopConfig,
     ClosedLoopResult,
     check_closed_loop,
     fly_closed_loop,
 )
-from hil.navigation.measurement import PoseNoise
-from hil.navigation.pose_sources import NoisyPoses, TruePoses
-from simulator.errors import UserError
-from simulator.frame import Frame
-from simulator.loop import FrameRequest, open_frames
-from simulator.runtime.arrays import quat, vec3
-from simulator.runtime.files import write_atomic
-from simulator.runtime.untrusted_files import read_regular
-from simulator.world.guidance.manual_control import ChaserState
+from flyaround.hil.navigation.measurement import PoseNoise
+from flyaround.hil.navigation.pose_sources import NoisyPoses, TruePoses
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import FrameRequest, open_frames
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from hil.navigation.closed_loop import LoopStep
-    from hil.navigation.measurement import PoseMeasurement, Snapshot
-    from simulator.scenario.plan import Plan
-    from simulator.scene.state import SceneState
+    from flyaround.hil.navigation.closed_loop import LoopStep
+    from flyaround.hil.navigation.measurement import PoseMeasurement, Snapshot
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.scene.state import SceneState
 
 STEPS_CSV = "closed_loop.csv"
 COLUMNS = (

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.reports.plots import BLUE, DIM, GREEN, ORANGE, VERMILION, figure_with_axes, png
+from flyaround.simulator.reports.plots import BLUE, DIM, GREEN, ORANGE, VERMILION, figure_with_axes, png
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from matplotlib.axes import Axes
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 AXES = ("radial", "along_track", "cross_track")
 PHASES = {"hold": ORANGE, "abort": VERMILION}

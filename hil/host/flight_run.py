@@ -7,25 +7,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.host.closed_loop import BoardLoop, write_steps
-from hil.host.faults.camera_faults import with_camera_faults, with_exposure_faults
-from hil.host.ledger.run_terms import FlownRecord
-from hil.host.picture_frames import frames_of_folder
-from hil.host.plan_frames import frames_of_plan
-from hil.host.pose_link import PoseLink
-from hil.host.run import RunConfig, run_host
-from hil.host.time_code import with_time_code
+from flyaround.hil.host.closed_loop import BoardLoop, write_steps
+from flyaround.hil.host.faults.camera_faults import with_camera_faults, with_exposure_faults
+from flyaround.hil.host.ledger.run_terms import FlownRecord
+from flyaround.hil.host.picture_frames import frames_of_folder
+from flyaround.hil.host.plan_frames import frames_of_plan
+from flyaround.hil.host.pose_link import PoseLink
+from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.hil.host.time_code import with_time_code
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from hil.host.ledger.frames_csv import LedgerRow
-    from hil.host.ledger.summary import LedgerSummary
-    from hil.host.recording.recorder import Recorder
-    from hil.navigation.closed_loop import ClosedLoopConfig
-    from hil.navigation.measurement import PoseNoise
-    from simulator.scenario.plan import Plan
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.ledger.summary import LedgerSummary
+    from flyaround.hil.host.recording.recorder import Recorder
+    from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
+    from flyaround.hil.navigation.measurement import PoseNoise
+    from flyaround.simulator.scenario.plan import Plan
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from simulator.dataset.formats.native import read_png
-from simulator.errors import UserError
-from simulator.frame import NO_RADIANCE, Frame
-from simulator.labels.truth import Truth, read_truth
+from flyaround.simulator.dataset.formats.native import read_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import NO_RADIANCE, Frame
+from flyaround.simulator.labels.truth import Truth, read_truth
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from simulator.scenario.plan import Plan
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.scene.state import SceneState
 
 # pictures up to this many bytes together stay decoded; those beyond are read again on each round
 KEPT_BYTES = 1 << 30

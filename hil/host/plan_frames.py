@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.frame import Frame
-from simulator.loop import FrameRequest, open_frames, run_frames
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import FrameRequest, open_frames, run_frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from simulator.loop import Sink
-    from simulator.scenario.plan import Plan
+    from flyaround.simulator.loop import Sink
+    from flyaround.simulator.scenario.plan import Plan
 
 # Frames of each process drawn ahead of the one on the wire: one keeps it busy while the board thinks.
 AHEAD = 2

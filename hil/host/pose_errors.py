@@ -6,10 +6,10 @@ from pathlib import Path
 
 import msgspec
 
-from hil.evaluate.pose_spread import PoseSpread
-from hil.navigation.measurement import PoseNoise
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import read_regular, refuse_deep
+from flyaround.hil.evaluate.pose_spread import PoseSpread
+from flyaround.hil.navigation.measurement import PoseNoise
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import read_regular, refuse_deep
 
 MOST_BYTES = 10_000_000
 

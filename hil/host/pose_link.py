@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.scenario.faults import Delay, Drop, Jitter
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.faults import Delay, Drop, Jitter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.navigation.measurement import PoseMeasurement, Snapshot
-    from hil.navigation.pose_sources import PoseSource
-    from simulator.scenario.faults import Faults, LineFault
+    from flyaround.hil.navigation.measurement import PoseMeasurement, Snapshot
+    from flyaround.hil.navigation.pose_sources import PoseSource
+    from flyaround.simulator.scenario.faults import Faults, LineFault
 
 # from mid-exposure to a pose: what `svd` takes for a picture of 1920 x 1200 on a slow core
 LATENCY_S = 0.3

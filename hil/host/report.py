@@ -8,29 +8,29 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from hil.host.closed_loop import STEPS_CSV, read_steps
-from hil.host.closed_loop_plots import plot_closed_loop
-from hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
-from hil.host.ledger.run_terms import RunTerms, read_terms
-from hil.host.ledger.summary import (
+from flyaround.hil.host.closed_loop import STEPS_CSV, read_steps
+from flyaround.hil.host.closed_loop_plots import plot_closed_loop
+from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
+from flyaround.hil.host.ledger.run_terms import RunTerms, read_terms
+from flyaround.hil.host.ledger.summary import (
     SUMMARY_JSON,
     LedgerSummary,
     LinkTotals,
     percentile,
     summarise,
 )
-from hil.host.recording.chrome_trace import write_trace
-from hil.host.report_plots import draw_plots
-from simulator.errors import UserError
-from simulator.reports.markup import Markup, element, markup
-from simulator.reports.page import Page, key_figures, link, note, plot, table
-from simulator.runtime.untrusted_files import read_regular
+from flyaround.hil.host.recording.chrome_trace import write_trace
+from flyaround.hil.host.report_plots import draw_plots
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.reports.markup import Markup, element, markup
+from flyaround.simulator.reports.page import Page, key_figures, link, note, plot, table
+from flyaround.simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.host.ledger.frames_csv import LedgerRow
-    from hil.host.ledger.summary import ClosedLoopFigures
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.ledger.summary import ClosedLoopFigures
 
 REPORT_HTML = "report.html"
 TRACE_JSON = "trace.json"

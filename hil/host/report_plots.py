@@ -9,15 +9,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from hil.host.ledger.frames_csv import ACCEPTED, DECLINED, DROPPED
-from simulator.reports.plots import DIM, INK, figure_with_axes, png
+from flyaround.hil.host.ledger.frames_csv import ACCEPTED, DECLINED, DROPPED
+from flyaround.simulator.reports.plots import DIM, INK, figure_with_axes, png
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from matplotlib.axes import Axes
 
-    from hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
 
 HEIGHT = 3.6  # inches
 BLUE, GREEN, RED, ORANGE = "#2f6fb0", "#2f9e62", "#c8453b", "#e08a1e"

@@ -13,10 +13,10 @@ from typing import Literal
 
 import msgspec
 
-from hil.host.board_command import board_command, board_url
-from hil.host.ledger.frames_csv import LedgerRow, LedgerWriter, ledger_row
-from hil.host.ledger.run_terms import FlownRecord, RunTerms, Versions, run_terms, write_terms
-from hil.host.ledger.summary import (
+from flyaround.hil.host.board_command import board_command, board_url
+from flyaround.hil.host.ledger.frames_csv import LedgerRow, LedgerWriter, ledger_row
+from flyaround.hil.host.ledger.run_terms import FlownRecord, RunTerms, Versions, run_terms, write_terms
+from flyaround.hil.host.ledger.summary import (
     SUMMARY_JSON,
     Board,
     ClosedLoopFigures,
@@ -25,18 +25,23 @@ from hil.host.ledger.summary import (
     LinkTotals,
     summarise,
 )
-from hil.host.link_process.host_link import CLOSE_TIMEOUT_S, QUICK_TIMEOUT_S, HostLink, choose_pixel_format
-from hil.host.link_process.ipc import FrameResult, LinkConfig, Readout
-from hil.host.recording.recorder import Recorder
-from hil.host.signals import signals_held
-from hil.host.truth_policy import check_access, with_truth_endpoint
-from hil.link.packets.messages import HelloAck, Mode, TruthPolicy
-from simulator.errors import UserError
-from simulator.frame import Frame
-from simulator.labels.truth import truth_document
-from simulator.runtime.files import write_atomic
-from simulator.runtime.urls import without_secrets
-from simulator.scenario.faults import LineFault
+from flyaround.hil.host.link_process.host_link import (
+    CLOSE_TIMEOUT_S,
+    QUICK_TIMEOUT_S,
+    HostLink,
+    choose_pixel_format,
+)
+from flyaround.hil.host.link_process.ipc import FrameResult, LinkConfig, Readout
+from flyaround.hil.host.recording.recorder import Recorder
+from flyaround.hil.host.signals import signals_held
+from flyaround.hil.host.truth_policy import check_access, with_truth_endpoint
+from flyaround.hil.link.packets.messages import HelloAck, Mode, TruthPolicy
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.labels.truth import truth_document
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.urls import without_secrets
+from flyaround.simulator.scenario.faults import LineFault
 
 logger = logging.getLogger(__name__)
 
@@ -106,7 +111,7 @@ def run_host(
 
     Parameters
     ----------
-    frames : as `hil.host.plan_frames` has them from the loop, drawn as they are needed.
+    frames : as `flyaround.hil.host.plan_frames` has them from the loop, drawn as they are needed.
     config : with ``truth="separate"`` and no ``truth_url``, truth loggers connect one port up. An address that other
         machines reach needs a key.
     on_row : told each row once its outcome is known, in that order.

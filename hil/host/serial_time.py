@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.link.packets.enums import PixelFormat
-from hil.link.packets.messages import FrameChunk, FrameHeader
-from hil.link.packets.packet import OVERHEAD_BYTES
-from hil.link.packets.pixels import pixels_bytes
-from hil.link.transports.serial_port import BITS_PER_BYTE, SerialTransport
-from hil.link.transports.url import parse_url
+from flyaround.hil.link.packets.enums import PixelFormat
+from flyaround.hil.link.packets.messages import FrameChunk, FrameHeader
+from flyaround.hil.link.packets.packet import OVERHEAD_BYTES
+from flyaround.hil.link.packets.pixels import pixels_bytes
+from flyaround.hil.link.transports.serial_port import BITS_PER_BYTE, SerialTransport
+from flyaround.hil.link.transports.url import parse_url
 
 if TYPE_CHECKING:
-    from hil.host.link_process.ipc import LinkConfig
+    from flyaround.hil.host.link_process.ipc import LinkConfig
 
 ZSTD_NOISY = 2.3
 """How much shorter zstd makes a noisy picture."""

@@ -5,22 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hil.corner_code import CodePlace, CornerCode, draw_code
-from hil.host.faults.camera_faults import with_camera_numbers
-from simulator.errors import UserError
-from simulator.scenario.faults import NO_FAULTS, Faults
-from simulator.world.time.instant import nanoseconds_utc
+from flyaround.hil.corner_code import CodePlace, CornerCode, draw_code
+from flyaround.hil.host.faults.camera_faults import with_camera_numbers
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.faults import NO_FAULTS, Faults
+from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from simulator.frame import Frame
+    from flyaround.simulator.frame import Frame
 
 
 def with_time_code(
     frames: Iterable[Frame], place: CodePlace | None = None, faults: Faults = NO_FAULTS
 ) -> Iterator[Frame]:
-    """Frames with a `hil.corner_code` in a corner: the camera's frame number and mid-exposure.
+    """Frames with a `flyaround.hil.corner_code` in a corner: the camera's frame number and mid-exposure.
 
     Parameters
     ----------

@@ -7,13 +7,13 @@ import socket
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hil.link.errors import LinkError
-from hil.link.transports.url import parse_url
-from simulator.errors import UserError
-from simulator.scenario.faults import ClockDrift
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.transports.url import parse_url
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.faults import ClockDrift
 
 if TYPE_CHECKING:
-    from hil.host.link_process.ipc import LinkConfig
+    from flyaround.hil.host.link_process.ipc import LinkConfig
 
 
 def default_truth_url(url: str) -> str:

@@ -15,7 +15,7 @@ from typing import Deque, List, Optional
 
 import numpy as np
 
-from hil.link.packets.messages import TimeSyncReply, TimeSyncRequest
+from flyaround.hil.link.packets.messages import TimeSyncReply, TimeSyncRequest
 
 # oscillators of computers stay within this: what drift may be while it is not known
 LIKELY_PPM = 100.0

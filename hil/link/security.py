@@ -23,10 +23,10 @@ import time
 from dataclasses import replace
 from typing import Callable, Optional, Tuple
 
-from hil.link.errors import LinkClosed, LinkError, PacketError, RepeatedPacket, UnsealedPacket
-from hil.link.packets.messages import ErrorCode, ErrorMessage, decode_message
-from hil.link.packets.packet import Packet, PacketType
-from hil.link.transports.base import Transport
+from flyaround.hil.link.errors import LinkClosed, LinkError, PacketError, RepeatedPacket, UnsealedPacket
+from flyaround.hil.link.packets.messages import ErrorCode, ErrorMessage, decode_message
+from flyaround.hil.link.packets.packet import Packet, PacketType
+from flyaround.hil.link.transports.base import Transport
 
 NONCE_BYTES = PROOF_BYTES = 32
 MAC_BYTES = 16
@@ -205,7 +205,7 @@ class HostTransport:
         self._line.send_packet(packet)
 
     def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
-        """Faults strike below the seal: see `hil.host.faults`."""
+        """Faults strike below the seal: see `flyaround.hil.host.faults`."""
         self._line.send_damaged(packet, at, flip)
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
@@ -256,7 +256,7 @@ class BoardTransport:
         self._line.send_packet(self._seal.seal(packet))
 
     def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
-        """Faults strike below the seal: see `hil.host.faults`."""
+        """Faults strike below the seal: see `flyaround.hil.host.faults`."""
         self._line.send_damaged(packet, at, flip)
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:

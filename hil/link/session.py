@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass, field, replace
 from typing import AbstractSet, Dict, FrozenSet, Optional, Sequence
 
-from hil.link.errors import (
+from flyaround.hil.link.errors import (
     FormatRefused,
     LinkClosed,
     LinkError,
@@ -20,8 +20,8 @@ from hil.link.errors import (
     UnsealedPacket,
     VersionMismatch,
 )
-from hil.link.packets.enums import formats_in
-from hil.link.packets.messages import (
+from flyaround.hil.link.packets.enums import formats_in
+from flyaround.hil.link.packets.messages import (
     Bye,
     Encoding,
     ErrorCode,
@@ -33,8 +33,8 @@ from hil.link.packets.messages import (
     TruthPolicy,
     decode_message,
 )
-from hil.link.packets.packet import Packet, PacketType
-from hil.link.transports.base import Transport
+from flyaround.hil.link.packets.packet import Packet, PacketType
+from flyaround.hil.link.transports.base import Transport
 
 logger = logging.getLogger(__name__)
 

@@ -1,6 +1,6 @@
 """Test vectors of the protocol: packets as bytes and as fields, for decoders written elsewhere.
 
-``python -m hil.link.vectors > docs/hil_vectors.json`` writes them anew.
+``python -m flyaround.hil.link.vectors > docs/hil_vectors.json`` writes them anew.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import textwrap
 from enum import IntEnum
 from typing import Any, Dict, List, Tuple
 
-from hil.link.framing import cobs
-from hil.link.framing.length_prefix import PREFIX
-from hil.link.packets.messages import (
+from flyaround.hil.link.framing import cobs
+from flyaround.hil.link.framing.length_prefix import PREFIX
+from flyaround.hil.link.packets.messages import (
     Bye,
     Credit,
     Encoding,
@@ -34,7 +34,7 @@ from hil.link.packets.messages import (
     TruthMessage,
     TruthPolicy,
 )
-from hil.link.packets.packet import PROTOCOL_VERSION, Packet, encode_packet
+from flyaround.hil.link.packets.packet import PROTOCOL_VERSION, Packet, encode_packet
 
 SESSION_ID = 0x0123456789ABCDEF
 

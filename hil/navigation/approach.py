@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from simulator.world.guidance.keep_out import KeepOut
-from simulator.world.guidance.thruster_control import path_impulse, retreat_impulse
-from simulator.world.relative.clohessy_wiltshire import transition_matrix
+from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.guidance.thruster_control import path_impulse, retreat_impulse
+from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
 
 if TYPE_CHECKING:
-    from hil.navigation.pose_filter import Status
-    from hil.navigation.relative_estimate import RelativeEstimate
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.guidance.chaser import Chaser
+    from flyaround.hil.navigation.pose_filter import Status
+    from flyaround.hil.navigation.relative_estimate import RelativeEstimate
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.guidance.chaser import Chaser
 
 Phase = Literal["acquire", "approach", "hold", "abort", "arrived"]
 

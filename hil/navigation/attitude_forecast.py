@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.navigation.measurement import rotvec_between
-from hil.navigation.relative_estimate import A
+from flyaround.hil.navigation.measurement import rotvec_between
+from flyaround.hil.navigation.relative_estimate import A
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from hil.navigation.relative_estimate import MotionModel, RelativeEstimate
-    from simulator.world.attitude.rigid_body import AttitudeTrack
+    from flyaround.hil.navigation.relative_estimate import MotionModel, RelativeEstimate
+    from flyaround.simulator.world.attitude.rigid_body import AttitudeTrack
 
 
 @dataclass(frozen=True, kw_only=True)

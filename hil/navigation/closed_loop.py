@@ -7,23 +7,23 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hil.navigation.approach import Approach, ApproachRules, Decision, Phase
-from hil.navigation.consistency import nees
-from hil.navigation.measurement import PoseMeasurement, Snapshot, rotvec_between
-from hil.navigation.pose_filter import FilterSettings, NavigationFilter, Status
-from hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
-from simulator.errors import UserError
-from simulator.world.relative.thrusted_step import ThrustHold, relative_step
+from flyaround.hil.navigation.approach import Approach, ApproachRules, Decision, Phase
+from flyaround.hil.navigation.consistency import nees
+from flyaround.hil.navigation.measurement import PoseMeasurement, Snapshot, rotvec_between
+from flyaround.hil.navigation.pose_filter import FilterSettings, NavigationFilter, Status
+from flyaround.hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.relative.thrusted_step import ThrustHold, relative_step
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import ArrayLike
 
-    from hil.navigation.pose_sources import PoseSource
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.flight.flight import Flight
-    from simulator.world.frames.lvlh import Lvlh
+    from flyaround.hil.navigation.pose_sources import PoseSource
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.frames.lvlh import Lvlh
 
 Outcome = Literal["arrived", "aborted", "failed"]
 

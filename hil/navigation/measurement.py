@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.frames.rotation import matrix_from_quat, quat_conjugate, quat_multiply
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_conjugate, quat_multiply
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

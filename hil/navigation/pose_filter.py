@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hil.navigation.consistency import fisher_quantile
-from hil.navigation.error_scale import ErrorScale, ScaleSettings
-from hil.navigation.measurement import ErrorMemory, PoseMeasurement, rotvec_between
-from hil.navigation.relative_estimate import (
+from flyaround.hil.navigation.consistency import fisher_quantile
+from flyaround.hil.navigation.error_scale import ErrorScale, ScaleSettings
+from flyaround.hil.navigation.measurement import ErrorMemory, PoseMeasurement, rotvec_between
+from flyaround.hil.navigation.relative_estimate import (
     A,
     B,
     MotionModel,
@@ -22,13 +22,18 @@ from hil.navigation.relative_estimate import (
     skew,
     target_origin_offset_m,
 )
-from simulator.world.frames.rotation import matrix_from_quat, quat_conjugate, quat_multiply, quat_normalize
+from flyaround.simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_conjugate,
+    quat_multiply,
+    quat_normalize,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.frames.lvlh import Lvlh
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.frames.lvlh import Lvlh
 
 Verdict = Literal["used", "gated", "too old", "repeated", "starts", "found"]
 Status = Literal["searching", "tracking", "lost"]

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from hil.navigation.measurement import rotvec_between
-from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
+from flyaround.hil.navigation.measurement import rotvec_between
+from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.random import Generator
 
-    from hil.navigation.measurement import PoseMeasurement, PoseNoise, Snapshot
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.hil.navigation.measurement import PoseMeasurement, PoseNoise, Snapshot
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 class PoseSource(Protocol):

@@ -9,15 +9,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.navigation.error_scale import ErrorScale
-from hil.navigation.measurement import rotvec_between
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, quat_multiply, quat_normalize
-from simulator.world.relative.clohessy_wiltshire import transition_matrix
+from flyaround.hil.navigation.error_scale import ErrorScale
+from flyaround.hil.navigation.measurement import rotvec_between
+from flyaround.simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_normalize,
+)
+from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 _LONGEST_STEP_S = 1.0
 P, V, A, W, B = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 18)

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 def soft_classes(q_wxyz: FloatArray, grid: FloatArray, width_rad: float) -> torch.Tensor:

@@ -19,8 +19,8 @@ import torch
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.train.layers import Tree
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.hil.train.layers import Tree
+    from flyaround.simulator.runtime.arrays import FloatArray
 
     Step = tuple[torch.Tensor, FloatArray, Tree]
 

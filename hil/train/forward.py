@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import torch
 from torch.nn import functional
 
-from hil.train.layers import folded_scale_and_bias, in_double, normalised
+from flyaround.hil.train.layers import folded_scale_and_bias, in_double, normalised
 
 if TYPE_CHECKING:
-    from hil.train.layers import Tree
-    from hil.train.residual_network import Architecture, Convolution
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.hil.train.layers import Tree
+    from flyaround.hil.train.residual_network import Architecture, Convolution
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 def forward(

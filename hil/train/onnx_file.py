@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.board.net.network_file import ATTITUDE, HASH_KEY, INPUT, PLACE, SCHEMA, SHEET_KEY, VERSION
-from simulator.errors import UserError
+from flyaround.hil.board.net.network_file import ATTITUDE, HASH_KEY, INPUT, PLACE, SCHEMA, SHEET_KEY, VERSION
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from hil.board.net.network_camera import NetworkCamera
-    from hil.board.net.network_file import HeldOutErrors
-    from hil.train.residual_network import Architecture, Convolution
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.hil.board.net.network_camera import NetworkCamera
+    from flyaround.hil.board.net.network_file import HeldOutErrors
+    from flyaround.hil.train.residual_network import Architecture, Convolution
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 # What OpenCV 4.6 reads.
 IR_VERSION, OPERATORS_VERSION = 7, 11

@@ -9,21 +9,21 @@ import cv2
 import msgspec
 import numpy as np
 
-from hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
-from hil.board.svd import CameraIntrinsics
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.vectors import swing
-from hil.evaluate.greyscale import grey
-from simulator.dataset.card import read_card
-from simulator.dataset.formats.native import frame_paths, is_whole, read_png
-from simulator.errors import UserError
-from simulator.labels.truth import read_truth
+from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
+from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.vectors import swing
+from flyaround.hil.evaluate.greyscale import grey
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import read_truth
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 # Pixels of a kept picture for one of the network's, each way: a turned one is averaged from more.
 FINER = 2

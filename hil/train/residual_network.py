@@ -19,7 +19,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Architecture:
 
     def start(self, width: int, height: int, classes: int, seed: int) -> dict[str, FloatArray]:
         """Random weights for pictures of a size."""
-        from hil.train.layers import start_layer  # noqa: PLC0415 - sizes are asked for without PyTorch, too
+        from flyaround.hil.train.layers import start_layer  # noqa: PLC0415 - sizes are asked for without PyTorch, too
 
         rng = np.random.default_rng(seed)
         weights: dict[str, FloatArray] = {}

@@ -8,33 +8,33 @@ import msgspec
 import numpy as np
 import torch
 
-from hil.board.net.attitude_classes import class_attitudes, class_step_rad
-from hil.board.net.network_estimator import NetworkEstimator
-from hil.board.net.network_file import HeldOutErrors, NetworkFile
-from hil.evaluate.greyscale import grey
-from hil.evaluate.mean_predictor import MeanPredictor, mean_predictor
-from hil.evaluate.method_choice import board_model
-from hil.evaluate.pose_errors import frame_record
-from hil.train.attitude_loss import cross_entropy, robust, soft_classes
-from hil.train.fitting import Budget, fit
-from hil.train.forward import folded, forward
-from hil.train.layers import trainable
-from hil.train.onnx_file import onnx_bytes, sheet
-from hil.train.pictures import LabelledPictures, Samples, TrainingSet, read_training_set, sample
-from hil.train.residual_network import ARCHITECTURES
-from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.errors import UserError
-from simulator.runtime.files import write_atomic
-from simulator.targets.library import load_target
+from flyaround.hil.board.net.attitude_classes import class_attitudes, class_step_rad
+from flyaround.hil.board.net.network_estimator import NetworkEstimator
+from flyaround.hil.board.net.network_file import HeldOutErrors, NetworkFile
+from flyaround.hil.evaluate.greyscale import grey
+from flyaround.hil.evaluate.mean_predictor import MeanPredictor, mean_predictor
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.hil.evaluate.pose_errors import frame_record
+from flyaround.hil.train.attitude_loss import cross_entropy, robust, soft_classes
+from flyaround.hil.train.fitting import Budget, fit
+from flyaround.hil.train.forward import folded, forward
+from flyaround.hil.train.layers import trainable
+from flyaround.hil.train.onnx_file import onnx_bytes, sheet
+from flyaround.hil.train.pictures import LabelledPictures, Samples, TrainingSet, read_training_set, sample
+from flyaround.hil.train.residual_network import ARCHITECTURES
+from flyaround.simulator.dataset.formats.native import frame_paths, read_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from hil.evaluate.pose_errors import FrameRecord
-    from hil.train.layers import Tree
-    from hil.train.residual_network import Architecture
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.hil.evaluate.pose_errors import FrameRecord
+    from flyaround.hil.train.layers import Tree
+    from flyaround.hil.train.residual_network import Architecture
+    from flyaround.simulator.runtime.arrays import FloatArray
 
     Report = Callable[[float, str], None]
 

@@ -12,25 +12,25 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.bench.scenes import BenchMachine, bench_machine, labels_cost
-from simulator.camera.detector.presets import list_sensor_presets
-from simulator.camera.lens.files import list_cameras, load_camera
-from simulator.dataset.capture import capture
-from simulator.errors import UserError
-from simulator.frame import take_frame
-from simulator.render.reference_pass import ReferencePass
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import list_scenarios, load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.targets.library import load_target
-from simulator.world.guidance.paths import Hold
+from flyaround.simulator.bench.scenes import BenchMachine, bench_machine, labels_cost
+from flyaround.simulator.camera.detector.presets import list_sensor_presets
+from flyaround.simulator.camera.lens.files import list_cameras, load_camera
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.render.reference_pass import ReferencePass
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.guidance.paths import Hold
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from simulator.scenario.plan import Plan
-    from simulator.scenario.scenario import Scenario
-    from simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.scenario.scenario import Scenario
+    from flyaround.simulator.scene.illumination.bands import Bands
 
 FRAMES = 5
 WARM_UP = 2

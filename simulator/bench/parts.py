@@ -9,25 +9,25 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from simulator.camera.detector.image_noise import start_noise
-from simulator.camera.detector.presets import list_sensor_presets, sensor_preset
-from simulator.dataset.capture import capture
-from simulator.imaging.image_formation import digitise, expose
-from simulator.runtime.arrays import FloatArray
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.world.attitude.pointing import Pointing
-from simulator.world.attitude.rigid_body import propagate_attitude
-from simulator.world.constants import DAY_S, EARTH_RADIUS_M
-from simulator.world.ephemeris.ephemeris_table import EphemerisTable
-from simulator.world.guidance.paths import Hold
-from simulator.world.guidance.thruster_control import fly_controlled
-from simulator.world.guidance.thrusters import Thrusters
-from simulator.world.orbit.forces import EarthForces, Forces
-from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
-from simulator.world.orbit.spherical_harmonics import egm96
-from simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s
-from simulator.world.time.instant import Instant
+from flyaround.simulator.camera.detector.image_noise import start_noise
+from flyaround.simulator.camera.detector.presets import list_sensor_presets, sensor_preset
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.imaging.image_formation import digitise, expose
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.world.attitude.pointing import Pointing
+from flyaround.simulator.world.attitude.rigid_body import propagate_attitude
+from flyaround.simulator.world.constants import DAY_S, EARTH_RADIUS_M
+from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
+from flyaround.simulator.world.guidance.paths import Hold
+from flyaround.simulator.world.guidance.thruster_control import fly_controlled
+from flyaround.simulator.world.guidance.thrusters import Thrusters
+from flyaround.simulator.world.orbit.forces import EarthForces, Forces
+from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from flyaround.simulator.world.orbit.spherical_harmonics import egm96
+from flyaround.simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s
+from flyaround.simulator.world.time.instant import Instant
 
 SCENARIO = "tango-flyaround"
 N_STATES = 200

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.frame import take_frame
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.scene.state import TargetRef
-from simulator.targets.model import MassProperties, Material, Part, Target
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scene.state import TargetRef
+from flyaround.simulator.targets.model import MassProperties, Material, Part, Target
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.scene.state import SceneState
 
 TRIANGLES = (20_000, 80_000, 320_000, 1_000_000)
 SCALES = (0.25, 0.5, 1.0)  # of the width: 480 to 1920 pixels

@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.lens.files import load_camera
-from simulator.frame import take_frame
-from simulator.labels.request import LAYERS, LabelRequest
-from simulator.labels.truth import FlowLabel
-from simulator.render.reference_pass import ReferencePass
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.labels.request import LAYERS, LabelRequest
+from flyaround.simulator.labels.truth import FlowLabel
+from flyaround.simulator.render.reference_pass import ReferencePass
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from simulator.scenario.plan import Plan
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 BENCH_SCENES = (
     "tango-earth-10m",

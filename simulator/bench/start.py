@@ -9,25 +9,25 @@ import sys
 import time
 from tempfile import TemporaryDirectory
 
-from simulator.bench.parts import PartCost, cost
+from flyaround.simulator.bench.parts import PartCost, cost
 
 SCENE = "tango-earth-10m-1024"
 # in the order of `flyaround render`: the maps are begun before what draws is imported
 _PROGRAM = f"""
 import sys
-from simulator.runtime.memory import keep_freed_memory
-from simulator.runtime.threads import use_one_for_matrices
+from flyaround.simulator.runtime.memory import keep_freed_memory
+from flyaround.simulator.runtime.threads import use_one_for_matrices
 keep_freed_memory()  # as the program does
 use_one_for_matrices()
 {{early}}
-from simulator.render.earth.map_textures import prefetch_earth_maps
-from simulator.scenario.load import load_scenario
+from flyaround.simulator.render.earth.map_textures import prefetch_earth_maps
+from flyaround.simulator.scenario.load import load_scenario
 scenario = load_scenario("{SCENE}")
 bands = scenario.output.bands
 prefetched = prefetch_earth_maps(bands, scenario.environment.layers(), scenario.epoch_utc)
-from simulator.frame import take_frame
-from simulator.scenario.plan import plan_flight
-from simulator.render.renderer import Renderer
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.render.renderer import Renderer
 {{late}}
 plan = plan_flight(scenario, n=1)
 with Renderer(prefetched={{bands: prefetched}}) as renderer:

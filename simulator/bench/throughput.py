@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.bench.scenes import BenchMachine, bench_machine, bench_views
-from simulator.frame import take_frame
-from simulator.render.reference_pass import ReferencePass
-from simulator.render.renderer import Renderer
-from simulator.runtime.memory import keep_freed_memory
-from simulator.runtime.threads import share_processors
+from flyaround.simulator.bench.scenes import BenchMachine, bench_machine, bench_views
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.render.reference_pass import ReferencePass
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.memory import keep_freed_memory
+from flyaround.simulator.runtime.threads import share_processors
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -13,12 +13,12 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.sensor import Detector, Sensor
-from simulator.camera.lens.camera_model import Camera
-from simulator.errors import UserError
-from simulator.runtime.sections import Section
-from simulator.runtime.untrusted_files import decode_text, read_regular
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.sections import Section
+from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular
 
 MOST_KERNEL_BYTES = 100_000_000
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.camera.detector.sunlight import Curve
+    from flyaround.simulator.camera.detector.sunlight import Curve
 
 _Share = Annotated[float, Meta(ge=0, le=1)]
 _Electrons = Annotated[float, Meta(ge=0, le=1e9)]

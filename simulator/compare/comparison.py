@@ -7,28 +7,28 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.compare.image_statistics import (
+from flyaround.simulator.compare.image_statistics import (
     GRADIENT_LARGEST_DN,
     binary_edges,
     edge_threshold,
     histogram_distance_dn,
     image_statistics,
 )
-from simulator.compare.similar_view import PoseEstimate, find_similar_view, matched_exposure
-from simulator.imaging.image_formation import digitise_scene, expose_scene
-from simulator.scene.environments import ENVIRONMENTS
+from flyaround.simulator.compare.similar_view import PoseEstimate, find_similar_view, matched_exposure
+from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene
+from flyaround.simulator.scene.environments import ENVIRONMENTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from simulator.compare.image_statistics import ImageStatistics
-    from simulator.compare.references import Reference
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import ByteArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.compare.image_statistics import ImageStatistics
+    from flyaround.simulator.compare.references import Reference
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
     PoseFinder = Callable[[Reference], PoseEstimate | None]
 

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.reports.page import Page, gallery, note, picture, table
-from simulator.reports.pictures import write_jpeg
-from simulator.runtime.files import write_json
+from flyaround.simulator.reports.page import Page, gallery, note, picture, table
+from flyaround.simulator.reports.pictures import write_jpeg
+from flyaround.simulator.runtime.files import write_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from simulator.compare.fitted_pairs import FittedPair
-    from simulator.reports.markup import Markup
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.compare.fitted_pairs import FittedPair
+    from flyaround.simulator.reports.markup import Markup
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 MARGIN_PX, SHOWN_PX = 24, 720
 HEAD = (

@@ -8,24 +8,24 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.compare.image_statistics import (
+from flyaround.simulator.compare.image_statistics import (
     EDGE_BLUR_PX,
     GRADIENT_BINS,
     GRADIENT_LARGEST_DN,
     histogram_distance_dn,
     sobel,
 )
-from simulator.compare.light_fit import fit_light, fit_materials, light_basis, repainted
-from simulator.imaging.image_formation import digitise_scene, expose_scene
+from flyaround.simulator.compare.light_fit import fit_light, fit_materials, light_basis, repainted
+from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from simulator.compare.light_fit import FittedLight, LightBasis
-    from simulator.compare.references import Reference
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import BoolArray, ByteArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.compare.light_fit import FittedLight, LightBasis
+    from flyaround.simulator.compare.references import Reference
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import BoolArray, ByteArray
+    from flyaround.simulator.targets.model import Target
 
 CLIPPED_DN = 250
 _BLOCK_PX = 16

@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 GRADIENT_BINS = 128
 GRADIENT_LARGEST_DN = 128.0  # of the gradient's histogram: a step of full scale gives 128 DN per pixel

@@ -15,23 +15,23 @@ import msgspec
 import numpy as np
 from scipy.optimize import nnls
 
-from simulator.camera.sections import read_part
-from simulator.compare.references import Reference
-from simulator.errors import UserError
-from simulator.imaging.image_formation import expose
-from simulator.labels.boxes import amodal_box
-from simulator.recipes.plan import plan_recipe
-from simulator.runtime.arrays import vec3
-from simulator.scenario.poses import scene_with_pose
-from simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
+from flyaround.simulator.camera.sections import read_part
+from flyaround.simulator.compare.references import Reference
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.imaging.image_formation import expose
+from flyaround.simulator.labels.boxes import amodal_box
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.scenario.poses import scene_with_pose
+from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 RECIPE = "lightbox"
 CANDIDATES = 48

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.compare.comparison import summary
-from simulator.compare.image_statistics import (
+from flyaround.simulator.compare.comparison import summary
+from flyaround.simulator.compare.image_statistics import (
     FIGURES,
     GRADIENT_LARGEST_DN,
     binary_edges,
     edge_threshold,
     sobel,
 )
-from simulator.reports.markup import Markup, element
-from simulator.reports.page import Page, gallery, note, picture, table
-from simulator.reports.pictures import write_jpeg
-from simulator.runtime.files import write_json
+from flyaround.simulator.reports.markup import Markup, element
+from flyaround.simulator.reports.page import Page, gallery, note, picture, table
+from flyaround.simulator.reports.pictures import write_jpeg
+from flyaround.simulator.runtime.files import write_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.compare.comparison import Pair
-    from simulator.compare.image_statistics import ImageStatistics
-    from simulator.runtime.arrays import ByteArray, FloatArray
+    from flyaround.simulator.compare.comparison import Pair
+    from flyaround.simulator.compare.image_statistics import ImageStatistics
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 SOBEL_GAIN = 4.0  # of the gradient images: 64 DN per pixel is white
 SHOWN_PX = 960

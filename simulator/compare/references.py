@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.dataset.formats.posed_pictures import checked_pose, read_json
-from simulator.dataset.formats.speed_reader import POSITION, QUATERNION
-from simulator.dataset.importing import is_coloured, read_picture
-from simulator.errors import UserError
-from simulator.labels.truth import read_truth
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.dataset.formats.posed_pictures import checked_pose, read_json
+from flyaround.simulator.dataset.formats.speed_reader import POSITION, QUATERNION
+from flyaround.simulator.dataset.importing import is_coloured, read_picture
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 SKIPPED = (

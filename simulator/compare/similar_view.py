@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.camera.detector.presets import sensor_preset
-from simulator.compare.image_statistics import histogram_distance_dn, image_statistics, noise_dn
-from simulator.compare.references import fitted
-from simulator.imaging.image_formation import expose_scene
-from simulator.labels.boxes import amodal_box
-from simulator.recipes.plan import plan_recipe
-from simulator.scenario.poses import scene_with_pose
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.compare.image_statistics import histogram_distance_dn, image_statistics, noise_dn
+from flyaround.simulator.compare.references import fitted
+from flyaround.simulator.imaging.image_formation import expose_scene
+from flyaround.simulator.labels.boxes import amodal_box
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scenario.poses import scene_with_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.compare.references import Reference
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import ByteArray, Float32Array
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
-    from simulator.world.frames.pose import Pose
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.compare.references import Reference
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.frames.pose import Pose
 
 SMALL_PX = 240  # width of a candidate
 CANDIDATES = 24

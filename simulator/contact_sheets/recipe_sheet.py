@@ -7,23 +7,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector.sensor import noiseless
-from simulator.contact_sheets.scenario_sheet import COLUMNS, ROWS, smaller
-from simulator.dataset.formats.native import encode_png
-from simulator.labels.overlay import draw_axes
-from simulator.loop import FrameRequest, open_frames, whole_frame
-from simulator.recipes.plan import RecipePlan, plan_recipe
-from simulator.recipes.poses import radius_m
-from simulator.runtime.files import write_atomic
+from flyaround.simulator.camera.detector.sensor import noiseless
+from flyaround.simulator.contact_sheets.scenario_sheet import COLUMNS, ROWS, smaller
+from flyaround.simulator.dataset.formats.native import encode_png
+from flyaround.simulator.labels.overlay import draw_axes
+from flyaround.simulator.loop import FrameRequest, open_frames, whole_frame
+from flyaround.simulator.recipes.plan import RecipePlan, plan_recipe
+from flyaround.simulator.recipes.poses import radius_m
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from pathlib import Path
 
-    from simulator.frame import Frame
-    from simulator.recipes.file import Recipe
-    from simulator.runtime.arrays import ByteArray
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.frame import Frame
+    from flyaround.simulator.recipes.file import Recipe
+    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.scene.state import SceneState
 
 WIDTH_PX = 256
 _AXIS = 0.6

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.dataset.formats.native import encode_png
-from simulator.loop import run_frames
-from simulator.render.renderer import Renderer
-from simulator.runtime.files import write_atomic
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.dataset.formats.native import encode_png
+from flyaround.simulator.loop import run_frames
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import ByteArray
-    from simulator.scenario.scenario import Scenario
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.scenario.scenario import Scenario
 
 COLUMNS, ROWS = 3, 2
 WIDTH_PX = 480

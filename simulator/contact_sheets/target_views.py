@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.camera.detector.sensor import Sensor
-from simulator.camera.lens.camera_model import Camera
-from simulator.runtime.arrays import quat, vec3
-from simulator.scene.environments import NOTHING
-from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.scene.state import SceneState, TargetRef
-from simulator.world.constants import AU_M
-from simulator.world.frames.rotation import quat_from_matrix
+from flyaround.simulator.camera.detector.sensor import Sensor
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scene.environments import NOTHING
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.scene.state import SceneState, TargetRef
+from flyaround.simulator.world.constants import AU_M
+from flyaround.simulator.world.frames.rotation import quat_from_matrix
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+    from flyaround.simulator.targets.model import Target
 
 OBLIQUE = ((1.0, -0.75, 0.55), (-0.85, 0.9, 0.45), (0.6, 0.85, -0.8))
 SIDES = {

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.contact_sheets.target_views import OBLIQUE, draw_labels, draw_view
-from simulator.contact_sheets.targets_page import facts
-from simulator.errors import write_error
-from simulator.render.renderer import Renderer
-from simulator.reports.pictures import write_jpeg
-from simulator.runtime.files import write_atomic
+from flyaround.simulator.contact_sheets.target_views import OBLIQUE, draw_labels, draw_view
+from flyaround.simulator.contact_sheets.targets_page import facts
+from flyaround.simulator.errors import write_error
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.reports.pictures import write_jpeg
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from simulator.targets.model import Target
+    from flyaround.simulator.targets.model import Target
 
 TILE = (400, 300)
 QUALITY = 80

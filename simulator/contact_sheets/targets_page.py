@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.contact_sheets.target_views import OBLIQUE, SIDES, bounds_m, draw_labels, draw_view
-from simulator.errors import write_error
-from simulator.render.renderer import Renderer
-from simulator.reports.markup import Markup, element
-from simulator.reports.page import Page, gallery, note, picture
-from simulator.reports.pictures import write_jpeg
+from flyaround.simulator.contact_sheets.target_views import OBLIQUE, SIDES, bounds_m, draw_labels, draw_view
+from flyaround.simulator.errors import write_error
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.reports.markup import Markup, element
+from flyaround.simulator.reports.page import Page, gallery, note, picture
+from flyaround.simulator.reports.pictures import write_jpeg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from simulator.targets.model import Material, Target
+    from flyaround.simulator.targets.model import Material, Target
 
 LARGE, SMALL = (640, 480), (240, 240)
 

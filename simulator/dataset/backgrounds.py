@@ -7,16 +7,16 @@ import io
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from simulator.dataset.formats.native import encode_png
-from simulator.loop import FrameRequest, open_frames, whole_frame
-from simulator.recipes.backgrounds import draw_view, without_target
-from simulator.runtime.files import write_atomic
+from flyaround.simulator.dataset.formats.native import encode_png
+from flyaround.simulator.loop import FrameRequest, open_frames, whole_frame
+from flyaround.simulator.recipes.backgrounds import draw_view, without_target
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from simulator.recipes.plan import RecipePlan
+    from flyaround.simulator.recipes.plan import RecipePlan
 
 COLUMNS = ("id", "rx_deg", "ry_deg", "rz_deg", "epoch_utc", "r_x_m", "r_y_m", "r_z_m", "redraws")
 
@@ -34,7 +34,7 @@ def write_library(
     Parameters
     ----------
     n : views; all of the library unless given. The table is ``views.csv``: Euler angles of the camera as
-        `simulator.recipes.euler_poses` has them, its geocentric place (GCRS), draws that were not as they must be.
+        `flyaround.simulator.recipes.euler_poses` has them, its geocentric place (GCRS), draws that were not as they must be.
 
     Returns
     -------

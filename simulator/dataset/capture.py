@@ -10,31 +10,31 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from simulator.dataset.card import CARD_NAME, CardTarget, DatasetCard, describe_machine
-from simulator.dataset.clipping import ClippingSummary, summarise_clipping
-from simulator.dataset.drawing import SetDrawing
-from simulator.dataset.exports import ExportSink
-from simulator.dataset.formats.registry import check_formats
-from simulator.dataset.resume import WhatIsThere, card_to_resume, look_at_frames
-from simulator.dataset.split import Ratio, lowest_terms
-from simulator.dataset.stereo import FOLDER as SECOND_FOLDER
-from simulator.dataset.stereo import second_plan, stereo_card
-from simulator.dataset.storage.space import frame_bytes, refuse_without_room
-from simulator.dataset.storage.store import FolderStore, Store
-from simulator.dataset.storage.url_store import UrlStore, is_url
-from simulator.dataset.writer import DatasetWriter
-from simulator.errors import UserError
-from simulator.labels.request import LAYERS, LabelRequest
-from simulator.labels.truth import FlowLabel
-from simulator.loop import run_frames
-from simulator.runtime.files import empty_folder
-from simulator.runtime.folder_lock import lock_name, only_writer
+from flyaround.simulator.dataset.card import CARD_NAME, CardTarget, DatasetCard, describe_machine
+from flyaround.simulator.dataset.clipping import ClippingSummary, summarise_clipping
+from flyaround.simulator.dataset.drawing import SetDrawing
+from flyaround.simulator.dataset.exports import ExportSink
+from flyaround.simulator.dataset.formats.registry import check_formats
+from flyaround.simulator.dataset.resume import WhatIsThere, card_to_resume, look_at_frames
+from flyaround.simulator.dataset.split import Ratio, lowest_terms
+from flyaround.simulator.dataset.stereo import FOLDER as SECOND_FOLDER
+from flyaround.simulator.dataset.stereo import second_plan, stereo_card
+from flyaround.simulator.dataset.storage.space import frame_bytes, refuse_without_room
+from flyaround.simulator.dataset.storage.store import FolderStore, Store
+from flyaround.simulator.dataset.storage.url_store import UrlStore, is_url
+from flyaround.simulator.dataset.writer import DatasetWriter
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.request import LAYERS, LabelRequest
+from flyaround.simulator.labels.truth import FlowLabel
+from flyaround.simulator.loop import run_frames
+from flyaround.simulator.runtime.files import empty_folder
+from flyaround.simulator.runtime.folder_lock import lock_name, only_writer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from simulator.dataset.capture_plan import CapturePlan
-    from simulator.dataset.ray_frames import RayCluster
+    from flyaround.simulator.dataset.capture_plan import CapturePlan
+    from flyaround.simulator.dataset.ray_frames import RayCluster
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,8 @@ def capture(
     Parameters
     ----------
     folder : or the URL of one that fsspec knows, as ``s3://bucket/set``.
-    formats : written beside the native layout, frame by frame, out of ``simulator.dataset.formats.registry``.
-    labels : layers beyond truth and mask, out of ``simulator.labels.request.LAYERS``; the plan's own unless given.
+    formats : written beside the native layout, frame by frame, out of ``flyaround.simulator.dataset.formats.registry``.
+    labels : layers beyond truth and mask, out of ``flyaround.simulator.labels.request.LAYERS``; the plan's own unless given.
     split : shares of training, validation and test frames; a recipe's own unless given.
     tell : is given a sentence for each format of what it leaves out, before anything is drawn.
     sensors : of other packages, what each measures of a frame beside its picture (docs/plugins.md).

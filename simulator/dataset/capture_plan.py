@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
-from simulator.scenario.plan import FramePlan
+from flyaround.simulator.scenario.plan import FramePlan
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.scene.second_camera import SecondCamera
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.scene.second_camera import SecondCamera
+    from flyaround.simulator.scene.state import SceneState
 
 
 class CapturePlan(FramePlan, Protocol):

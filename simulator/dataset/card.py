@@ -10,15 +10,20 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.dataset.record_fields import RECORD_FIELDS
-from simulator.errors import UserError
-from simulator.labels.part_classes import target_classes
-from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_link_out, without_mark
-from simulator.targets.model import PartClass
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.dataset.record_fields import RECORD_FIELDS
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.part_classes import target_classes
+from flyaround.simulator.runtime.untrusted_files import (
+    read_regular,
+    refuse_deep,
+    refuse_link_out,
+    without_mark,
+)
+from flyaround.simulator.targets.model import PartClass
 
 if TYPE_CHECKING:
-    from simulator.targets.model import Target
+    from flyaround.simulator.targets.model import Target
 
 CARD_NAME = "dataset.json"
 MOST_BYTES = 64_000_000  # of a card: with every frame of a large set in quarantine

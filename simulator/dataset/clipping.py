@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.imaging.image_formation import expose
-from simulator.scene.illumination.bands import sunlight_balance
+from flyaround.simulator.imaging.image_formation import expose
+from flyaround.simulator.scene.illumination.bands import sunlight_balance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.frame import Frame
+    from flyaround.simulator.frame import Frame
 
 NOTABLE_SHARE = 0.05
 """More of the target's pixels than this at the top of the scale: an exposure is proposed."""

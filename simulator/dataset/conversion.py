@@ -8,22 +8,28 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from simulator.dataset.card import CARD_NAME, DatasetCard, card_to_json
-from simulator.dataset.formats.base import FolderOutput
-from simulator.dataset.formats.eight_bits import image_bits
-from simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files, native_names
-from simulator.dataset.formats.registry import NATIVE, check_formats, find_format, parse_formats, read_foreign
-from simulator.dataset.importing import camera_of, check_grey, import_card, imported_frames
-from simulator.dataset.labelled_dataset import open_dataset
-from simulator.dataset.split import SPLIT_NAME, Ratio, SplitAssigner, split_file
-from simulator.errors import UserError
-from simulator.runtime.files import empty_folder
-from simulator.targets.library import load_target
+from flyaround.simulator.dataset.card import CARD_NAME, DatasetCard, card_to_json
+from flyaround.simulator.dataset.formats.base import FolderOutput
+from flyaround.simulator.dataset.formats.eight_bits import image_bits
+from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files, native_names
+from flyaround.simulator.dataset.formats.registry import (
+    NATIVE,
+    check_formats,
+    find_format,
+    parse_formats,
+    read_foreign,
+)
+from flyaround.simulator.dataset.importing import camera_of, check_grey, import_card, imported_frames
+from flyaround.simulator.dataset.labelled_dataset import open_dataset
+from flyaround.simulator.dataset.split import SPLIT_NAME, Ratio, SplitAssigner, split_file
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import empty_folder
+from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from simulator.dataset.formats.base import FormatWriter
+    from flyaround.simulator.dataset.formats.base import FormatWriter
 
 
 @dataclass(frozen=True, eq=False)

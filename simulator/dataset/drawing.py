@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from simulator.dataset.ray_frames import RayCluster, RayFrames
-from simulator.dataset.writer import CheckAndEncode
-from simulator.loop import open_frames
+from flyaround.simulator.dataset.ray_frames import RayCluster, RayFrames
+from flyaround.simulator.dataset.writer import CheckAndEncode
+from flyaround.simulator.loop import open_frames
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.writer import CheckedFrame
-    from simulator.loop import FrameProducer
-    from simulator.scenario.plan import FramePlan
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.writer import CheckedFrame
+    from flyaround.simulator.loop import FrameProducer
+    from flyaround.simulator.scenario.plan import FramePlan
 
 
 @dataclass(frozen=True)

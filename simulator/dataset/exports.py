@@ -6,20 +6,20 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from simulator.dataset.formats.base import FolderOutput, FormatOutput
-from simulator.dataset.formats.exr import MOST_BYTES
-from simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files
-from simulator.dataset.formats.registry import NATIVE, find_format
-from simulator.dataset.split import SPLIT_NAME, Ratio, SplitAssigner, read_split, split_file
-from simulator.dataset.storage.store import FolderStore
-from simulator.errors import UserError
+from flyaround.simulator.dataset.formats.base import FolderOutput, FormatOutput
+from flyaround.simulator.dataset.formats.exr import MOST_BYTES
+from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files
+from flyaround.simulator.dataset.formats.registry import NATIVE, find_format
+from flyaround.simulator.dataset.split import SPLIT_NAME, Ratio, SplitAssigner, read_split, split_file
+from flyaround.simulator.dataset.storage.store import FolderStore
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.storage.store import Store
-    from simulator.dataset.writer import CheckedFrame
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.storage.store import Store
+    from flyaround.simulator.dataset.writer import CheckedFrame
 
 
 @dataclass(frozen=True)

@@ -9,33 +9,33 @@ import cv2
 import msgspec
 import numpy as np
 
-from simulator.camera.lens.files import load_camera
-from simulator.dataset.card import CardTarget, DatasetCard, describe_machine
-from simulator.dataset.formats.native import EncodedFrame, encode_png
-from simulator.dataset.silhouette import silhouette
-from simulator.errors import UserError
-from simulator.labels.boxes import mask_box
-from simulator.labels.feasible import infeasible_reason
-from simulator.labels.imported import ImportedTruth
-from simulator.labels.keypoints import pixel_or_none
-from simulator.labels.layers import pixel_hash
-from simulator.labels.truth import KeypointLabel, KeypointState
-from simulator.labels.visibility import occluded_from_camera
-from simulator.runtime.arrays import vec3
-from simulator.runtime.untrusted_files import read_regular
-from simulator.targets.joined_mesh import box_3d_m, mesh_of
-from simulator.targets.textures import picture_size
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.dataset.card import CardTarget, DatasetCard, describe_machine
+from flyaround.simulator.dataset.formats.native import EncodedFrame, encode_png
+from flyaround.simulator.dataset.silhouette import silhouette
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.boxes import mask_box
+from flyaround.simulator.labels.feasible import infeasible_reason
+from flyaround.simulator.labels.imported import ImportedTruth
+from flyaround.simulator.labels.keypoints import pixel_or_none
+from flyaround.simulator.labels.layers import pixel_hash
+from flyaround.simulator.labels.truth import KeypointLabel, KeypointState
+from flyaround.simulator.labels.visibility import occluded_from_camera
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.targets.joined_mesh import box_3d_m, mesh_of
+from flyaround.simulator.targets.textures import picture_size
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.dataset.formats.posed_pictures import PosedPicture, PosedPictures
-    from simulator.runtime.arrays import ByteArray
-    from simulator.targets.model import Target
-    from simulator.world.frames.pose import Pose
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.dataset.formats.posed_pictures import PosedPicture, PosedPictures
+    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.frames.pose import Pose
 
 MOST_PICTURE_BYTES = 500_000_000
 LOOKED_AT = 8  # pictures of a set that are looked at for colour, evenly over it

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from simulator.dataset.card import DatasetCard, read_card
-from simulator.dataset.formats.labelled_frame import SPLITS, LabelledFrame, frame_from_folder
-from simulator.dataset.formats.native import is_whole
-from simulator.dataset.split import read_split
-from simulator.errors import UserError
+from flyaround.simulator.dataset.card import DatasetCard, read_card
+from flyaround.simulator.dataset.formats.labelled_frame import SPLITS, LabelledFrame, frame_from_folder
+from flyaround.simulator.dataset.formats.native import is_whole
+from flyaround.simulator.dataset.split import read_split
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -60,7 +60,7 @@ class LabelledDataset(Sequence[LabelledFrame]):
             If torch is not installed.
         """
         try:
-            from simulator.dataset.torch_dataset import TorchFrames  # noqa: PLC0415 - torch is an optional part
+            from flyaround.simulator.dataset.torch_dataset import TorchFrames  # noqa: PLC0415 - torch is an optional part
         except ImportError as error:
             raise UserError(
                 f"a torch data set needs {error.name}, which is not installed; run: pip install 'flyaround[train]'"

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.formats.native import encode_png
-from simulator.dataset.labelled_dataset import open_dataset
-from simulator.errors import UserError
-from simulator.labels.overlay import (
+from flyaround.simulator.dataset.formats.native import encode_png
+from flyaround.simulator.dataset.labelled_dataset import open_dataset
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.overlay import (
     draw_axes,
     draw_box,
     draw_keypoints,
@@ -17,18 +17,18 @@ from simulator.labels.overlay import (
     draw_wireframe,
     rgb_8bit,
 )
-from simulator.labels.truth import Truth
-from simulator.runtime.files import empty_folder, write_atomic
-from simulator.targets.joined_mesh import mesh_of
-from simulator.targets.library import load_target
+from flyaround.simulator.labels.truth import Truth
+from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
-    from simulator.runtime.arrays import ByteArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.targets.model import Target
 
 MARKS = ("axes", "wireframe", "keypoints", "box", "mask")
 _AXIS = 0.6

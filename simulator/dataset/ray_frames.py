@@ -16,18 +16,18 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar, cast
 from urllib.parse import urlsplit
 
-from simulator.errors import UserError
-from simulator.frame import Frame
-from simulator.loop import FrameProducer, FrameRequest, OpenRenderer, draw_request
-from simulator.runtime.memory import keep_freed_memory
-from simulator.runtime.threads import usable_processors
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import FrameProducer, FrameRequest, OpenRenderer, draw_request
+from flyaround.simulator.runtime.memory import keep_freed_memory
+from flyaround.simulator.runtime.threads import usable_processors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from simulator.render.gl.context import GlInfo
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.render.gl.context import GlInfo
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 MOST_IN_SHARD = 8
 """Frames of a task: a varied craft's light is worked out once for its neighbours, and a lost node costs little."""

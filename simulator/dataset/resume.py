@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.dataset.card import CARD_NAME, MOST_BYTES, DatasetCard, decode_card
-from simulator.dataset.formats.native import frame_paths, is_whole, layer_path, read_layer, read_png
-from simulator.dataset.storage.manifest import file_hash, read_manifest, rewrite_manifest
-from simulator.dataset.storage.store import FolderStore
-from simulator.errors import UserError
-from simulator.labels.layers import layer_hash, pixel_hash
-from simulator.labels.truth import Truth, read_truth
-from simulator.runtime.threads import threads
-from simulator.runtime.untrusted_files import refuse_deep
+from flyaround.simulator.dataset.card import CARD_NAME, MOST_BYTES, DatasetCard, decode_card
+from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, layer_path, read_layer, read_png
+from flyaround.simulator.dataset.storage.manifest import file_hash, read_manifest, rewrite_manifest
+from flyaround.simulator.dataset.storage.store import FolderStore
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.layers import layer_hash, pixel_hash
+from flyaround.simulator.labels.truth import Truth, read_truth
+from flyaround.simulator.runtime.threads import threads
+from flyaround.simulator.runtime.untrusted_files import refuse_deep
 
 if TYPE_CHECKING:
-    from simulator.dataset.storage.store import Store
-    from simulator.scenario.plan import FramePlan
+    from flyaround.simulator.dataset.storage.store import Store
+    from flyaround.simulator.scenario.plan import FramePlan
 
 MOST_FILE_BYTES = 2**32
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.plugins import plugins
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.plugins import plugins
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from simulator.frame import Frame
+    from flyaround.simulator.frame import Frame
 
 
 def parse_sensors(text: str) -> tuple[str, ...]:

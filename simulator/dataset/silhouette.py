@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.check.geometry import cut_for_the_lens
-from simulator.dataset.triangle_fill import fill_triangles, filled_mask
-from simulator.labels.boxes import NEAREST_M
-from simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.dataset.check.geometry import cut_for_the_lens
+from flyaround.simulator.dataset.triangle_fill import fill_triangles, filled_mask
+from flyaround.simulator.labels.boxes import NEAREST_M
+from flyaround.simulator.targets.joined_mesh import mesh_of
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.labels.truth import Box
-    from simulator.runtime.arrays import ByteArray, FloatArray
-    from simulator.targets.model import Target
-    from simulator.world.frames.pose import Pose
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.labels.truth import Box
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.frames.pose import Pose
 
 _SHARE_PX = 2048  # longest side of the grid on which the whole silhouette is counted
 

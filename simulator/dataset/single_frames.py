@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.formats.exr import encode_exr
-from simulator.dataset.formats.native import encode_png, write_layers
-from simulator.errors import UserError
-from simulator.labels.truth import truth_to_json
-from simulator.loop import FrameRequest, open_frames, whole_frame
-from simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.dataset.formats.exr import encode_exr
+from flyaround.simulator.dataset.formats.native import encode_png, write_layers
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import truth_to_json
+from flyaround.simulator.loop import FrameRequest, open_frames, whole_frame
+from flyaround.simulator.runtime.files import empty_folder, write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from simulator.frame import Frame
-    from simulator.labels.request import LabelRequest
-    from simulator.render.earth.map_textures import EarthMaps
-    from simulator.scene.illumination.bands import Bands
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.frame import Frame
+    from flyaround.simulator.labels.request import LabelRequest
+    from flyaround.simulator.render.earth.map_textures import EarthMaps
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 SUFFIXES = (".png", ".npy", ".exr")
 
@@ -44,7 +44,7 @@ def render_scene(
 
     Parameters
     ----------
-    labels : layers to give beyond truth and mask. prefetched : as of `simulator.loop.open_frames`.
+    labels : layers to give beyond truth and mask. prefetched : as of `flyaround.simulator.loop.open_frames`.
 
     Raises
     ------

@@ -9,12 +9,17 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from simulator.dataset.formats.labelled_frame import SPLITS
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_link_out, without_mark
+from flyaround.simulator.dataset.formats.labelled_frame import SPLITS
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import (
+    read_regular,
+    refuse_deep,
+    refuse_link_out,
+    without_mark,
+)
 
 if TYPE_CHECKING:
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 SPLIT_NAME = "split.json"
 MOST_BYTES = 200_000_000

@@ -7,22 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.dataset.card import CARD_NAME, StereoCard
-from simulator.dataset.formats.native import frame_paths, is_whole
-from simulator.errors import UserError
-from simulator.labels.truth import read_truth
-from simulator.runtime.untrusted_files import refuse_link_out
-from simulator.scene.second_camera import SECOND_SEED, SecondCamera, seen_by_second
+from flyaround.simulator.dataset.card import CARD_NAME, StereoCard
+from flyaround.simulator.dataset.formats.native import frame_paths, is_whole
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.runtime.untrusted_files import refuse_link_out
+from flyaround.simulator.scene.second_camera import SECOND_SEED, SecondCamera, seen_by_second
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.dataset.capture_plan import CapturePlan
-    from simulator.dataset.card import DatasetCard
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.dataset.capture_plan import CapturePlan
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 FOLDER = "second"
 

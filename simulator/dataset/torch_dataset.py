@@ -11,11 +11,11 @@ from torch.utils.data import Dataset
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 
 class TorchFrames(Dataset):  # type: ignore[misc] # torch is not type-checked here
-    """Items as `simulator.dataset.labelled_dataset.LabelledDataset.torch` says.
+    """Items as `flyaround.simulator.dataset.labelled_dataset.LabelledDataset.torch` says.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.runtime.arrays import ByteArray, FloatArray
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 FILL_SCALE = 4
 FILL_SHIFT = 4

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Self
 
 import msgspec
 
-from simulator.dataset.card import CARD_NAME, CardQuarantine, DatasetCard, card_to_json
-from simulator.dataset.check.verify import check_frame
-from simulator.dataset.clipping import Clipping, measure_clipping
-from simulator.dataset.formats.native import EncodedFrame, encode_frame, frame_files
-from simulator.dataset.sensors import measurements
-from simulator.dataset.storage.batches import FrameBatches, FrameFiles
-from simulator.dataset.storage.manifest import manifest_lines, sort_manifest
-from simulator.targets.model import Target
+from flyaround.simulator.dataset.card import CARD_NAME, CardQuarantine, DatasetCard, card_to_json
+from flyaround.simulator.dataset.check.verify import check_frame
+from flyaround.simulator.dataset.clipping import Clipping, measure_clipping
+from flyaround.simulator.dataset.formats.native import EncodedFrame, encode_frame, frame_files
+from flyaround.simulator.dataset.sensors import measurements
+from flyaround.simulator.dataset.storage.batches import FrameBatches, FrameFiles
+from flyaround.simulator.dataset.storage.manifest import manifest_lines, sort_manifest
+from flyaround.simulator.targets.model import Target
 
 if TYPE_CHECKING:
-    from simulator.dataset.storage.store import Store
-    from simulator.frame import Frame
+    from flyaround.simulator.dataset.storage.store import Store
+    from flyaround.simulator.frame import Frame
 
 log = logging.getLogger(__name__)
 

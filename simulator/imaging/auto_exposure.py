@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.sections import Section
+from flyaround.simulator.runtime.sections import Section
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -15,28 +15,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.imaging.image_motion import (
+from flyaround.simulator.imaging.image_motion import (
     background_px,
     craft_flow,
     image_motion_px,
     moments_of,
     motion_bound_px,
 )
-from simulator.imaging.motion_blur import motion_blur
-from simulator.imaging.rolling_shutter import crop, row_bands
-from simulator.render.view import POLE_M
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.imaging.motion_blur import motion_blur
+from flyaround.simulator.imaging.rolling_shutter import crop, row_bands
+from flyaround.simulator.render.view import POLE_M
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.imaging.image_motion import CraftFlow
-    from simulator.render.rendered import Rendered
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import Float32Array, FloatArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.imaging.image_motion import CraftFlow
+    from flyaround.simulator.render.rendered import Rendered
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 STILL_PX = 0.3
 """Motion during the exposure below which one instant serves: its smear is under a tenth of a pixel rms."""

@@ -10,25 +10,30 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.camera.detector.electrons import detect, detector_sigma, electrons_per_radiance, white_balance
-from simulator.camera.detector.glow import glow
-from simulator.camera.detector.image_noise import arithmetic_of, draw_noise, start_noise
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.psf import blur, defocus_px
-from simulator.camera.detector.shading import veiling_glare, vignetting
-from simulator.runtime.threads import pieces_of, share_out, threads
-from simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2, sunlight_balance
+from flyaround.simulator.camera.detector.electrons import (
+    detect,
+    detector_sigma,
+    electrons_per_radiance,
+    white_balance,
+)
+from flyaround.simulator.camera.detector.glow import glow
+from flyaround.simulator.camera.detector.image_noise import arithmetic_of, draw_noise, start_noise
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.psf import blur, defocus_px
+from flyaround.simulator.camera.detector.shading import veiling_glare, vignetting
+from flyaround.simulator.runtime.threads import pieces_of, share_out, threads
+from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2, sunlight_balance
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import ArrayLike, NDArray
 
-    from simulator.camera.detector.image_noise import ImageNoise
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import Float32Array, FloatArray
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.camera.detector.image_noise import ImageNoise
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.scene.state import SceneState
 
 _PERFECT_LENS = Optics()
 _PIECE_VALUES = 3 << 18  # of two threads: shorter ones would wait for Python's lock

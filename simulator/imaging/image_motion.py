@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scene.motion import propagated_scene
-from simulator.targets.joined_mesh import box_3d_m
-from simulator.world.ephemeris.bodies import BODIES
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.scene.motion import propagated_scene
+from flyaround.simulator.targets.joined_mesh import box_3d_m
+from flyaround.simulator.world.ephemeris.bodies import BODIES
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 SMEARED_PX, PARALLAX_PX = 2.5, 0.5
 """Of a craft that is drawn once and smeared: its longest way, as light changes where it turns; and what a point's way

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.imaging.image_formation import expose
-from simulator.scene.illumination.bands import PANCHROMATIC, reflectance, sun_irradiance_w_m2
-from simulator.world.ephemeris.bodies import BODIES
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.imaging.image_formation import expose
+from flyaround.simulator.scene.illumination.bands import PANCHROMATIC, reflectance, sun_irradiance_w_m2
+from flyaround.simulator.world.ephemeris.bodies import BODIES
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from simulator.imaging.auto_exposure import AutoExposure
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.imaging.auto_exposure import AutoExposure
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 POINTS = 600
 GRID = (16, 12)

@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
 
 _STEPS_PER_PX = 6
 _CUBIC_REACH = 2

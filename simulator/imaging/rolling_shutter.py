@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.imaging.image_motion import image_motion_px
-from simulator.scene.motion import propagated_scene
+from flyaround.simulator.imaging.image_motion import image_motion_px
+from flyaround.simulator.scene.motion import propagated_scene
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 BAND_PX = 0.2
 """Motion between bands of rows of a rolling shutter: labels and picture are within half of it of the true row's."""

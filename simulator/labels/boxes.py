@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.labels.truth import Box
-from simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.labels.truth import Box
+from flyaround.simulator.targets.joined_mesh import mesh_of
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import ByteArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 NEAREST_M = 1e-3  # what is closer than this to the lens's plane, or behind it, has no projection
 

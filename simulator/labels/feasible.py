@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.imaging.image_formation import noise_sigma
-from simulator.labels.wireframe import bent
+from flyaround.simulator.imaging.image_formation import noise_sigma
+from flyaround.simulator.labels.wireframe import bent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.labels.truth import Box, InfeasibleReason
-    from simulator.labels.wireframe import ProjectedEdge
-    from simulator.runtime.arrays import Float32Array, FloatArray
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.labels.truth import Box, InfeasibleReason
+    from flyaround.simulator.labels.wireframe import ProjectedEdge
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.scene.state import SceneState
 
 SILHOUETTE_SHARE = 0.9
 STEP_SHARE = 0.4

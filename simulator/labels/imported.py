@@ -7,10 +7,17 @@ from typing import Any, Literal
 
 import msgspec
 
-from simulator.camera.lens.camera_model import Camera, camera_problem
-from simulator.errors import UserError
-from simulator.labels.truth import Box, InfeasibleReason, KeypointLabel, Truth, parse_truth, read_record_bytes
-from simulator.runtime.arrays import Quat, Vec3
+from flyaround.simulator.camera.lens.camera_model import Camera, camera_problem
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import (
+    Box,
+    InfeasibleReason,
+    KeypointLabel,
+    Truth,
+    parse_truth,
+    read_record_bytes,
+)
+from flyaround.simulator.runtime.arrays import Quat, Vec3
 
 
 class ImportedTruth(msgspec.Struct, frozen=True, kw_only=True):

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.imaging.image_formation import noise_sigma
-from simulator.imaging.rolling_shutter import pose_at_rows
-from simulator.labels.truth import KeypointLabel, KeypointState
-from simulator.labels.visibility import hidden_from_direction, occluded_from_camera
-from simulator.targets.joined_mesh import JoinedMesh
+from flyaround.simulator.imaging.image_formation import noise_sigma
+from flyaround.simulator.imaging.rolling_shutter import pose_at_rows
+from flyaround.simulator.labels.truth import KeypointLabel, KeypointState
+from flyaround.simulator.labels.visibility import hidden_from_direction, occluded_from_camera
+from flyaround.simulator.targets.joined_mesh import JoinedMesh
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 # Below this share of the Sun's disc the direct light is under the noise of any recipe.
 ECLIPSED_BELOW = 0.02

@@ -11,10 +11,15 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from simulator.labels.boxes import amodal_box, mask_box
-from simulator.labels.feasible import infeasible_reason, mean_level, mono_signal, wireframe_step_share
-from simulator.labels.keypoints import label_keypoints, pixel_or_none
-from simulator.labels.layers import (
+from flyaround.simulator.labels.boxes import amodal_box, mask_box
+from flyaround.simulator.labels.feasible import (
+    infeasible_reason,
+    mean_level,
+    mono_signal,
+    wireframe_step_share,
+)
+from flyaround.simulator.labels.keypoints import label_keypoints, pixel_or_none
+from flyaround.simulator.labels.layers import (
     clean_twin,
     draw_layers,
     layer_hash,
@@ -23,23 +28,23 @@ from simulator.labels.layers import (
     visible_mask,
     wants_surfaces,
 )
-from simulator.labels.surfaces import start_surfaces
-from simulator.labels.truth import Box, RowPose, Software, Truth, WireLabel
-from simulator.labels.wireframe import view_edges
-from simulator.runtime.arrays import ByteArray, Float32Array, vec3
-from simulator.scene.motion import propagated_scene
-from simulator.targets.joined_mesh import box_3d_m, mesh_of
+from flyaround.simulator.labels.surfaces import start_surfaces
+from flyaround.simulator.labels.truth import Box, RowPose, Software, Truth, WireLabel
+from flyaround.simulator.labels.wireframe import view_edges
+from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, vec3
+from flyaround.simulator.scene.motion import propagated_scene
+from flyaround.simulator.targets.joined_mesh import box_3d_m, mesh_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from simulator.labels.request import LabelRequest
-    from simulator.labels.wireframe import ProjectedEdge
-    from simulator.render.renderer import Renderer
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.labels.request import LabelRequest
+    from flyaround.simulator.labels.wireframe import ProjectedEdge
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 ROW_POSES = 33
 

@@ -8,25 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.camera.detector.sensor import noiseless
-from simulator.imaging.image_formation import digitise_scene
-from simulator.labels.boxes import craft_window
-from simulator.labels.request import OF_SURFACES
-from simulator.labels.surfaces import surfaces
-from simulator.runtime.arrays import ByteArray, Float32Array
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.camera.detector.sensor import noiseless
+from flyaround.simulator.imaging.image_formation import digitise_scene
+from flyaround.simulator.labels.boxes import craft_window
+from flyaround.simulator.labels.request import OF_SURFACES
+from flyaround.simulator.labels.surfaces import surfaces
+from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
+from flyaround.simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.labels.request import LabelRequest
-    from simulator.labels.truth import Box, FlowLabel
-    from simulator.render.renderer import Renderer
-    from simulator.render.target.label_pass import Surfaces
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.labels.request import LabelRequest
+    from flyaround.simulator.labels.truth import Box, FlowLabel
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.render.target.label_pass import Surfaces
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 ON_CRAFT = frozenset({"depth", "parts", "normals", "flow"})
 STRIP_ROWS = 32

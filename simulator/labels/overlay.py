@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.labels.wireframe import view_edges
-from simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.labels.wireframe import view_edges
+from flyaround.simulator.targets.joined_mesh import mesh_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.labels.truth import Box, KeypointLabel, Truth
-    from simulator.runtime.arrays import ByteArray
-    from simulator.targets.model import Target
-    from simulator.world.frames.pose import Pose
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.labels.truth import Box, KeypointLabel, Truth
+    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.frames.pose import Pose
 
 # RGB. Colours that a colour-blind reader tells apart (Okabe and Ito).
 GREEN, ORANGE, BLUE, GREY = (0, 158, 115), (230, 159, 0), (86, 180, 233), (150, 150, 150)

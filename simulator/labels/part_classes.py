@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import msgspec
 
-from simulator.errors import UserError, near_names
-from simulator.targets.model import PartClass
+from flyaround.simulator.errors import UserError, near_names
+from flyaround.simulator.targets.model import PartClass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.targets.model import Target
+    from flyaround.simulator.targets.model import Target
 
 PART_CLASSES: tuple[PartClass, ...] = get_args(PartClass)
 

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.plane_grid import PlaneGrid
+from flyaround.simulator.targets.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-    from simulator.targets.joined_mesh import JoinedMesh
-    from simulator.world.frames.pose import Pose
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from flyaround.simulator.targets.joined_mesh import JoinedMesh
+    from flyaround.simulator.world.frames.pose import Pose
 
 NEAR_M = (
     1e-3  # what of a triangle is closer to the lens's plane, or behind it, has no projection: it is cut off

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from simulator.labels.truth import FlowLabel
+    from flyaround.simulator.labels.truth import FlowLabel
 
 LAYERS = ("amodal", "parts", "depth", "normals", "flow", "clean", "wireframe")
 """``wireframe`` goes into the truth record, every other layer into a file of its own."""

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.imaging.rolling_shutter import crop, row_bands
-from simulator.scene.motion import propagated_scene
+from flyaround.simulator.imaging.rolling_shutter import crop, row_bands
+from flyaround.simulator.scene.motion import propagated_scene
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.render.renderer import Renderer
-    from simulator.render.target.label_pass import Surfaces
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.render.target.label_pass import Surfaces
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 
 def start_surfaces(

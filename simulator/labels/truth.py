@@ -7,12 +7,12 @@ from typing import Any, Literal
 
 import msgspec
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.errors import UserError
-from simulator.runtime.arrays import Quat, Vec3
-from simulator.runtime.untrusted_files import read_regular, refuse_deep, without_mark
-from simulator.scene.limits import scene_problem
-from simulator.scene.state import SceneState
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import Quat, Vec3
+from flyaround.simulator.runtime.untrusted_files import read_regular, refuse_deep, without_mark
+from flyaround.simulator.scene.limits import scene_problem
+from flyaround.simulator.scene.state import SceneState
 
 MOST_BYTES = 64_000_000  # of a record: its wireframe and row poses take the most
 

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.labels.projected_mesh import across, seen_from_camera, seen_from_direction
-from simulator.runtime.arrays import BoolArray, vec3
+from flyaround.simulator.labels.projected_mesh import across, seen_from_camera, seen_from_direction
+from flyaround.simulator.runtime.arrays import BoolArray, vec3
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.targets.joined_mesh import JoinedMesh
-    from simulator.world.frames.pose import Pose
+    from flyaround.simulator.targets.joined_mesh import JoinedMesh
+    from flyaround.simulator.world.frames.pose import Pose
 
 # A keypoint lies on the surface to well below this, and no two parts of a craft are closer on purpose.
 SURFACE_TOLERANCE_M = 2e-3

@@ -17,17 +17,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.lens.camera_model import Distortion
-from simulator.labels.projected_mesh import seen_from_camera
-from simulator.labels.visibility import SURFACE_TOLERANCE_M
-from simulator.runtime.memory import cached_per_object
+from flyaround.simulator.camera.lens.camera_model import Distortion
+from flyaround.simulator.labels.projected_mesh import seen_from_camera
+from flyaround.simulator.labels.visibility import SURFACE_TOLERANCE_M
+from flyaround.simulator.runtime.memory import cached_per_object
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-    from simulator.targets.joined_mesh import JoinedMesh
-    from simulator.targets.model import Edge, Target
-    from simulator.world.frames.pose import Pose
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from flyaround.simulator.targets.joined_mesh import JoinedMesh
+    from flyaround.simulator.targets.model import Edge, Target
+    from flyaround.simulator.world.frames.pose import Pose
 
 NEAR_M = 0.05
 ROD = 1.2

@@ -15,20 +15,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.recipes.euler_poses import from_left_handed, quat_from_euler
-from simulator.recipes.sky import PlaceInSky, random_moment, sun_and_moon, uniform_direction
-from simulator.scene.sample import BackgroundView
-from simulator.world.ephemeris.bodies import BODIES
-from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.recipes.euler_poses import from_left_handed, quat_from_euler
+from flyaround.simulator.recipes.sky import PlaceInSky, random_moment, sun_and_moon, uniform_direction
+from flyaround.simulator.scene.sample import BackgroundView
+from flyaround.simulator.world.ephemeris.bodies import BODIES
+from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.recipes.file import Background
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.recipes.file import Background
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import SceneState
 
 MOST_DRAWS = 1000
 _SUNLIT, _DAY = 0.999, 0.05

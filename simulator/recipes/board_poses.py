@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix, quat_from_rotvec
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix, quat_from_rotvec
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import FloatArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.model import Target
 
 _PLACES = 80
 _STEPS_BACK, _STEP_BACK = 12, 1.15

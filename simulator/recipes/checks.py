@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
-from simulator.recipes.file import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.recipes.file import (
     EulerAttitude,
     FacingAttitude,
     PoseList,
     Sequences,
     UniformRange,
 )
-from simulator.recipes.poses import radius_m, resolved_range
-from simulator.world.ephemeris.bodies import BODIES
+from flyaround.simulator.recipes.poses import radius_m, resolved_range
+from flyaround.simulator.world.ephemeris.bodies import BODIES
 
 if TYPE_CHECKING:
-    from simulator.recipes.file import Recipe
-    from simulator.targets.model import Target
+    from flyaround.simulator.recipes.file import Recipe
+    from flyaround.simulator.targets.model import Target
 
 
 def check_recipe(recipe: Recipe, where: str) -> None:

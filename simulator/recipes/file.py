@@ -7,16 +7,16 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from simulator.camera.lens.files import CameraFile
-from simulator.camera.sections import OpticsSection
-from simulator.recipes.vary_file import Vary
-from simulator.runtime.sections import Degrees, Metres, Range, Section
-from simulator.scenario.scenario import Output, SensorSection
-from simulator.scene.environments import EnvironmentName, EnvironmentSection
-from simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
-from simulator.scene.illumination.lamp import Lamp
-from simulator.scene.second_camera import SecondCamera
-from simulator.world.ephemeris.bodies import BodyName
+from flyaround.simulator.camera.lens.files import CameraFile
+from flyaround.simulator.camera.sections import OpticsSection
+from flyaround.simulator.recipes.vary_file import Vary
+from flyaround.simulator.runtime.sections import Degrees, Metres, Range, Section
+from flyaround.simulator.scenario.scenario import Output, SensorSection
+from flyaround.simulator.scene.environments import EnvironmentName, EnvironmentSection
+from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
+from flyaround.simulator.scene.illumination.lamp import Lamp
+from flyaround.simulator.scene.second_camera import SecondCamera
+from flyaround.simulator.world.ephemeris.bodies import BodyName
 
 Share = Annotated[float, Meta(ge=0, le=1)]
 Angle = Annotated[float, Meta(ge=0, le=180)]

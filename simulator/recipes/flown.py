@@ -9,26 +9,26 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.recipes.file import AboutTrajectory, Sequences
-from simulator.recipes.poses import uniform_attitude
-from simulator.recipes.sky import uniform_direction
-from simulator.runtime.arrays import vec3
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import Plan, plan_flight
-from simulator.scenario.poses import scene_with_pose
-from simulator.scene.sample import Sample, SequenceStep
-from simulator.world.frames.pose import Pose
-from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
-from simulator.world.orbit.initial_orbit import ElementsOrbit
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.recipes.file import AboutTrajectory, Sequences
+from flyaround.simulator.recipes.poses import uniform_attitude
+from flyaround.simulator.recipes.sky import uniform_direction
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import Plan, plan_flight
+from flyaround.simulator.scenario.poses import scene_with_pose
+from flyaround.simulator.scene.sample import Sample, SequenceStep
+from flyaround.simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
+from flyaround.simulator.world.orbit.initial_orbit import ElementsOrbit
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from simulator.recipes.file import Recipe
-    from simulator.scenario.scenario import AnyChaser, Scenario
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.recipes.file import Recipe
+    from flyaround.simulator.scenario.scenario import AnyChaser, Scenario
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 _SEQUENCES = 0x5E0
 _MOST_STARTS = 30

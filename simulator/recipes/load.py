@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from simulator.errors import UserError, near_names
-from simulator.recipes.checks import check_recipe
-from simulator.recipes.file import Recipe
-from simulator.recipes.vary_file import check_vary
-from simulator.runtime.plugins import plugins
-from simulator.runtime.toml_file import MOST_TOML_BYTES
-from simulator.runtime.untrusted_files import find_beside, read_regular
-from simulator.runtime.validation_errors import explain
-from simulator.scenario.load import check_detector, resolve_camera, toml_table
-from simulator.scenario.show import annotated_text
-from simulator.targets.library import list_targets
+from flyaround.simulator.errors import UserError, near_names
+from flyaround.simulator.recipes.checks import check_recipe
+from flyaround.simulator.recipes.file import Recipe
+from flyaround.simulator.recipes.vary_file import check_vary
+from flyaround.simulator.runtime.plugins import plugins
+from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES
+from flyaround.simulator.runtime.untrusted_files import find_beside, read_regular
+from flyaround.simulator.runtime.validation_errors import explain
+from flyaround.simulator.scenario.load import check_detector, resolve_camera, toml_table
+from flyaround.simulator.scenario.show import annotated_text
+from flyaround.simulator.targets.library import list_targets
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,7 +31,7 @@ _NOT_INHERITED = ("base", "name", "members")
 
 def list_recipes() -> tuple[str, ...]:
     """Names of the built-in recipes, then of those that other packages add."""
-    folder = files("assets").joinpath("recipes")
+    folder = files("flyaround.assets").joinpath("recipes")
     built_in = sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
     return (*built_in, *(name for name in plugins("recipe") if name not in built_in))
 
@@ -57,7 +57,7 @@ def recipe_text(name: str) -> str:
     """
     if name not in list_recipes():
         raise UserError(_no_such_recipe(name))
-    built_in = files("assets").joinpath("recipes", f"{name}.toml")
+    built_in = files("flyaround.assets").joinpath("recipes", f"{name}.toml")
     if built_in.is_file():
         return built_in.read_text(encoding="utf-8")
     plugin = plugins("recipe")[name]

@@ -9,45 +9,45 @@ from typing import TYPE_CHECKING, Any, overload
 import msgspec
 import numpy as np
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.camera.lens.files import read_camera_file
-from simulator.camera.sections import read_part
-from simulator.errors import UserError
-from simulator.imaging.metering import wanted_exposure_s
-from simulator.recipes.backgrounds import draw_view
-from simulator.recipes.checks import check_with_target
-from simulator.recipes.clearance import is_clear, share_inside
-from simulator.recipes.file import AboutTrajectory, FacingAttitude, PoseList, Recipe, Sequences
-from simulator.recipes.flown import flown_scene
-from simulator.recipes.load import load_recipe
-from simulator.recipes.poses import DrawnPose, draw_pose, resolved_range
-from simulator.recipes.sky import choose_sky, place_in_sky, sun_and_nadir
-from simulator.recipes.vary import FrameVariation, VariedFlight
-from simulator.runtime.arrays import quat, vec3
-from simulator.scenario.poses import read_poses
-from simulator.scene.environments import Environment, environment_preset
-from simulator.scene.illumination.bands import Bands
-from simulator.scene.sample import PairMember, Sample
-from simulator.scene.state import Quality, SceneState, TargetRef
-from simulator.targets.library import load_target
-from simulator.targets.model import Target
-from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from simulator.world.ephemeris.moon_orientation import q_moon_from_eci
-from simulator.world.frames.pose import Pose
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.camera.lens.files import read_camera_file
+from flyaround.simulator.camera.sections import read_part
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.imaging.metering import wanted_exposure_s
+from flyaround.simulator.recipes.backgrounds import draw_view
+from flyaround.simulator.recipes.checks import check_with_target
+from flyaround.simulator.recipes.clearance import is_clear, share_inside
+from flyaround.simulator.recipes.file import AboutTrajectory, FacingAttitude, PoseList, Recipe, Sequences
+from flyaround.simulator.recipes.flown import flown_scene
+from flyaround.simulator.recipes.load import load_recipe
+from flyaround.simulator.recipes.poses import DrawnPose, draw_pose, resolved_range
+from flyaround.simulator.recipes.sky import choose_sky, place_in_sky, sun_and_nadir
+from flyaround.simulator.recipes.vary import FrameVariation, VariedFlight
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scenario.poses import read_poses
+from flyaround.simulator.scene.environments import Environment, environment_preset
+from flyaround.simulator.scene.illumination.bands import Bands
+from flyaround.simulator.scene.sample import PairMember, Sample
+from flyaround.simulator.scene.state import Quality, SceneState, TargetRef
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import Target
+from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.ephemeris.moon_orientation import q_moon_from_eci
+from flyaround.simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.random import Generator
 
-    from simulator.recipes.file import Background
-    from simulator.recipes.sky import PlaceInSky
-    from simulator.recipes.vary_file import Vary
-    from simulator.scenario.plan import Plan
-    from simulator.scene.sample import BackgroundView
-    from simulator.scene.second_camera import SecondCamera
+    from flyaround.simulator.recipes.file import Background
+    from flyaround.simulator.recipes.sky import PlaceInSky
+    from flyaround.simulator.recipes.vary_file import Vary
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.scene.sample import BackgroundView
+    from flyaround.simulator.scene.second_camera import SecondCamera
 
 _SAMPLES, _VIEWS = 0x5CE2E, 0xBAC60
 """Streams of random numbers: of a sample, and of which view is behind it."""
@@ -55,7 +55,7 @@ _SAMPLES, _VIEWS = 0x5CE2E, 0xBAC60
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RecipePlan:
-    """``n_frames`` samples; the same face as ``simulator.scenario.plan.Plan`` to a capture.
+    """``n_frames`` samples; the same face as ``flyaround.simulator.scenario.plan.Plan`` to a capture.
 
     Parameters
     ----------

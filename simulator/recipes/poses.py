@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.recipes.board_poses import board_pose
-from simulator.recipes.euler_poses import from_left_handed, quat_from_euler, to_left_handed
-from simulator.recipes.file import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.recipes.board_poses import board_pose
+from flyaround.simulator.recipes.euler_poses import from_left_handed, quat_from_euler, to_left_handed
+from flyaround.simulator.recipes.file import (
     BoundsPlacement,
     EulerAttitude,
     FacingAttitude,
@@ -21,16 +21,16 @@ from simulator.recipes.file import (
     ScaledRange,
     UniformRange,
 )
-from simulator.runtime.arrays import quat, vec3
-from simulator.scene.sample import RawPose
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scene.sample import RawPose
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.recipes.file import AnyPlacement, AnyRange, Recipe
-    from simulator.runtime.arrays import FloatArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.recipes.file import AnyPlacement, AnyRange, Recipe
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.model import Target
 
 MOST_DRAWS = 10_000
 TANGO_SIZE_M = 0.80320

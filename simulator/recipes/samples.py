@@ -11,8 +11,8 @@ from msgspec import UnsetType
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.recipes.plan import RecipePlan
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.recipes.plan import RecipePlan
+    from flyaround.simulator.scene.state import SceneState
 
 POSE = ("q_w", "q_x", "q_y", "q_z", "t_x_m", "t_y_m", "t_z_m")
 RAW = ("x", "y", "z", "rx", "ry", "rz", "q1", "q2", "q3", "q4")

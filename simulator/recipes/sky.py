@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.world.ephemeris.bodies import BODIES, MOON
-from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from simulator.world.frames.rotation import quat_from_matrix
-from simulator.world.time.instant import Instant
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.ephemeris.bodies import BODIES, MOON
+from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from flyaround.simulator.world.frames.rotation import quat_from_matrix
+from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from simulator.recipes.file import Sky
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.ephemeris.bodies import Body, BodyName
+    from flyaround.simulator.recipes.file import Sky
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.ephemeris.bodies import Body, BodyName
 
 YEAR_START_UTC = "2026-01-01T00:00:00Z"
 YEAR_S = 365.0 * 86400.0

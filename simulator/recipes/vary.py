@@ -9,26 +9,26 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.recipes.sky import in_cone, uniform_direction
-from simulator.recipes.vary_file import Vary, VaryBoxes, VaryCraft
-from simulator.runtime.arrays import vec3
-from simulator.scene.environments import environment_preset
-from simulator.scene.illumination.area_light import AreaLight, axes_across
-from simulator.scene.illumination.lamp import Lamp
-from simulator.scene.sample import Sample, VariedBy
-from simulator.scene.state import TargetRef
-from simulator.targets.varied import CraftVariation, SurfaceVariation, varied_target
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.recipes.sky import in_cone, uniform_direction
+from flyaround.simulator.recipes.vary_file import Vary, VaryBoxes, VaryCraft
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.scene.environments import environment_preset
+from flyaround.simulator.scene.illumination.area_light import AreaLight, axes_across
+from flyaround.simulator.scene.illumination.lamp import Lamp
+from flyaround.simulator.scene.sample import Sample, VariedBy
+from flyaround.simulator.scene.state import TargetRef
+from flyaround.simulator.targets.varied import CraftVariation, SurfaceVariation, varied_target
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.scenario.plan import Plan
-    from simulator.scene.second_camera import SecondCamera
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.scene.second_camera import SecondCamera
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 _FRAMES, _CRAFT = 0xF2A3E, 0xC2AF7
 """Streams of random numbers: of frames, and of the craft that some frames share."""

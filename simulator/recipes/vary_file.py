@@ -8,14 +8,14 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from simulator.errors import UserError
-from simulator.runtime.sections import Section
-from simulator.runtime.toml_file import MOST_TOML_BYTES
-from simulator.runtime.untrusted_files import read_regular
-from simulator.runtime.validation_errors import explain
-from simulator.scenario.load import toml_table
-from simulator.scene.environments import EnvironmentName
-from simulator.scene.illumination.area_light import DIFFUSE_DEG, MOST_LIGHTS
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.sections import Section
+from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.runtime.validation_errors import explain
+from flyaround.simulator.scenario.load import toml_table
+from flyaround.simulator.scene.environments import EnvironmentName
+from flyaround.simulator.scene.illumination.area_light import DIFFUSE_DEG, MOST_LIGHTS
 
 Factors = tuple[Annotated[float, Meta(ge=0.01, le=100)], Annotated[float, Meta(ge=0.01, le=100)]]
 

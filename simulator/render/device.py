@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.render.frame_images import FrameImages
-from simulator.render.gl.context import create_context, describe
-from simulator.render.gl.fences import keep_fences
-from simulator.render.gl.lens_rays import RayTextures
-from simulator.render.gl.programs import RAYS_UNIT, ProgramLibrary
-from simulator.render.gl.shared_blocks import UniformBlocks
-from simulator.scene.illumination.bands import bands_of
+from flyaround.simulator.render.frame_images import FrameImages
+from flyaround.simulator.render.gl.context import create_context, describe
+from flyaround.simulator.render.gl.fences import keep_fences
+from flyaround.simulator.render.gl.lens_rays import RayTextures
+from flyaround.simulator.render.gl.programs import RAYS_UNIT, ProgramLibrary
+from flyaround.simulator.render.gl.shared_blocks import UniformBlocks
+from flyaround.simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.gl.context import GlInfo
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.render.gl.context import GlInfo
+    from flyaround.simulator.scene.state import SceneState
 
 
 class Device:
@@ -24,7 +24,7 @@ class Device:
 
     Parameters
     ----------
-    device_index, context : as of `simulator.render.renderer.Renderer`.
+    device_index, context : as of `flyaround.simulator.render.renderer.Renderer`.
     """
 
     def __init__(self, device_index: int | None = None, context: moderngl.Context | None = None) -> None:

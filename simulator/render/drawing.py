@@ -6,12 +6,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from simulator.render.earth.albedo import earth_and_moon_shine
-from simulator.render.earth.earth_pass import EarthFrame
-from simulator.render.earth.earth_view import earth_values, earth_view
-from simulator.render.earth.map_textures import prefetch_earth_maps, stand_ins
-from simulator.render.earth.screen_tiles import uniform_tiles
-from simulator.render.frame_resources import (
+from flyaround.simulator.render.earth.albedo import earth_and_moon_shine
+from flyaround.simulator.render.earth.earth_pass import EarthFrame
+from flyaround.simulator.render.earth.earth_view import earth_values, earth_view
+from flyaround.simulator.render.earth.map_textures import prefetch_earth_maps, stand_ins
+from flyaround.simulator.render.earth.screen_tiles import uniform_tiles
+from flyaround.simulator.render.frame_resources import (
     AIR,
     AIR_TABLES,
     COVERAGE,
@@ -33,27 +33,27 @@ from simulator.render.frame_resources import (
     TARGET_TILES,
     VIEW,
 )
-from simulator.render.moon.moon_pass import MoonPass
-from simulator.render.moon.moon_tiles import moon_tiles
-from simulator.render.moon.moon_view import moon_values, moon_view
-from simulator.render.projection import PixelRect
-from simulator.render.sky.star_pass import StarPass
-from simulator.render.sky.sun_pass import SunPass
-from simulator.render.target.target_passes import TargetPasses
-from simulator.render.view import build_view, frame_values
+from flyaround.simulator.render.moon.moon_pass import MoonPass
+from flyaround.simulator.render.moon.moon_tiles import moon_tiles
+from flyaround.simulator.render.moon.moon_view import moon_values, moon_view
+from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.render.sky.star_pass import StarPass
+from flyaround.simulator.render.sky.sun_pass import SunPass
+from flyaround.simulator.render.target.target_passes import TargetPasses
+from flyaround.simulator.render.view import build_view, frame_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     import moderngl
 
-    from simulator.render.device import Device
-    from simulator.render.drawing_path import DrawingPath
-    from simulator.render.earth.earth_pass import EarthPass
-    from simulator.render.earth.map_textures import EarthMaps
-    from simulator.render.frame_graph import PassResources
-    from simulator.scene.illumination.bands import Bands
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.drawing_path import DrawingPath
+    from flyaround.simulator.render.earth.earth_pass import EarthPass
+    from flyaround.simulator.render.earth.map_textures import EarthMaps
+    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.state import SceneState
 
 
 class Drawing:

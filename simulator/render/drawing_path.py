@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from simulator.render.earth.earth_pass import EarthPass
-from simulator.render.target.mesh_array import Culling, NoCulling
+from flyaround.simulator.render.earth.earth_pass import EarthPass
+from flyaround.simulator.render.target.mesh_array import Culling, NoCulling
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import moderngl
 
-    from simulator.render.earth.map_textures import EarthMaps
-    from simulator.render.frame_graph import Pass
-    from simulator.render.gl.programs import ProgramLibrary
-    from simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.render.earth.map_textures import EarthMaps
+    from flyaround.simulator.render.frame_graph import Pass
+    from flyaround.simulator.render.gl.programs import ProgramLibrary
+    from flyaround.simulator.scene.illumination.bands import Bands
 
 
 class DrawingPath(Protocol):

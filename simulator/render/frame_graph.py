@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, TypeVar, cast
 
-from simulator.render.gl.fences import flush
-from simulator.render.gl.timing import StageClock
+from flyaround.simulator.render.gl.fences import flush
+from flyaround.simulator.render.gl.timing import StageClock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterable, Iterator

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.render.gl.context import release
-from simulator.render.gl.fences import draw_to, flush
-from simulator.render.projection import PixelRect
-from simulator.runtime.threads import pieces_of, share_out
+from flyaround.simulator.render.gl.context import release
+from flyaround.simulator.render.gl.fences import draw_to, flush
+from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.runtime.threads import pieces_of, share_out
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.runtime.arrays import Float32Array
 
 _WORTH_TWO = 3 << 19  # values of a picture that two threads put in order sooner than one
 

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.render.frame_graph import Resource
+from flyaround.simulator.render.frame_graph import Resource
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.earth.earth_pass import EarthPass
-    from simulator.render.earth.earth_view import EarthView
-    from simulator.render.earth.screen_tiles import ScreenTiles
-    from simulator.render.frame_images import FrameImages
-    from simulator.render.irradiance import IrradianceField
-    from simulator.render.moon.moon_view import MoonView
-    from simulator.render.sky.star_pass import Spread
-    from simulator.render.target.interreflection import AtlasTextures
-    from simulator.render.target.target_passes import PlacedTarget, TargetSamples, TargetShadow
-    from simulator.render.view import View
-    from simulator.runtime.arrays import Float32Array, FloatArray
-    from simulator.scene.illumination.atmosphere import Atmosphere
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.render.earth.earth_pass import EarthPass
+    from flyaround.simulator.render.earth.earth_view import EarthView
+    from flyaround.simulator.render.earth.screen_tiles import ScreenTiles
+    from flyaround.simulator.render.frame_images import FrameImages
+    from flyaround.simulator.render.irradiance import IrradianceField
+    from flyaround.simulator.render.moon.moon_view import MoonView
+    from flyaround.simulator.render.sky.star_pass import Spread
+    from flyaround.simulator.render.target.interreflection import AtlasTextures
+    from flyaround.simulator.render.target.target_passes import PlacedTarget, TargetSamples, TargetShadow
+    from flyaround.simulator.render.view import View
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 SCENE: Resource[SceneState] = Resource("scene")
 MODEL: Resource[Target] = Resource("target model")

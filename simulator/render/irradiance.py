@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scene.illumination.moonlight import moonlight_share
+from flyaround.simulator.scene.illumination.moonlight import moonlight_share
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 EARTH_RADIUS_M = 6_371_008.8
 _SAMPLES = 256

@@ -14,8 +14,8 @@ import numpy as np
 from pyrr.matrix44 import create_perspective_projection_from_bounds
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True)

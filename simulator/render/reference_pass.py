@@ -8,8 +8,8 @@ from typing import Self
 import moderngl
 import numpy as np
 
-from simulator.render.gl.context import create_context
-from simulator.render.gl.programs import FULL_SCREEN, ProgramLibrary
+from flyaround.simulator.render.gl.context import create_context
+from flyaround.simulator.render.gl.programs import FULL_SCREEN, ProgramLibrary
 
 TEXTURE_SIZE = (4096, 2048)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.runtime.arrays import Float32Array
 
 Layer = Literal["all", "craft", "sky"]
 """What is drawn: everything; the target alone, in the scene's own light; or all that it hides, without it."""

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.render.device import Device
-from simulator.render.drawing import Drawing
-from simulator.render.drawing_path import PlainPath
-from simulator.render.frame_graph import FrameGraph, FrameResources, Pass
-from simulator.render.frame_resources import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.render.device import Device
+from flyaround.simulator.render.drawing import Drawing
+from flyaround.simulator.render.drawing_path import PlainPath
+from flyaround.simulator.render.frame_graph import FrameGraph, FrameResources, Pass
+from flyaround.simulator.render.frame_resources import (
     AIR,
     AIR_TABLES,
     COVERAGE,
@@ -33,25 +33,25 @@ from simulator.render.frame_resources import (
     TARGET_TILES,
     VIEW,
 )
-from simulator.render.gl.timing import StageClock
-from simulator.render.projection import PixelRect
-from simulator.render.rendered import Layer, Rendered
-from simulator.render.software.software_path import SoftwarePath
+from flyaround.simulator.render.gl.timing import StageClock
+from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.render.rendered import Layer, Rendered
+from flyaround.simulator.render.software.software_path import SoftwarePath
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     import moderngl
 
-    from simulator.render.earth.map_textures import EarthMaps
-    from simulator.render.frame_graph import PassResources
-    from simulator.render.gl.context import GlInfo
-    from simulator.render.irradiance import IrradianceField
-    from simulator.render.target.label_pass import Surfaces
-    from simulator.runtime.arrays import Float32Array
-    from simulator.scene.illumination.bands import Bands
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.render.earth.map_textures import EarthMaps
+    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.render.gl.context import GlInfo
+    from flyaround.simulator.render.irradiance import IrradianceField
+    from flyaround.simulator.render.target.label_pass import Surfaces
+    from flyaround.simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 _IMAGES = (RADIANCE, COVERAGE)
 

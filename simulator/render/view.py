@@ -7,22 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.gl.uniform_block import vec4_of_bands
-from simulator.render.irradiance import IrradianceField, dark_field
-from simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
-from simulator.scene.illumination.moonlight import moonlight_share
-from simulator.scene.illumination.refraction import sunlight_past_earth
-from simulator.world.constants import MOON_RADIUS_M
-from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
+from flyaround.simulator.render.irradiance import IrradianceField, dark_field
+from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.moonlight import moonlight_share
+from flyaround.simulator.scene.illumination.refraction import sunlight_past_earth
+from flyaround.simulator.world.constants import MOON_RADIUS_M
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_sphere
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import SceneState
 
 EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245  # WGS84
 SUN_RADIUS_M = 6.957e8  # IAU 2015 resolution B3, nominal solar radius

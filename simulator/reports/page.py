@@ -8,8 +8,8 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from simulator.reports.markup import Content, Markup, element, markup
-from simulator.runtime.files import write_atomic
+from flyaround.simulator.reports.markup import Content, Markup, element, markup
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 QUALITY = 88
 

@@ -1,6 +1,6 @@
 """Arrays in the user's cache folder: decoded maps and tables that are slow to make, written atomically.
 
-A name says what an entry was made from, its end if it is what was written (`simulator.runtime.cache`). Who needs what
+A name says what an entry was made from, its end if it is what was written (`flyaround.simulator.runtime.cache`). Who needs what
 another thread or program is making waits for it. What no program has asked for in `KEPT_DAYS` goes when something new
 is stored.
 """
@@ -18,8 +18,8 @@ from typing import IO, TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
-from simulator.runtime.cache import DamagedError, cache_folder, map_checked, store_checked
-from simulator.runtime.prebuilt import is_prebuilt, prebuilt_array
+from flyaround.simulator.runtime.cache import DamagedError, cache_folder, map_checked, store_checked
+from flyaround.simulator.runtime.prebuilt import is_prebuilt, prebuilt_array
 
 if sys.platform != "win32":
     import fcntl

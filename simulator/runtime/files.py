@@ -9,7 +9,7 @@ import secrets
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from simulator.errors import UserError, write_error
+from flyaround.simulator.errors import UserError, write_error
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

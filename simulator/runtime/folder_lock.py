@@ -7,7 +7,7 @@ import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError, write_error
+from flyaround.simulator.errors import UserError, write_error
 
 if sys.platform != "win32":
     import fcntl

@@ -8,7 +8,7 @@ from functools import lru_cache
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Literal
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint

@@ -72,4 +72,4 @@ def prebuilt_array(key: str) -> NDArray[np.generic] | None:
 
 
 def _file(name: str) -> Traversable:
-    return resources.files("assets").joinpath("prebuilt", name + SUFFIX)
+    return resources.files("flyaround.assets").joinpath("prebuilt", name + SUFFIX)

@@ -14,7 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 _T = TypeVar("_T")
 _ALIGNED = 64  # bytes: where an array of a processor's vectors may begin

@@ -6,8 +6,8 @@ import re
 import tomllib
 from typing import Any
 
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import (
     MOST_DEEP,
     TOML_TEXT,
     decode_text,

@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 MOST_DEEP = 64
 _OPENING, _CLOSING = (np.isin(np.arange(256), list(kind)) for kind in (b"[{", b"]}"))

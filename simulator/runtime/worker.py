@@ -17,9 +17,9 @@ import traceback
 from multiprocessing import connection
 from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar
 
-from simulator.errors import UserError
-from simulator.runtime.carrier import Carrier
-from simulator.runtime.memory import keep_freed_memory
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.carrier import Carrier
+from flyaround.simulator.runtime.memory import keep_freed_memory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

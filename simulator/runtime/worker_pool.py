@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
-from simulator.runtime.worker import WorkerProcess, WorkerResource
+from flyaround.simulator.runtime.worker import WorkerProcess, WorkerResource
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping

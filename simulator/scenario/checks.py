@@ -6,23 +6,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.scenario.messages import chaser_ephemeris, known_orbit
-from simulator.world.attitude.rigid_body import check_inertia
-from simulator.world.ephemeris.bodies import MOON
-from simulator.world.flight.recording import Replay
-from simulator.world.guidance.command_script import CommandScript
-from simulator.world.guidance.free_flight import FollowedChaser, RangeKeeping, SafeEllipse
-from simulator.world.guidance.paths import Glideslope
-from simulator.world.orbit.initial_orbit import ElementsOrbit, OemOrbit
-from simulator.world.orbit.moon_forces import MOON_DEGREE
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.messages import chaser_ephemeris, known_orbit
+from flyaround.simulator.world.attitude.rigid_body import check_inertia
+from flyaround.simulator.world.ephemeris.bodies import MOON
+from flyaround.simulator.world.flight.recording import Replay
+from flyaround.simulator.world.guidance.command_script import CommandScript
+from flyaround.simulator.world.guidance.free_flight import FollowedChaser, RangeKeeping, SafeEllipse
+from flyaround.simulator.world.guidance.paths import Glideslope
+from flyaround.simulator.world.orbit.initial_orbit import ElementsOrbit, OemOrbit
+from flyaround.simulator.world.orbit.moon_forces import MOON_DEGREE
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scenario.scenario import AnyChaser, Scenario
-    from simulator.world.attitude.target_attitude import Attitude, Point
-    from simulator.world.ephemeris.bodies import Body
-    from simulator.world.orbit.forces import Forces
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scenario.scenario import AnyChaser, Scenario
+    from flyaround.simulator.world.attitude.target_attitude import Attitude, Point
+    from flyaround.simulator.world.ephemeris.bodies import Body
+    from flyaround.simulator.world.orbit.forces import Forces
 
 _MOST_PHASE = 0.5
 """Bandwidth times period of the wheels' control above which holding the torque makes it swing."""

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
 
-from simulator.errors import UserError
-from simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
-from simulator.runtime.untrusted_files import read_regular
-from simulator.runtime.validation_errors import explain
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.runtime.validation_errors import explain
 
 if TYPE_CHECKING:
     from pathlib import Path

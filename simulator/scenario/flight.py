@@ -8,28 +8,33 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import decode_text
-from simulator.scenario.messages import chaser_ephemeris, known_orbit, read_message, target_ephemeris
-from simulator.world.attitude.target_attitude import Attitude
-from simulator.world.ephemeris.bodies import MOON
-from simulator.world.ephemeris.ephemeris_table import EphemerisTable
-from simulator.world.flight.build import TargetStart, propagate_flight
-from simulator.world.flight.recording import Replay, recorded_tracks
-from simulator.world.messages.aem import read_aem_history
-from simulator.world.orbit.forces import EarthForces
-from simulator.world.orbit.moon_forces import MoonForces
-from simulator.world.orbit.spherical_harmonics import egm96
-from simulator.world.time.instant import Instant
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import decode_text
+from flyaround.simulator.scenario.messages import (
+    chaser_ephemeris,
+    known_orbit,
+    read_message,
+    target_ephemeris,
+)
+from flyaround.simulator.world.attitude.target_attitude import Attitude
+from flyaround.simulator.world.ephemeris.bodies import MOON
+from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
+from flyaround.simulator.world.flight.build import TargetStart, propagate_flight
+from flyaround.simulator.world.flight.recording import Replay, recorded_tracks
+from flyaround.simulator.world.messages.aem import read_aem_history
+from flyaround.simulator.world.orbit.forces import EarthForces
+from flyaround.simulator.world.orbit.moon_forces import MoonForces
+from flyaround.simulator.world.orbit.spherical_harmonics import egm96
+from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scenario.scenario import Scenario
-    from simulator.targets.model import Target
-    from simulator.world.attitude.rigid_body import AttitudeTrack
-    from simulator.world.ephemeris.bodies import Body
-    from simulator.world.flight.flight import Flight
-    from simulator.world.orbit.forces import ForceModel, Forces
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scenario.scenario import Scenario
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.attitude.rigid_body import AttitudeTrack
+    from flyaround.simulator.world.ephemeris.bodies import Body
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.orbit.forces import ForceModel, Forces
 
 _LOOK_EVERY_S, _LEAST_STEP_S = 60.0, 1.0
 MOST_FRAMES = 1_000_000

@@ -10,28 +10,28 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from simulator.camera.detector.limits import optics_problem, response_problem, sensor_problem
-from simulator.camera.lens.files import CameraFile, read_camera_file
-from simulator.errors import UserError, near_names
-from simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
-from simulator.runtime.untrusted_files import read_regular
-from simulator.runtime.validation_errors import explain
-from simulator.scenario.checks import check_physics
-from simulator.scenario.faults import check_times
-from simulator.scenario.messages import resolve_messages
-from simulator.scenario.scenario import Scenario
-from simulator.scene.environments import ENVIRONMENTS
-from simulator.world.time.instant import Instant
+from flyaround.simulator.camera.detector.limits import optics_problem, response_problem, sensor_problem
+from flyaround.simulator.camera.lens.files import CameraFile, read_camera_file
+from flyaround.simulator.errors import UserError, near_names
+from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.runtime.validation_errors import explain
+from flyaround.simulator.scenario.checks import check_physics
+from flyaround.simulator.scenario.faults import check_times
+from flyaround.simulator.scenario.messages import resolve_messages
+from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scene.environments import ENVIRONMENTS
+from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from simulator.camera.detector.optics import Optics
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.camera.detector.optics import Optics
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.scene.illumination.bands import Bands
 
 
 def list_scenarios() -> tuple[str, ...]:
     """Names of the built-in scenarios."""
-    folder = files("assets").joinpath("scenarios")
+    folder = files("flyaround.assets").joinpath("scenarios")
     return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
 
 
@@ -60,7 +60,7 @@ def scenario_source(name_or_path: str | Path) -> bytes:
     """
     text, path = str(name_or_path), Path(name_or_path)
     if text in list_scenarios():
-        return files("assets").joinpath("scenarios", f"{text}.toml").read_bytes()
+        return files("flyaround.assets").joinpath("scenarios", f"{text}.toml").read_bytes()
     try:
         if not path.is_file():
             raise UserError(_no_such_scenario(text, path))

@@ -9,23 +9,29 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.arrays import quat, vec3
-from simulator.runtime.untrusted_files import decode_text, read_regular
-from simulator.scenario.orbit_files import read_orbit_file
-from simulator.world.flight.recording import Recording, Replay
-from simulator.world.guidance.free_flight import FollowedChaser
-from simulator.world.messages.aem import read_aem_state
-from simulator.world.messages.tle import state_from_tle
-from simulator.world.orbit.initial_orbit import ElementsOrbit, KnownOrbit, OemOrbit, StateOrbit, TleOrbit
-from simulator.world.time.instant import Instant
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular
+from flyaround.simulator.scenario.orbit_files import read_orbit_file
+from flyaround.simulator.world.flight.recording import Recording, Replay
+from flyaround.simulator.world.guidance.free_flight import FollowedChaser
+from flyaround.simulator.world.messages.aem import read_aem_state
+from flyaround.simulator.world.messages.tle import state_from_tle
+from flyaround.simulator.world.orbit.initial_orbit import (
+    ElementsOrbit,
+    KnownOrbit,
+    OemOrbit,
+    StateOrbit,
+    TleOrbit,
+)
+from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scenario.scenario import AnyChaser, Scenario
-    from simulator.world.attitude.target_attitude import Attitude
-    from simulator.world.ephemeris.bodies import BodyName
-    from simulator.world.messages.ephemeris import Ephemeris
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scenario.scenario import AnyChaser, Scenario
+    from flyaround.simulator.world.attitude.target_attitude import Attitude
+    from flyaround.simulator.world.ephemeris.bodies import BodyName
+    from flyaround.simulator.world.messages.ephemeris import Ephemeris
 
     State = tuple[FloatArray, FloatArray]
 

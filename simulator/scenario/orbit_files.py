@@ -8,29 +8,34 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import decode_text
-from simulator.world.ephemeris.bodies import BODIES, BodyName
-from simulator.world.messages.ccsds import Segment, first_line, read_segments
-from simulator.world.messages.ccsds_frames import state_in_gcrf
-from simulator.world.messages.ephemeris import ROUNDING_S, Ephemeris
-from simulator.world.messages.ndm_xml import read_ndm
-from simulator.world.messages.oem import ephemeris_of, one_object
-from simulator.world.messages.omm import read_csv_objects, read_json_objects, satellite_of
-from simulator.world.messages.state_message import OrbitParameters, is_state_message, read_fields, read_opm
-from simulator.world.messages.tle import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import decode_text
+from flyaround.simulator.world.ephemeris.bodies import BODIES, BodyName
+from flyaround.simulator.world.messages.ccsds import Segment, first_line, read_segments
+from flyaround.simulator.world.messages.ccsds_frames import state_in_gcrf
+from flyaround.simulator.world.messages.ephemeris import ROUNDING_S, Ephemeris
+from flyaround.simulator.world.messages.ndm_xml import read_ndm
+from flyaround.simulator.world.messages.oem import ephemeris_of, one_object
+from flyaround.simulator.world.messages.omm import read_csv_objects, read_json_objects, satellite_of
+from flyaround.simulator.world.messages.state_message import (
+    OrbitParameters,
+    is_state_message,
+    read_fields,
+    read_opm,
+)
+from flyaround.simulator.world.messages.tle import (
     choose_set,
     is_element_file,
     read_element_sets,
     sgp4_state,
     state_from_tle,
 )
-from simulator.world.orbit.propagation import Elements, state_from_elements
-from simulator.world.relative.yamanaka_ankersen import true_anomaly_after
+from flyaround.simulator.world.orbit.propagation import Elements, state_from_elements
+from flyaround.simulator.world.relative.yamanaka_ankersen import true_anomaly_after
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.time.instant import Instant
 
     State = tuple[FloatArray, FloatArray]
 

@@ -7,22 +7,22 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.errors import UserError
-from simulator.imaging.auto_exposure import ExposureTrack
-from simulator.imaging.metering import wanted_exposure_s
-from simulator.scenario.flight import fly, frame_times
-from simulator.scene.build import build_scene
-from simulator.scene.illumination.bands import Bands
-from simulator.scene.state import Quality, SceneState, TargetRef
-from simulator.targets.library import load_target
-from simulator.targets.model import Target
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.imaging.auto_exposure import ExposureTrack
+from flyaround.simulator.imaging.metering import wanted_exposure_s
+from flyaround.simulator.scenario.flight import fly, frame_times
+from flyaround.simulator.scene.build import build_scene
+from flyaround.simulator.scene.illumination.bands import Bands
+from flyaround.simulator.scene.state import Quality, SceneState, TargetRef
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import Target
 
 if TYPE_CHECKING:
-    from simulator.scenario.scenario import Scenario
-    from simulator.scene.second_camera import SecondCamera
-    from simulator.world.flight.flight import Flight
-    from simulator.world.flight.world_state import WorldState
+    from flyaround.simulator.scenario.scenario import Scenario
+    from flyaround.simulator.scene.second_camera import SecondCamera
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.flight.world_state import WorldState
 
 
 class FramePlan(Protocol):

@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.arrays import quat, vec3
-from simulator.runtime.untrusted_files import decode_text, read_regular
-from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from simulator.world.frames.pose import Pose
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scenario.plan import FramePlan
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scenario.plan import FramePlan
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 MOST_BYTES = 200_000_000  # of a list: a million poses
 COLUMNS = ("q_w", "q_x", "q_y", "q_z", "t_x_m", "t_y_m", "t_z_m")

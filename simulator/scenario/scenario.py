@@ -8,35 +8,35 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.detector.sensor import Detector, Sensor, with_bits
-from simulator.camera.detector.shutter import Shutter
-from simulator.camera.lens.camera_model import Camera
-from simulator.camera.lens.files import CameraFile, read_camera_file
-from simulator.camera.lens.intrinsics import CONSISTENT
-from simulator.camera.sections import DetectorSection, OpticsSection, read_part, read_sensor
-from simulator.errors import UserError
-from simulator.imaging.auto_exposure import AutoExposure
-from simulator.runtime.sections import Section
-from simulator.scenario.faults import Faults
-from simulator.scene.environments import EnvironmentSection
-from simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
-from simulator.scene.illumination.bands import Bands
-from simulator.scene.illumination.lamp import Lamp
-from simulator.scene.second_camera import SecondCamera
-from simulator.scene.state import Quality
-from simulator.world.attitude.target_attitude import Attitude
-from simulator.world.flight.recording import Replay
-from simulator.world.guidance.command_script import CommandScript
-from simulator.world.guidance.free_flight import (
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor, with_bits
+from flyaround.simulator.camera.detector.shutter import Shutter
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.camera.lens.files import CameraFile, read_camera_file
+from flyaround.simulator.camera.lens.intrinsics import CONSISTENT
+from flyaround.simulator.camera.sections import DetectorSection, OpticsSection, read_part, read_sensor
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.imaging.auto_exposure import AutoExposure
+from flyaround.simulator.runtime.sections import Section
+from flyaround.simulator.scenario.faults import Faults
+from flyaround.simulator.scene.environments import EnvironmentSection
+from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
+from flyaround.simulator.scene.illumination.bands import Bands
+from flyaround.simulator.scene.illumination.lamp import Lamp
+from flyaround.simulator.scene.second_camera import SecondCamera
+from flyaround.simulator.scene.state import Quality
+from flyaround.simulator.world.attitude.target_attitude import Attitude
+from flyaround.simulator.world.flight.recording import Replay
+from flyaround.simulator.world.guidance.command_script import CommandScript
+from flyaround.simulator.world.guidance.free_flight import (
     FollowedChaser,
     FreeDrift,
     NaturalCircumnavigation,
     RangeKeeping,
     SafeEllipse,
 )
-from simulator.world.guidance.paths import (
+from flyaround.simulator.world.guidance.paths import (
     ForcedFlyaround,
     Glideslope,
     Hold,
@@ -44,10 +44,10 @@ from simulator.world.guidance.paths import (
     VbarApproach,
     Waypoints,
 )
-from simulator.world.guidance.thrusters import CHASER_MASS_KG, Thrusters
-from simulator.world.orbit.burns import Burn
-from simulator.world.orbit.forces import Forces
-from simulator.world.orbit.initial_orbit import ElementsOrbit, OemOrbit, StateOrbit, TleOrbit
+from flyaround.simulator.world.guidance.thrusters import CHASER_MASS_KG, Thrusters
+from flyaround.simulator.world.orbit.burns import Burn
+from flyaround.simulator.world.orbit.forces import Forces
+from flyaround.simulator.world.orbit.initial_orbit import ElementsOrbit, OemOrbit, StateOrbit, TleOrbit
 
 Pitch = Annotated[float, Meta(gt=0.1, le=1000)]
 Layer = Literal["all", "amodal", "parts", "depth", "normals", "flow", "clean", "wireframe"]

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from msgspec import inspect as mi
 
-from simulator.errors import UserError, near_names
-from simulator.runtime.toml_file import parse_toml
-from simulator.runtime.validation_errors import alternatives, describe_all
-from simulator.scenario.load import list_scenarios
-from simulator.scenario.scenario import Scenario
-from simulator.scenario.write import toml_value
+from flyaround.simulator.errors import UserError, near_names
+from flyaround.simulator.runtime.toml_file import parse_toml
+from flyaround.simulator.runtime.validation_errors import alternatives, describe_all
+from flyaround.simulator.scenario.load import list_scenarios
+from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scenario.write import toml_value
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +39,7 @@ def show_scenario(name: str) -> str:
     if name not in list_scenarios():
         near = near_names(name, list_scenarios(), 3) or list_scenarios()
         raise UserError(f"there is no built-in scenario {name!r}: name one of {', '.join(near)}")
-    text = files("assets").joinpath("scenarios", f"{name}.toml").read_text(encoding="utf-8")
+    text = files("flyaround.assets").joinpath("scenarios", f"{name}.toml").read_text(encoding="utf-8")
     head = [
         f"# Scenario {name}. Keep it as mine.toml, change it, and look: flyaround render mine.toml -o mine.png",
         "# A key behind a # has the value shown unless it is given; ... is for one that has none, or is needed.",

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from simulator.scenario.messages import known_orbit
-from simulator.world.flight.recording import Replay
+from flyaround.simulator.scenario.messages import known_orbit
+from flyaround.simulator.world.flight.recording import Replay
 
 if TYPE_CHECKING:
-    from simulator.scenario.scenario import Scenario
+    from flyaround.simulator.scenario.scenario import Scenario
 
 
 def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float | None = None) -> str:

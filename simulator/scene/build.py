@@ -7,22 +7,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from msgspec import UNSET
 
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.shutter import Shutter
-from simulator.runtime.arrays import Vec3, quat, vec3
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.bands import Bands
-from simulator.scene.state import Quality, SceneState, TargetRef
-from simulator.world.frames.rotation import matrix_from_quat, quat_multiply
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.shutter import Shutter
+from flyaround.simulator.runtime.arrays import Vec3, quat, vec3
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.bands import Bands
+from flyaround.simulator.scene.state import Quality, SceneState, TargetRef
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_multiply
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.scene.illumination.area_light import AreaLight
-    from simulator.scene.illumination.lamp import Lamp
-    from simulator.world.flight.world_state import WorldState
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.scene.illumination.area_light import AreaLight
+    from flyaround.simulator.scene.illumination.lamp import Lamp
+    from flyaround.simulator.world.flight.world_state import WorldState
 
 
 def build_scene(

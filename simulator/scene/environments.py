@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args
 import msgspec
 from msgspec import Meta
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 EnvironmentName = Literal["full", "thesis", "undifferentiated", "airless", "space"]
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from msgspec import UnsetType
 
-from simulator.camera.detector.limits import optics_problem, response_problem, sensor_problem
-from simulator.camera.lens.camera_model import camera_problem
-from simulator.world.time.instant import Instant
+from flyaround.simulator.camera.detector.limits import optics_problem, response_problem, sensor_problem
+from flyaround.simulator.camera.lens.camera_model import camera_problem
+from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.scene.state import SceneState
 
 LARGEST_IMAGE_PX = 16384  # what every OpenGL 4 driver can draw
 FARTHEST_TARGET_M = 1e6

@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import quat, vec3
-from simulator.world.ephemeris.bodies import BODIES
-from simulator.world.frames.rotation import (
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.world.ephemeris.bodies import BODIES
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
     quat_from_rotvec,
     quat_multiply,
     quat_normalize,
 )
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import SceneState
 
 EARTH_RATE_RAD_S = 7.292115e-5  # WGS 84
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
-from simulator.runtime.arrays import Quat, Vec3
-from simulator.world.ephemeris.bodies import BodyName
+from flyaround.simulator.runtime.arrays import Quat, Vec3
+from flyaround.simulator.world.ephemeris.bodies import BodyName
 
 
 class RawPose(msgspec.Struct, frozen=True, kw_only=True):

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.arrays import Quat, quat, vec3
-from simulator.runtime.sections import Section
-from simulator.world.frames.rotation import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import Quat, quat, vec3
+from flyaround.simulator.runtime.sections import Section
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
     quat_from_rotvec,
@@ -19,8 +19,8 @@ from simulator.world.frames.rotation import (
 )
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import SceneState
 
 _Offset = Annotated[float, msgspec.Meta(ge=-1000, le=1000)]
 _Turn = Annotated[float, msgspec.Meta(ge=-180, le=180)]

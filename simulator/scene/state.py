@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from msgspec import UNSET, UnsetType
 
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.sensor import Sensor
-from simulator.camera.detector.shutter import Shutter
-from simulator.camera.lens.camera_model import Camera
-from simulator.runtime.arrays import Quat, Vec3, vec3
-from simulator.scene.environments import ENVIRONMENTS, Environment
-from simulator.scene.illumination.area_light import AreaLight
-from simulator.scene.illumination.bands import Bands
-from simulator.scene.illumination.lamp import Lamp
-from simulator.scene.sample import Sample
-from simulator.targets.varied import CraftVariation, target_as_drawn
-from simulator.world.ephemeris.bodies import BodyName
-from simulator.world.frames.pose import Pose
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.sensor import Sensor
+from flyaround.simulator.camera.detector.shutter import Shutter
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.runtime.arrays import Quat, Vec3, vec3
+from flyaround.simulator.scene.environments import ENVIRONMENTS, Environment
+from flyaround.simulator.scene.illumination.area_light import AreaLight
+from flyaround.simulator.scene.illumination.bands import Bands
+from flyaround.simulator.scene.illumination.lamp import Lamp
+from flyaround.simulator.scene.sample import Sample
+from flyaround.simulator.targets.varied import CraftVariation, target_as_drawn
+from flyaround.simulator.world.ephemeris.bodies import BodyName
+from flyaround.simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from simulator.targets.model import Target
+    from flyaround.simulator.targets.model import Target
 
 Quality = Literal["draft", "default", "high"]
 _PERFECT_LENS = Optics()

@@ -6,22 +6,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector.presets import sensor_preset
-from simulator.runtime.arrays import quat, vec3
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.bands import Bands
-from simulator.scene.state import Quality, SceneState
-from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from simulator.world.ephemeris.moon_orientation import q_moon_from_eci
-from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
-from simulator.world.time.instant import Instant
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.bands import Bands
+from flyaround.simulator.scene.state import Quality, SceneState
+from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.ephemeris.moon_orientation import q_moon_from_eci
+from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import TargetRef
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import TargetRef
 
 EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245  # WGS84
 AWAY_M = (0.0, 0.0, -1000.0)  # the target: behind the camera

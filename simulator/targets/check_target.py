@@ -6,14 +6,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.targets.geometry import distance_to_triangles
-from simulator.targets.textures import check_picture, mime_of
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.geometry import distance_to_triangles
+from flyaround.simulator.targets.textures import check_picture, mime_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.targets.model import Edge, Keypoint, MassProperties, Material, Occluders, Part, Target
+    from flyaround.simulator.targets.model import (
+        Edge,
+        Keypoint,
+        MassProperties,
+        Material,
+        Occluders,
+        Part,
+        Target,
+    )
 
 KEYPOINT_REACH = 0.02
 """Share of the craft's size by which a keypoint may lie off its surface: fillets and coarse levels do."""

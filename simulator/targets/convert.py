@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from simulator.runtime.arrays import Vec3
-from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
-from simulator.targets.records import (
+from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
+from flyaround.simulator.targets.records import (
     BoardModelRecord,
     EdgeRecord,
     KeypointRecord,
@@ -25,7 +25,7 @@ from simulator.targets.records import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.targets.model import Material, Part, Target, TextureImage
+    from flyaround.simulator.targets.model import Material, Part, Target, TextureImage
 
 
 def _keypoints(points: Sequence[Keypoint]) -> tuple[KeypointRecord, ...]:

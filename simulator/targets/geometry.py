@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import FloatArray
-from simulator.runtime.memory import cached_per_object
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.runtime.memory import cached_per_object
 
 if TYPE_CHECKING:
-    from simulator.targets.model import Part
+    from flyaround.simulator.targets.model import Part
 
 
 def sphere_directions(count: int) -> FloatArray:

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import platformdirs
 
-from simulator.errors import UserError, write_error
-from simulator.targets.glb.read import load_glb
+from flyaround.simulator.errors import UserError, write_error
+from flyaround.simulator.targets.glb.read import load_glb
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.targets.model import Target
+    from flyaround.simulator.targets.model import Target
 
 NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,62}")
 
@@ -71,7 +71,7 @@ def install(target: Target) -> Path:
     UserError
         If the folder cannot be written.
     """
-    from simulator.targets.glb.write import write_glb  # noqa: PLC0415 - slow to import, needed here alone
+    from flyaround.simulator.targets.glb.write import write_glb  # noqa: PLC0415 - slow to import, needed here alone
 
     path = user_file(target.name)
     try:

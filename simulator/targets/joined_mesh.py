@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from simulator.runtime.memory import cached_per_object
-from simulator.targets.geometry import is_closed
+from flyaround.simulator.runtime.memory import cached_per_object
+from flyaround.simulator.targets.geometry import is_closed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from flyaround.simulator.targets.model import Target
 
 # Sine of the angle under which a triangle may look away and counts as facing: rounding must not lose one.
 GRAZING = 1e-6

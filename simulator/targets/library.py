@@ -15,16 +15,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError, near_names
-from simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
-from simulator.runtime.plugins import Plugin, plugins
-from simulator.runtime.prebuilt import prebuilt_bytes
-from simulator.targets.glb.read import load_glb, target_from
-from simulator.targets.installed import user_file, user_targets
-from simulator.targets.level_of_detail import DETAILS, Detail, level_name, split_level
+from flyaround.simulator.errors import UserError, near_names
+from flyaround.simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
+from flyaround.simulator.runtime.plugins import Plugin, plugins
+from flyaround.simulator.runtime.prebuilt import prebuilt_bytes
+from flyaround.simulator.targets.glb.read import load_glb, target_from
+from flyaround.simulator.targets.installed import user_file, user_targets
+from flyaround.simulator.targets.level_of_detail import DETAILS, Detail, level_name, split_level
 
 if TYPE_CHECKING:
-    from simulator.targets.model import Target
+    from flyaround.simulator.targets.model import Target
 
 log = logging.getLogger(__name__)
 FILE_VERSION = 1  # of what all targets are built with: the builders, and how a target file is written
@@ -47,44 +47,64 @@ class TargetEntry:
 
 
 ENTRIES = (
-    TargetEntry(name="tango", module="simulator.targets.tango.build", function="build_tango"),
-    TargetEntry(name="tango-mli", module="simulator.targets.tango.build", function="build_tango_mli"),
+    TargetEntry(name="tango", module="flyaround.simulator.targets.tango.build", function="build_tango"),
+    TargetEntry(
+        name="tango-mli", module="flyaround.simulator.targets.tango.build", function="build_tango_mli"
+    ),
     TargetEntry(
         name="tango-mockup",
-        module="simulator.targets.tango.build",
+        module="flyaround.simulator.targets.tango.build",
         function="build_tango_mockup",
         version=2,
     ),
-    TargetEntry(name="dragon", module="simulator.targets.craft.dragon.crew", function="build_dragon"),
     TargetEntry(
-        name="dragon-cargo", module="simulator.targets.craft.dragon.cargo", function="build_dragon_cargo"
-    ),
-    TargetEntry(name="soyuz-ms", module="simulator.targets.craft.soyuz.soyuz_ms", function="build_soyuz_ms"),
-    TargetEntry(
-        name="tianzhou", module="simulator.targets.craft.tianzhou.tianzhou", function="build_tianzhou"
+        name="dragon", module="flyaround.simulator.targets.craft.dragon.crew", function="build_dragon"
     ),
     TargetEntry(
-        name="tango-thesis", module="simulator.targets.craft.tango_thesis", function="build_tango_thesis"
+        name="dragon-cargo",
+        module="flyaround.simulator.targets.craft.dragon.cargo",
+        function="build_dragon_cargo",
+    ),
+    TargetEntry(
+        name="soyuz-ms", module="flyaround.simulator.targets.craft.soyuz.soyuz_ms", function="build_soyuz_ms"
+    ),
+    TargetEntry(
+        name="tianzhou",
+        module="flyaround.simulator.targets.craft.tianzhou.tianzhou",
+        function="build_tianzhou",
+    ),
+    TargetEntry(
+        name="tango-thesis",
+        module="flyaround.simulator.targets.craft.tango_thesis",
+        function="build_tango_thesis",
     ),
     TargetEntry(
         name="change6-ascender",
-        module="simulator.targets.craft.change6.ascender",
+        module="flyaround.simulator.targets.craft.change6.ascender",
         function="build_change6_ascender",
     ),
     TargetEntry(
-        name="cubesat-1u", module="simulator.targets.craft.cubesat.swisscube", function="build_cubesat_1u"
+        name="cubesat-1u",
+        module="flyaround.simulator.targets.craft.cubesat.swisscube",
+        function="build_cubesat_1u",
     ),
     TargetEntry(
-        name="cubesat-3u", module="simulator.targets.craft.cubesat.triple", function="build_cubesat_3u"
+        name="cubesat-3u",
+        module="flyaround.simulator.targets.craft.cubesat.triple",
+        function="build_cubesat_3u",
     ),
-    TargetEntry(name="cubesat-6u", module="simulator.targets.craft.cubesat.six", function="build_cubesat_6u"),
-    TargetEntry(name="envisat", module="simulator.targets.craft.envisat", function="build_envisat"),
+    TargetEntry(
+        name="cubesat-6u", module="flyaround.simulator.targets.craft.cubesat.six", function="build_cubesat_6u"
+    ),
+    TargetEntry(name="envisat", module="flyaround.simulator.targets.craft.envisat", function="build_envisat"),
     TargetEntry(
         name="calibration-board",
-        module="simulator.targets.craft.charuco",
+        module="flyaround.simulator.targets.craft.charuco",
         function="build_calibration_board",
     ),
-    TargetEntry(name="chessboard", module="simulator.targets.craft.chessboard", function="build_chessboard"),
+    TargetEntry(
+        name="chessboard", module="flyaround.simulator.targets.craft.chessboard", function="build_chessboard"
+    ),
 )
 
 
@@ -221,7 +241,7 @@ def _sound(data: bytes | None, name: str, path: Path) -> Target | None:
 
 def _built(entry: TargetEntry, detail: Detail, name: str) -> bytes:
     """The target file of a target that is built now."""
-    from simulator.targets.glb.write import glb_bytes  # noqa: PLC0415 - slow to import, needed here alone
+    from flyaround.simulator.targets.glb.write import glb_bytes  # noqa: PLC0415 - slow to import, needed here alone
 
     built: Target = getattr(importlib.import_module(entry.module), entry.function)(detail)
     # the hash does not cover the name: builders need not know how levels are called

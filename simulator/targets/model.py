@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from simulator.runtime.arrays import Float32Array, FloatArray, IntArray, Mat3, Vec3
+from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray, Mat3, Vec3
 
 PartClass = Literal["solar_array", "antenna", "propulsion", "docking", "sensor", "radiator", "body"]
 

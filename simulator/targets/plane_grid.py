@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 TRIANGLES_PER_CELL = 20
 MOST_CELLS = 64  # to a side: cells are numbered in 16 bits, which sort fastest

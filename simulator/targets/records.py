@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from simulator.runtime.arrays import Mat3, Quat, Vec3
-from simulator.targets.model import PartClass
+from flyaround.simulator.runtime.arrays import Mat3, Quat, Vec3
+from flyaround.simulator.targets.model import PartClass
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]

@@ -6,8 +6,8 @@ import io
 import warnings
 from typing import Any
 
-from simulator.errors import UserError
-from simulator.targets.model import TextureImage
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.model import TextureImage
 
 MIME = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 MOST_SIDE_PX, MOST_PIXELS = 16_384, 8192 * 8192

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.arrays import Mat3, Vec3, vec3
-from simulator.targets.convert import content_sha256
-from simulator.targets.library import target_in_use
-from simulator.targets.model import Occluders
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import Mat3, Vec3, vec3
+from flyaround.simulator.targets.convert import content_sha256
+from flyaround.simulator.targets.library import target_in_use
+from flyaround.simulator.targets.model import Occluders
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.targets.model import Edge, Material, Part, Target
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.model import Edge, Material, Part, Target
 
 
 class SurfaceVariation(msgspec.Struct, frozen=True, kw_only=True):

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.runtime.plugins import plugins
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.plugins import plugins
 
 PACKAGE = Path(__file__).parents[2] / "examples" / "plugin_package"
 
@@ -120,8 +120,8 @@ def test_a_broken_package_is_a_sentence_that_names_it(tmp_path, monkeypatch, cap
 
 def test_without_packages_there_is_nothing_and_built_in_names_stay(tmp_path, monkeypatch, capsys):
     from flyaround.__main__ import run
-    from simulator.recipes.load import list_recipes, load_recipe
-    from simulator.targets.library import load_target
+    from flyaround.simulator.recipes.load import list_recipes, load_recipe
+    from flyaround.simulator.targets.library import load_target
 
     assert run(["plugins"]) == 0
     assert "no installed package" in " ".join(capsys.readouterr().out.split())

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from flyaround.__main__ import run
-from simulator.camera.lens.formats.registry import CAMERA_FORMATS
+from flyaround.simulator.camera.lens.formats.registry import CAMERA_FORMATS
 
 REPORTS = Path(__file__).parents[1] / "data" / "reports"
 ONE = """  camera_model: pinhole

@@ -20,11 +20,11 @@ import pytest
 import typer
 
 from flyaround.__main__ import run
-from flyaround.cli import app
-from flyaround.commands.hil_host import NO_ANSWERS
+from flyaround.cli.app import app
+from flyaround.cli.hil_host import NO_ANSWERS
+from flyaround.hil.host.ledger.frames_csv import LedgerWriter
 from flyaround.schemas import all_schemas
-from hil.host.ledger.frames_csv import LedgerWriter
-from simulator.bench.scenes import BenchMachine, SceneCost
+from flyaround.simulator.bench.scenes import BenchMachine, SceneCost
 
 CONTRACT: dict[str, Any] = json.loads(Path(__file__).with_name("contract.json").read_text())
 

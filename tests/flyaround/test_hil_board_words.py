@@ -12,15 +12,15 @@ from hil_loop import CAMERA, Instant
 from hil_processes import started
 
 from flyaround.__main__ import run
-from hil.board import agent, options
-from hil.board.__main__ import main
-from hil.board.agent import BoardAgent
-from hil.board.gige.options import CAMERA_OPTIONS
-from hil.board.options import AGENT_OPTIONS
-from hil.board.service import ExitCode
-from hil.link.packets.messages import Bye, Hello, HelloAck
-from hil.link.session import Link
-from hil.link.transports.tcp import TcpListener
+from flyaround.hil.board import agent, options
+from flyaround.hil.board.__main__ import main
+from flyaround.hil.board.agent import BoardAgent
+from flyaround.hil.board.gige.options import CAMERA_OPTIONS
+from flyaround.hil.board.options import AGENT_OPTIONS
+from flyaround.hil.board.service import ExitCode
+from flyaround.hil.link.packets.messages import Bye, Hello, HelloAck
+from flyaround.hil.link.session import Link
+from flyaround.hil.link.transports.tcp import TcpListener
 
 DOCS = Path(__file__).parents[2] / "docs"
 HARNESS = Path(__file__).parents[1] / "harness"
@@ -80,7 +80,7 @@ STUCK = f"""
 import sys
 sys.path.insert(0, {str(HARNESS)!r})
 from estimators import Stuck
-from hil.board import agent
+from flyaround.hil.board import agent
 agent.svd_factory = lambda *_: (Stuck, "tango", "")
 from flyaround.__main__ import run
 sys.exit(run(sys.argv[1:]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from flyaround.__main__ import run
-from flyaround.commands import hil_camera
+from flyaround.cli import hil_camera
 
 
 @pytest.mark.parametrize(

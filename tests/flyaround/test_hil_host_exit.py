@@ -16,14 +16,14 @@ import pytest
 from hil_loop import Instant
 
 from flyaround.__main__ import run
-from hil.board.agent import run_board
-from hil.host.ledger.frames_csv import read_ledger
-from hil.link.clock import answer_time_sync, now_ns
-from hil.link.packets.messages import FrameHeader, Hello, TimeSyncRequest
-from hil.link.session import Link, greet_host
-from hil.link.transports.url import connect
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.hil.board.agent import run_board
+from flyaround.hil.host.ledger.frames_csv import read_ledger
+from flyaround.hil.link.clock import answer_time_sync, now_ns
+from flyaround.hil.link.packets.messages import FrameHeader, Hello, TimeSyncRequest
+from flyaround.hil.link.session import Link, greet_host
+from flyaround.hil.link.transports.url import connect
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 
@@ -204,7 +204,7 @@ def test_a_terminated_host_closes_its_books_and_leaves_nothing_behind(tmp_path):
 
 
 def test_colour_as_grey_is_refused_before_anybody_listens(capsys, tmp_path):
-    text = (files("assets.scenarios") / "tango-space-10m.toml").read_text()
+    text = (files("flyaround.assets.scenarios") / "tango-space-10m.toml").read_text()
     colour = tmp_path / "colour.toml"
     colour.write_text(text.replace('bands = "mono"', 'bands = "rgb"'))
     command = ["hil", "host", str(colour), "--pixel-format", "mono8", "--log", str(tmp_path / "log")]

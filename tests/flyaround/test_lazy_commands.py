@@ -16,7 +16,7 @@ def test_help_names_every_command_and_each_is_there() -> None:
     page = CliRunner().invoke(app, ["--help"]).output
     for name, module in COMMANDS.items():
         assert name in page
-        assert callable(getattr(importlib.import_module(f"flyaround.commands.{module}"), name))
+        assert callable(getattr(importlib.import_module(f"flyaround.cli.{module}"), name))
     assert all(name in page for name in GROUPS)
     assert CliRunner().invoke(app, ["hil", "board", "--help"]).exit_code == 0
 
@@ -36,7 +36,7 @@ def test_a_misspelt_command_is_answered_with_the_nearest() -> None:
 def test_drawing_does_not_import_the_estimator_or_plots_or_what_writes_target_files() -> None:
     code = (
         "import sys; from flyaround.__main__ import run; run(['render', 'no-such-scenario', '-t', '3']); "
-        "slow = ('hil.board.svd', 'hil.host', 'matplotlib', 'trimesh', 'pygltflib', 'pydantic'); "
+        "slow = ('flyaround.hil.board.svd', 'flyaround.hil.host', 'matplotlib', 'trimesh', 'pygltflib', 'pydantic'); "
         "print([m for m in slow if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -45,7 +45,7 @@ def test_drawing_does_not_import_the_estimator_or_plots_or_what_writes_target_fi
 
 def test_an_earth_scenarios_maps_are_begun_before_what_flies_and_draws_it_is_imported() -> None:
     code = (
-        "import sys; import simulator.render.earth.map_textures as earth_maps; from flyaround.__main__ import run; "
+        "import sys; import flyaround.simulator.render.earth.map_textures as earth_maps; from flyaround.__main__ import run; "
         "begin = lambda *_: print([m for m in ('scipy', 'moderngl') if m in sys.modules]) or sys.exit(7); "
         "earth_maps.prefetch_earth_maps = begin; sys.exit(run(['render', 'tango-flyaround', '-t', '0']))"
     )

@@ -6,7 +6,7 @@ import pytest
 
 import flyaround as fa
 from flyaround.__main__ import run
-from simulator.dataset.formats.native import decode_png, encode_png
+from flyaround.simulator.dataset.formats.native import decode_png, encode_png
 
 SINGLE = [name for name in fa.list_recipes() if not fa.load_recipe(name).members]
 SEED = 5
@@ -25,7 +25,7 @@ def small_camera(tmp_path):
 def test_a_plan_has_the_scenes_and_the_craft_of_a_capture(name, tmp_path, monkeypatch):
     planned = []
     monkeypatch.setattr(
-        "flyaround.commands.datasets.capture_plan", lambda plan, *_, **__: planned.append(plan) or 1 / 0
+        "flyaround.cli.datasets.capture_plan", lambda plan, *_, **__: planned.append(plan) or 1 / 0
     )
     with pytest.raises(ZeroDivisionError):  # stopped before anything is drawn
         run(["capture", name, "-n", "2", "--seed", str(SEED), "-o", str(tmp_path / "set")])

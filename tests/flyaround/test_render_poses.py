@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from flyaround.cli import app
-from simulator.dataset.formats.native import read_png
-from simulator.errors import UserError
-from simulator.labels.truth import read_truth
-from simulator.scenario.poses import COLUMNS, read_poses
+from flyaround.cli.app import app
+from flyaround.simulator.dataset.formats.native import read_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.scenario.poses import COLUMNS, read_poses
 
 pytestmark = pytest.mark.gl
 

@@ -8,9 +8,9 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
-from flyaround.cli import app
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.scenario.load import load_scenario
+from flyaround.cli.app import app
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
 
@@ -38,7 +38,7 @@ def _run(*words):
 def flight(tmp_path_factory):
     """A flight with a lagging exposure, a rolling shutter and blur, captured with all labels by the command line."""
     place = tmp_path_factory.mktemp("flight")
-    text = (files("assets") / "scenarios" / "tango-flyaround.toml").read_text()
+    text = (files("flyaround.assets") / "scenarios" / "tango-flyaround.toml").read_text()
     text = text.replace('target = "tango"', 'target = "tango@low"').replace(
         "rate_deg_s = [-0.7, -1.4, 0.2]", FAST_TUMBLE
     )

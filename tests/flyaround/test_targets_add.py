@@ -10,13 +10,13 @@ import pytest
 import trimesh
 
 from flyaround.__main__ import run
-from hil.board.svd import BoardModel as BoardView
-from simulator.dataset.check.verify import check_dataset
-from simulator.errors import UserError
-from simulator.labels.part_classes import target_classes
-from simulator.targets.board_model.write import write_board_model
-from simulator.targets.glb.write import write_glb
-from simulator.targets.library import list_targets, load_target
+from flyaround.hil.board.svd import BoardModel as BoardView
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.part_classes import target_classes
+from flyaround.simulator.targets.board_model.write import write_board_model
+from flyaround.simulator.targets.glb.write import write_glb
+from flyaround.simulator.targets.library import list_targets, load_target
 
 SCENARIO = """
 target = "{name}"
@@ -301,7 +301,7 @@ def test_render_capture_check_and_contact_sheet_of_an_added_mesh(capsys, tmp_pat
 @pytest.mark.gl
 def test_docs_page_has_a_small_picture_of_each_built_in_craft(tmp_path, monkeypatch, mesh_file, capsys):
     tango = load_target("tango")
-    monkeypatch.setattr("flyaround.commands.targets.list_targets", lambda: ("tango",))
+    monkeypatch.setattr("flyaround.cli.targets.list_targets", lambda: ("tango",))
     code, _, _ = command(capsys, "--docs", tmp_path / "docs", "--contact-sheet", tmp_path / "sheet.html")
     assert code == 0
     text = (tmp_path / "docs" / "targets.md").read_text()

@@ -17,9 +17,8 @@ from typer.main import get_command, get_group
 from typer.testing import CliRunner
 
 from flyaround.__main__ import run
-from flyaround.cli import COMMANDS, GROUPS, app
-from flyaround.commands import doctor
-from flyaround.commands.terminal import say, terminal
+from flyaround.cli import COMMANDS, GROUPS, app, doctor
+from flyaround.cli.terminal import say, terminal
 
 FLYAROUND = Path(doctor.__file__).parents[1]
 
@@ -27,9 +26,9 @@ FLYAROUND = Path(doctor.__file__).parents[1]
 def _as_written(name: str) -> Any:
     """A command as its module has it, before the command line makes its help page."""
     if name in GROUPS:
-        return get_group(import_module(f"flyaround.commands.{GROUPS[name]}").app)
+        return get_group(import_module(f"flyaround.cli.{GROUPS[name]}").app)
     one = typer.Typer(add_completion=False)
-    one.command(name)(getattr(import_module(f"flyaround.commands.{COMMANDS[name]}"), name))
+    one.command(name)(getattr(import_module(f"flyaround.cli.{COMMANDS[name]}"), name))
     return get_command(one)
 
 
@@ -72,7 +71,7 @@ def test_a_sentence_is_printed_to_the_letter(capsys: pytest.CaptureFixture[str])
 
 
 def test_no_other_way_to_the_terminal_reads_mark_up() -> None:
-    """Rich's own consoles interpret brackets; everything goes by `flyaround.commands.terminal`."""
+    """Rich's own consoles interpret brackets; everything goes by `flyaround.cli.terminal`."""
     for path in FLYAROUND.rglob("*.py"):
         if path.name == "terminal.py":
             continue

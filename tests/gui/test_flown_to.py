@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gui.app import command_table, options_of
-from gui.commands.capture import keep_capture
-from gui.console import Console
-from gui.flight.session import Session
-from gui.panels.timeline import TimelinePanel
-from gui.picture.feed import Feed
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.gui.app import command_table, options_of
+from flyaround.gui.commands.capture import keep_capture
+from flyaround.gui.console import Console
+from flyaround.gui.flight.session import Session
+from flyaround.gui.panels.timeline import TimelinePanel
+from flyaround.gui.picture.feed import Feed
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 from tests.harness.headless_imgui import HeadlessWindow
 from tests.harness.no_renderer import NoRenderer
 

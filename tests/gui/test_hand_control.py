@@ -10,17 +10,17 @@ import msgspec
 import numpy as np
 import pytest
 
-from gui.app import ConsoleLoop, Request, command_table, options_of
-from gui.console import Console
-from gui.flight.manual_control import ACCELERATION_M_S2
-from gui.flight.session import Session
-from gui.layout import SavedLayout
-from gui.panels.all import PANELS
-from gui.picture.feed import Feed
-from simulator.frame import Frame
-from simulator.loop import FrameRequest
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.gui.app import ConsoleLoop, Request, command_table, options_of
+from flyaround.gui.console import Console
+from flyaround.gui.flight.manual_control import ACCELERATION_M_S2
+from flyaround.gui.flight.session import Session
+from flyaround.gui.layout import SavedLayout
+from flyaround.gui.panels.all import PANELS
+from flyaround.gui.picture.feed import Feed
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import FrameRequest
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 from tests.harness.simulated_window import SimulatedWindow
 
 RATES_HZ = (5.0, 10.0, 30.0)

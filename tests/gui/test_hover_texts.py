@@ -10,24 +10,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gui import hover_text, style
-from gui.app import command_table, options_of
-from gui.canvas import Canvas
-from gui.command_table import CommandTable
-from gui.console import Console
-from gui.flight.docking import judge_contact
-from gui.flight.session import Session
-from gui.flight.telemetry import telemetry_of
-from gui.jobs.capture_job import CaptureRequest, Thumbnail
-from gui.panels.all import PANELS
-from gui.panels.capture import CapturePanel
-from gui.picture.estimates import Answer, compared
-from gui.picture.feed import Feed, Picture
-from gui.picture.label_images import LABELS
-from gui.picture.view_settings import reduced_camera
-from simulator.frame import Frame, take_frame
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
+from flyaround.gui import hover_text, style
+from flyaround.gui.app import command_table, options_of
+from flyaround.gui.canvas import Canvas
+from flyaround.gui.command_table import CommandTable
+from flyaround.gui.console import Console
+from flyaround.gui.flight.docking import judge_contact
+from flyaround.gui.flight.session import Session
+from flyaround.gui.flight.telemetry import telemetry_of
+from flyaround.gui.jobs.capture_job import CaptureRequest, Thumbnail
+from flyaround.gui.panels.all import PANELS
+from flyaround.gui.panels.capture import CapturePanel
+from flyaround.gui.picture.estimates import Answer, compared
+from flyaround.gui.picture.feed import Feed, Picture
+from flyaround.gui.picture.label_images import LABELS
+from flyaround.gui.picture.view_settings import reduced_camera
+from flyaround.simulator.frame import Frame, take_frame
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
 from tests.gui.jobs.test_hil_session import row
 from tests.harness.headless_imgui import FIGURE, HeadlessWindow, Noted
 from tests.harness.no_renderer import NoRenderer

@@ -7,16 +7,16 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gui.app import command_table, options_of
-from gui.command_table import CommandTable
-from gui.commands.capture import keep_capture
-from gui.commands.estimator import keep_estimates
-from gui.commands.hil import FAULTS, keep_hil
-from gui.console import Console
-from gui.flight.session import Session
-from gui.jobs.capture_job import CaptureRequest
-from gui.picture.feed import Feed
-from simulator.scenario.load import load_scenario
+from flyaround.gui.app import command_table, options_of
+from flyaround.gui.command_table import CommandTable
+from flyaround.gui.commands.capture import keep_capture
+from flyaround.gui.commands.estimator import keep_estimates
+from flyaround.gui.commands.hil import FAULTS, keep_hil
+from flyaround.gui.console import Console
+from flyaround.gui.flight.session import Session
+from flyaround.gui.jobs.capture_job import CaptureRequest
+from flyaround.gui.picture.feed import Feed
+from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.no_renderer import NoRenderer
 
 

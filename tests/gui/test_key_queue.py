@@ -1,6 +1,6 @@
 """Keys typed ahead of a slow window."""
 
-from gui.key_queue import REST_FRAMES, KeyQueue
+from flyaround.gui.key_queue import REST_FRAMES, KeyQueue
 
 CTRL, PRESS, RELEASE, REPEAT, ESCAPE, ENTER, DELETE = 2, 1, 0, 2, 256, 257, 261
 

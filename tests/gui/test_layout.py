@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gui.layout import LARGEST_BYTES, SavedLayout, layout_file, read_layout
+from flyaround.gui.layout import LARGEST_BYTES, SavedLayout, layout_file, read_layout
 
 
 def test_a_layout_is_read_again(tmp_path: Path) -> None:

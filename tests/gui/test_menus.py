@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from gui.app import command_table, options_of
-from gui.console import Console
-from gui.flight.session import Session
-from gui.layout import Layout, SavedLayout
-from gui.picture.feed import Feed
-from simulator.scenario.load import load_scenario
+from flyaround.gui.app import command_table, options_of
+from flyaround.gui.console import Console
+from flyaround.gui.flight.session import Session
+from flyaround.gui.layout import Layout, SavedLayout
+from flyaround.gui.picture.feed import Feed
+from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.headless_imgui import HeadlessWindow
 from tests.harness.no_renderer import NoRenderer
 

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from gui.window import import_parts
-from simulator.errors import UserError
+from flyaround.gui.window import import_parts
+from flyaround.simulator.errors import UserError
 
 
 @pytest.mark.parametrize("part", ["glfw", "imgui_bundle", "OpenGL"])

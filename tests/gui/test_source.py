@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import pytest
 
-from simulator.frame import Frame
-from simulator.loop import MOST_DEATHS, FrameProducer, FrameRequest, FramesLostError, open_frames
-from simulator.runtime.worker import ProcessDiedError
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import MOST_DEATHS, FrameProducer, FrameRequest, FramesLostError, open_frames
+from flyaround.simulator.runtime.worker import ProcessDiedError
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 TIMEOUT_S = 120.0

@@ -1,6 +1,6 @@
 """Sixty starts of the console on a busy machine, in three groups: none may die, and no drawing process of one.
 
-Once in fifteen one did (`simulator.render.gl.fences`). Two to a processor start at once and are each other's load.
+Once in fifteen one did (`flyaround.simulator.render.gl.fences`). Two to a processor start at once and are each other's load.
 `make test-starts` runs them, some ten minutes on two processors.
 """
 

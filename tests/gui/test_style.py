@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from gui import style
+from flyaround.gui import style
 
 # Machado, Oliveira & Fernandes (2009), severity 1.0, on linear RGB
 SEEN_BY = {

@@ -17,10 +17,10 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.world.flight.recording import Recording
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.world.flight.recording import Recording
 from tests.harness.screen import SCREEN, virtual_screen, xdotool
 
 pytestmark = pytest.mark.gui

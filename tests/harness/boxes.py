@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simulator.targets.model import Part
+from flyaround.simulator.targets.model import Part
 
 
 def closed_box(name, low, high, material="m"):

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 import numpy as np
 from hil_loop import CAMERA
 
-from hil.link.clock import now_ns
-from hil.link.packets.images import chunk_count, chunks, encode_image
-from hil.link.packets.messages import (
+from flyaround.hil.link.clock import now_ns
+from flyaround.hil.link.packets.images import chunk_count, chunks, encode_image
+from flyaround.hil.link.packets.messages import (
     Encoding,
     FrameHeader,
     Hello,
@@ -20,8 +20,8 @@ from hil.link.packets.messages import (
     PoseMessage,
     TimeSyncRequest,
 )
-from hil.link.session import Link
-from hil.link.transports.tcp import TcpListener
+from flyaround.hil.link.session import Link
+from flyaround.hil.link.transports.tcp import TcpListener
 
 PATIENCE_S = 30.0
 

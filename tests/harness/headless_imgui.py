@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from gui.window import import_parts
+from flyaround.gui.window import import_parts
 
 CONTROLS = frozenset(
     {
@@ -62,7 +62,7 @@ class NotedModule:
 
 @dataclass
 class HeadlessWindow:
-    """What panels need of `gui.window.Window`; nothing is drawn, a picture is a number."""
+    """What panels need of `flyaround.gui.window.Window`; nothing is drawn, a picture is a number."""
 
     size: tuple[int, int] = (1280, 800)
     scale: float = 1.0

@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 from estimators import PATIENCE_S, Instant
 
-from hil.board.agent import run_board
-from hil.host.ledger.summary import LedgerSummary
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import RunConfig, run_host
-from hil.link.errors import LinkError
-from hil.link.packets.packet import PacketType, decode_packet
-from simulator.camera.lens.camera_model import Camera
-from simulator.frame import NO_RADIANCE, Frame
-from simulator.labels.truth import Software, Truth
-from simulator.recipes.plan import plan_recipe
-from simulator.scene.state import SceneState
+from flyaround.hil.board.agent import run_board
+from flyaround.hil.host.ledger.summary import LedgerSummary
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.packets.packet import PacketType, decode_packet
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.frame import NO_RADIANCE, Frame
+from flyaround.simulator.labels.truth import Software, Truth
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scene.state import SceneState
 
 CAMERA = {"width_px": 64, "height_px": 48, "fx_px": 100.0, "fy_px": 100.0, "cx_px": 31.5, "cy_px": 23.5}
 MARK = "truth-must-not-leak"
@@ -31,7 +31,7 @@ MARK = "truth-must-not-leak"
 # An oracle: the pose is written into the first pixels of the image, as the host knows it.
 BOARD = """
 import sys, time
-from hil.board.agent import run_board
+from flyaround.hil.board.agent import run_board
 class Result:
     reason = "oracle"; confidence = 0.5; q_camera_from_target_wxyz = (1.0, 0.0, 0.0, 0.0)
     def __init__(self, image):

@@ -23,10 +23,10 @@ from pathlib import Path
 sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
 import numpy as np
 from hil_loop import made_frame
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import RunConfig, run_host
-from hil.link.security import read_key
-from simulator.errors import UserError
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.hil.link.security import read_key
+from flyaround.simulator.errors import UserError
 told = json.loads(sys.argv[1])
 drawn = [np.random.default_rng(k).integers(0, 255, (told["size"],) * 2, np.uint8) for k in range(30)]
 def source():
@@ -50,10 +50,10 @@ ECHO = f"""
 import sys
 sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
 from estimators import Instant
-from hil.board import agent
+from flyaround.hil.board import agent
 agent.svd_factory = lambda model, method: (Instant, "", "")
-from hil.board.__main__ import run_and_exit
-run_and_exit("hil.board")
+from flyaround.hil.board.__main__ import run_and_exit
+run_and_exit("flyaround.hil.board")
 """
 
 

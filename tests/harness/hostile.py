@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import zstandard
 
-from hil.link.framing.length_prefix import PREFIX
-from hil.link.packets.messages import Encoding, FrameChunk, FrameHeader
-from hil.link.packets.packet import (
+from flyaround.hil.link.framing.length_prefix import PREFIX
+from flyaround.hil.link.packets.messages import Encoding, FrameChunk, FrameHeader
+from flyaround.hil.link.packets.packet import (
     HEADER,
     MAGIC,
     OVERHEAD_BYTES,
@@ -21,7 +21,7 @@ from hil.link.packets.packet import (
     PacketType,
     encode_packet,
 )
-from hil.link.vectors import EXAMPLES
+from flyaround.hil.link.vectors import EXAMPLES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection

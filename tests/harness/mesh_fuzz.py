@@ -18,9 +18,9 @@ import numpy as np
 import trimesh
 from peak_memory import peak_bytes
 
-from simulator.errors import UserError
-from simulator.targets.glb.read import load_glb
-from simulator.targets.importing.add import ImportOptions, read_surface
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.glb.read import load_glb
+from flyaround.simulator.targets.importing.add import ImportOptions, read_surface
 
 MOST_BYTES = 1 << 30
 OPTIONS = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class NoRenderer:
-    """Refuses every request; `gui.picture.feed.FramesOnRequest`."""
+    """Refuses every request; `flyaround.gui.picture.feed.FramesOnRequest`."""
 
     def submit(self, request: object) -> bool:
         return False

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.board.net.network_camera import NetworkCamera
-from hil.board.net.network_file import HeldOutErrors
-from hil.train.onnx_file import onnx_bytes, sheet
-from hil.train.residual_network import Architecture
+from flyaround.hil.board.net.network_camera import NetworkCamera
+from flyaround.hil.board.net.network_file import HeldOutErrors
+from flyaround.hil.train.onnx_file import onnx_bytes, sheet
+from flyaround.hil.train.residual_network import Architecture
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,13 +6,13 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from simulator.camera.detector.sensor import Sensor
-from simulator.camera.lens.camera_model import Camera, Distortion
-from simulator.runtime.arrays import quat, vec3
-from simulator.scene import environments
-from simulator.scene.state import SceneState, TargetRef
-from simulator.targets.model import MassProperties, Material, Part, Target
-from simulator.world.frames.rotation import quat_from_matrix, quat_from_rotvec, quat_normalize
+from flyaround.simulator.camera.detector.sensor import Sensor
+from flyaround.simulator.camera.lens.camera_model import Camera, Distortion
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scene import environments
+from flyaround.simulator.scene.state import SceneState, TargetRef
+from flyaround.simulator.targets.model import MassProperties, Material, Part, Target
+from flyaround.simulator.world.frames.rotation import quat_from_matrix, quat_from_rotvec, quat_normalize
 
 AU_M = 149_597_870_700.0
 CAMERA = Camera(width_px=320, height_px=240, fx_px=600.0, fy_px=590.0, cx_px=161.3, cy_px=118.6)

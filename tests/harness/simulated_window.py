@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from gui.keyboard import Keyboard
-from gui.window import import_parts
+from flyaround.gui.keyboard import Keyboard
+from flyaround.gui.window import import_parts
 from tests.harness.headless_imgui import HeadlessWindow
 
 REPEAT_DELAY_S, REPEAT_EVERY_S = 0.25, 0.04

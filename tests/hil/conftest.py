@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import cv2
 import pytest
 
-from hil.board.svd.native import backend
-from hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
-from hil.evaluate.method_choice import board_model
-from hil.link.transports import udp_peer
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd.native import backend
+from flyaround.hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.hil.link.transports import udp_peer
+from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from hil.board.svd import BoardModel
+    from flyaround.hil.board.svd import BoardModel
 
 
 @pytest.fixture(autouse=True)

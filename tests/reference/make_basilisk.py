@@ -18,10 +18,10 @@ from Basilisk.simulation import spacecraft
 from Basilisk.utilities import SimulationBaseClass, macros, simIncludeGravBody
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from simulator.world.constants import MU_MOON_M3_S2, MU_SUN_M3_S2
-from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
-from simulator.world.ephemeris.sun_moon import moon_geometric_m, sun_geometric_m
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.constants import MU_MOON_M3_S2, MU_SUN_M3_S2
+from flyaround.simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
+from flyaround.simulator.world.ephemeris.sun_moon import moon_geometric_m, sun_geometric_m
+from flyaround.simulator.world.time.instant import Instant
 
 EPOCH = "2025-03-21T06:00:00Z"
 R0_M = (6_978_137.0, 0.0, 0.0)

@@ -17,9 +17,9 @@ from Basilisk.simulation import spacecraft
 from Basilisk.utilities import SimulationBaseClass, macros, simIncludeGravBody
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from simulator.world.constants import MU_EARTH_M3_S2, MU_MOON_M3_S2, MU_SUN_M3_S2
-from simulator.world.ephemeris.sun_moon import moon_geometric_m, sun_geometric_m
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.constants import MU_EARTH_M3_S2, MU_MOON_M3_S2, MU_SUN_M3_S2
+from flyaround.simulator.world.ephemeris.sun_moon import moon_geometric_m, sun_geometric_m
+from flyaround.simulator.world.time.instant import Instant
 
 EPOCH = "2024-06-06T05:00:00Z"
 R0_M = (1_937_400.0, 0.0, 0.0)

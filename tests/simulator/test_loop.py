@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.errors import UserError
-from simulator.frame import Frame
-from simulator.labels.request import LabelRequest
-from simulator.loop import FrameRequest, open_frames, run_frames, whole_frame
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import Plan, plan_flight
-from simulator.scenario.poses import PosePlan
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.labels.request import LabelRequest
+from flyaround.simulator.loop import FrameRequest, open_frames, run_frames, whole_frame
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import Plan, plan_flight
+from flyaround.simulator.scenario.poses import PosePlan
+from flyaround.simulator.world.frames.pose import Pose
 
 pytestmark = pytest.mark.gl
 

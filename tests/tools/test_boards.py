@@ -16,12 +16,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from hil.board.agent import describe_board
-from hil.host.ledger.frames_csv import LedgerRow, LedgerWriter
-from hil.host.ledger.summary import SUMMARY_JSON, Board, summarise
-from hil.link.packets.messages import Hello
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
+from flyaround.hil.board.agent import describe_board
+from flyaround.hil.host.ledger.frames_csv import LedgerRow, LedgerWriter
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, Board, summarise
+from flyaround.hil.link.packets.messages import Hello
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
 from tools.boards import debian_image
 from tools.boards.agreement import agreement, compare_runs
 from tools.boards.debian_image import BoardImage, image_name, is_whole, missing_programs
@@ -209,7 +209,7 @@ def test_a_board_with_a_long_name_still_tells_its_versions(monkeypatch: pytest.M
     monkeypatch.setattr(
         platform, "node", lambda: "a-machine-with-the-longest-name-that-anybody-has-given-one-so-far"
     )
-    monkeypatch.setattr("hil.board.svd.native.backend.describe_backend", lambda: "native")
+    monkeypatch.setattr("flyaround.hil.board.svd.native.backend.describe_backend", lambda: "native")
     monkeypatch.setattr(platform, "machine", lambda: "aarch64")
     said = Hello.decode(describe_board("tango", "", "svd", compiled=True).encode()).board
     assert len(said) == Hello.BOARD_BYTES

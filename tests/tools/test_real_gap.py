@@ -11,19 +11,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.lens.files import load_camera
-from simulator.compare.fitted_pairs import correlation
-from simulator.compare.light_fit import candidate_lights, scene_at_pose
-from simulator.compare.references import Reference, fitted, read_references
-from simulator.targets.library import load_target
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.compare.fitted_pairs import correlation
+from flyaround.simulator.compare.light_fit import candidate_lights, scene_at_pose
+from flyaround.simulator.compare.references import Reference, fitted, read_references
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.pose import Pose
 from tools.studies import real_gap
 from tools.studies.real_gap import SHOWN_PX, SwapRow, drawn, failures_picture, swaps, table, twin_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.render.renderer import Renderer
+    from flyaround.simulator.render.renderer import Renderer
 
 POSE = Pose.of("camera", "target", (0.5, 0.5, -0.5, 0.5), (0.1, 0.0, 5.0))
 

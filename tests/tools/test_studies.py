@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.board.svd import CameraIntrinsics, make_estimator
-from hil.board.svd.published.published_estimator import PublishedEstimator
-from hil.board.svd.published.settings import SVD_2018, SVD_THESIS, PublishedConfig
-from hil.evaluate.method_choice import MethodChoice, board_model
-from hil.evaluate.metrics import summarise
-from hil.evaluate.pose_errors import frame_record
-from hil.evaluate.result_rows import EvaluatedFrame
-from simulator.errors import UserError
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd import CameraIntrinsics, make_estimator
+from flyaround.hil.board.svd.published.published_estimator import PublishedEstimator
+from flyaround.hil.board.svd.published.settings import SVD_2018, SVD_THESIS, PublishedConfig
+from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
+from flyaround.hil.evaluate.metrics import summarise
+from flyaround.hil.evaluate.pose_errors import frame_record
+from flyaround.hil.evaluate.result_rows import EvaluatedFrame
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.library import load_target
 from tools.studies.paired_tables import mcnemar, paired, table, units_table, write_into_page
 from tools.studies.published_methods import (
     FEW,
@@ -83,7 +83,7 @@ def test_each_row_of_the_ablation_is_one_step_from_a_published_method_and_the_la
 
 def test_no_method_of_the_studies_is_measured_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "hil.board.svd.methods.PublishedEstimator", lambda _model, _camera, config: str(config)
+        "flyaround.hil.board.svd.methods.PublishedEstimator", lambda _model, _camera, config: str(config)
     )
     model, camera = None, CameraIntrinsics(320, 240, 500.0, 500.0, 159.5, 119.5)
     made = {make_estimator(model, camera, c.method, c.solver, c.streams, c.steps) for c in PUBLISHED}  # type: ignore[arg-type]

@@ -13,8 +13,8 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from simulator.errors import UserError
-from simulator.runtime.files import empty_folder
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import empty_folder
 from tools.boards.agreement import compare_runs, table_head
 from tools.boards.debian_image import board_image
 from tools.boards.loops import (

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from hil.host.ledger.frames_csv import ACCEPTED, DECLINED, LedgerRow, pose_errors, read_ledger
-from hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
-from simulator.errors import UserError
+from flyaround.hil.host.ledger.frames_csv import ACCEPTED, DECLINED, LedgerRow, pose_errors, read_ledger
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

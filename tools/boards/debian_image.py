@@ -20,8 +20,8 @@ from tempfile import TemporaryDirectory
 import msgspec
 import xxhash
 
-from simulator.errors import UserError
-from simulator.runtime.cache import cache_folder, entry_name
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.cache import cache_folder, entry_name
 from tools.boards.initramfs import DRIVERS, INIT, write_initramfs
 
 log = logging.getLogger(__name__)

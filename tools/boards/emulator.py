@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

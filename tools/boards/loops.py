@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from hil.host.bundle import write_bundle
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
-from simulator.scenario.write import to_toml
-from simulator.targets.library import load_target
+from flyaround.hil.host.bundle import write_bundle
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.write import to_toml
+from flyaround.simulator.targets.library import load_target
 from tools.boards.emulator import CPU, EmulatedBoard, emulated_board
 
 if TYPE_CHECKING:

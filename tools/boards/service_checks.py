@@ -6,10 +6,10 @@ import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil.host.bundle import write_bundle
-from hil.host.ledger.frames_csv import read_ledger
-from simulator.errors import UserError
-from simulator.targets.library import load_target
+from flyaround.hil.host.bundle import write_bundle
+from flyaround.hil.host.ledger.frames_csv import read_ledger
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.library import load_target
 from tools.boards.emulator import emulated_board
 from tools.boards.loops import SCENARIO, TARGET, free_port, pictures, run_host
 

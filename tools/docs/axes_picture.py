@@ -12,11 +12,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from simulator.dataset.capture import capture
-from simulator.dataset.labelled_dataset import open_dataset
-from simulator.dataset.overlays import overlay
-from simulator.recipes.plan import plan_recipe
-from simulator.reports.pictures import write_jpeg
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.labelled_dataset import open_dataset
+from flyaround.simulator.dataset.overlays import overlay
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.reports.pictures import write_jpeg
 
 SEED, WIDTH_PX = 4, 640
 SAMPLES = {"paper-dragon": 33, "paper-soyuz": 19, "paper-tianzhou": 8, "paper-change6": 6}

@@ -17,14 +17,14 @@ import cv2
 import msgspec
 import numpy as np
 
-from hil.board.gige.camera import CameraSettings, GigeCamera
-from hil.board.gige.camera_board import camera_of_part
-from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
-from hil.board.svd.debug.overlay import draw_wireframe, grey
-from hil.evaluate.method_choice import board_model
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.targets.library import load_target
+from flyaround.hil.board.gige.camera import CameraSettings, GigeCamera
+from flyaround.hil.board.gige.camera_board import camera_of_part
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
+from flyaround.hil.board.svd.debug.overlay import draw_wireframe, grey
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.targets.library import load_target
 
 SCENARIO, ADDRESS = "tango-earth-10m-1024", "127.0.7.77"
 COLOUR = (80, 200, 80)

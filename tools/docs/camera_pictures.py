@@ -10,17 +10,17 @@ from typing import Any
 import cv2
 import numpy as np
 
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.detector.sensor import Detector, Sensor
-from simulator.camera.lens.files import load_camera
-from simulator.imaging.image_formation import digitise_scene, expose_scene
-from simulator.render.renderer import Renderer
-from simulator.runtime.arrays import vec3
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.scene.state import SceneState
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scene.state import SceneState
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 TILE = (300, 225)
 QUIET = Detector(

@@ -16,11 +16,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hil.host.attitude_forecast import Forecasts, fly_forecasts, forecast_figure
-from hil.host.closed_loop import STEPS_CSV
-from simulator.reports.plots import BLUE, DIM, GREEN, ORANGE, VERMILION, figure_with_axes
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.hil.host.attitude_forecast import Forecasts, fly_forecasts, forecast_figure
+from flyaround.hil.host.closed_loop import STEPS_CSV
+from flyaround.simulator.reports.plots import BLUE, DIM, GREEN, ORANGE, VERMILION, figure_with_axes
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 SCENARIOS = {"steady": "tango-vbar-closed-loop", "tumbling": "tango-vbar-closed-loop-tumble"}
 SPHERE_M, CORRIDOR_DEG, HOLD_M = 12.0, 15.0, 3.0

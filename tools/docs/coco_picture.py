@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 
 import flyaround as fa
-from simulator.dataset.formats.coco import FIRST_CLASS_ID
-from simulator.dataset.formats.native import read_png
-from simulator.reports.pictures import write_jpeg
-from simulator.runtime.arrays import ByteArray
+from flyaround.simulator.dataset.formats.coco import FIRST_CLASS_ID
+from flyaround.simulator.dataset.formats.native import read_png
+from flyaround.simulator.reports.pictures import write_jpeg
+from flyaround.simulator.runtime.arrays import ByteArray
 
 PLACE = Path(__file__).parents[2] / "docs" / "images" / "datasets" / "coco.jpg"
 SEED, MARGIN_PX, TILE = 12, 60, (800, 600)

@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gui.panels.all import PANELS
+from flyaround.gui.panels.all import PANELS
 
 FOLDER = Path("docs") / "images"
 SCENARIO = "tango-vbar-closed-loop"

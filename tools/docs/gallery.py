@@ -9,23 +9,23 @@ import cv2
 import numpy as np
 
 import flyaround as fa
-from simulator.camera.lens.camera_model import Camera
-from simulator.runtime.arrays import quat, vec3
-from simulator.scenario.poses import scene_with_pose
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.bands import sunlight_balance
-from simulator.scene.state import TargetRef
-from simulator.scene.viewpoint import place_itrs_m, scene_above
-from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from simulator.world.frames.pose import Pose
-from simulator.world.frames.rotation import (
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scenario.poses import scene_with_pose
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.bands import sunlight_balance
+from flyaround.simulator.scene.state import TargetRef
+from flyaround.simulator.scene.viewpoint import place_itrs_m, scene_above
+from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from flyaround.simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_from_matrix,
     quat_from_rotvec,
     quat_normalize,
 )
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.time.instant import Instant
 
 DOCS = Path(__file__).parents[2] / "docs"
 SIZE = (1120, 700)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 import flyaround as fa
-from hil.demo.page import with_inset
+from flyaround.hil.demo.page import with_inset
 from tools.docs.gallery import exposed, radiance, write_jpeg
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"

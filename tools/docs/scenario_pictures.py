@@ -8,12 +8,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.loop import run_frames
-from simulator.render.renderer import Renderer
-from simulator.runtime.files import write_atomic
-from simulator.scenario.load import list_scenarios, load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.loop import run_frames
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 FOLDER = Path("assets") / "scenarios"
 WIDTH_PX, JPEG_QUALITY = 240, 82

@@ -34,7 +34,7 @@ class CoverageRecorder:
     def start(self) -> None:
         """Trace from here on, and hear which programs are asked for."""
         self._coverage.start()
-        from simulator.render.gl.programs import ProgramLibrary  # noqa: PLC0415 (traced from its first line)
+        from flyaround.simulator.render.gl.programs import ProgramLibrary  # noqa: PLC0415 (traced from its first line)
 
         get = ProgramLibrary.get
 

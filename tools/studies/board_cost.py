@@ -19,17 +19,17 @@ from tempfile import TemporaryDirectory
 import msgspec
 import numpy as np
 
-from hil.evaluate.greyscale import grey
-from simulator.dataset.card import read_card
-from simulator.dataset.formats.native import frame_paths, is_whole, read_png
-from simulator.targets.board_model.write import write_board_model
-from simulator.targets.library import load_target
+from flyaround.hil.evaluate.greyscale import grey
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from flyaround.simulator.targets.board_model.write import write_board_model
+from flyaround.simulator.targets.library import load_target
 
 BOARD = """
 import json, sys, time
 import cv2, numpy as np
-from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
-import hil.board.svd.image.observation as observation
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
+import flyaround.hil.board.svd.image.observation as observation
 cv2.setNumThreads(1)
 # stages by processor time: other work on the machine counts nothing
 observation.time.perf_counter = time.process_time

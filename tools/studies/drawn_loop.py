@@ -18,24 +18,24 @@ import cv2
 import msgspec
 import numpy as np
 
-from hil.board.svd import CameraIntrinsics, make_estimator
-from hil.evaluate.greyscale import grey
-from hil.evaluate.method_choice import board_model
-from hil.host.closed_loop import scene_flown
-from hil.host.pose_link import LATENCY_S
-from hil.navigation.closed_loop import ClosedLoop, ClosedLoopConfig, ClosedLoopResult
-from hil.navigation.measurement import PoseNoise, Snapshot
-from hil.navigation.pose_sources import LatePoses, TruePoses
-from simulator.frame import Frame
-from simulator.loop import FrameRequest, open_frames
-from simulator.runtime.files import write_atomic
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import Plan, plan_flight
+from flyaround.hil.board.svd import CameraIntrinsics, make_estimator
+from flyaround.hil.evaluate.greyscale import grey
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.hil.host.closed_loop import scene_flown
+from flyaround.hil.host.pose_link import LATENCY_S
+from flyaround.hil.navigation.closed_loop import ClosedLoop, ClosedLoopConfig, ClosedLoopResult
+from flyaround.hil.navigation.measurement import PoseNoise, Snapshot
+from flyaround.hil.navigation.pose_sources import LatePoses, TruePoses
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import FrameRequest, open_frames
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import Plan, plan_flight
 
 if TYPE_CHECKING:
-    from hil.board.svd import Estimator
-    from simulator.loop import FrameProducer
-    from simulator.scenario.scenario import Scenario
+    from flyaround.hil.board.svd import Estimator
+    from flyaround.simulator.loop import FrameProducer
+    from flyaround.simulator.scenario.scenario import Scenario
 
 SCENARIOS = ("tango-vbar-closed-loop", "tango-vbar-closed-loop-tumble")
 

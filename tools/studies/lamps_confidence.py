@@ -22,28 +22,28 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from hil.board.svd import CameraIntrinsics
-from hil.board.svd.decide.confidence import ACCEPT_AT, LAMPS_BIAS, Evidence, confidence, decide
-from hil.board.svd.decide.near_minima import check_near_minima
-from hil.board.svd.estimator import CLEAR, LIKELY, PREPARE, REFINE, ROUNDS, SELECT, PoseEstimator
-from hil.board.svd.hypotheses.ambiguity import same_end
-from hil.board.svd.hypotheses.hypothesis import PoseFit
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.refine.settling import settle
-from hil.board.svd.stages import run
-from hil.evaluate.greyscale import grey
-from hil.evaluate.method_choice import board_model
-from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
-from simulator.dataset.card import read_card
-from simulator.dataset.formats.native import frame_paths, is_whole, read_png
-from simulator.labels.imported import read_label_record
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.hil.board.svd.decide.confidence import ACCEPT_AT, LAMPS_BIAS, Evidence, confidence, decide
+from flyaround.hil.board.svd.decide.near_minima import check_near_minima
+from flyaround.hil.board.svd.estimator import CLEAR, LIKELY, PREPARE, REFINE, ROUNDS, SELECT, PoseEstimator
+from flyaround.hil.board.svd.hypotheses.ambiguity import same_end
+from flyaround.hil.board.svd.hypotheses.hypothesis import PoseFit
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.refine.settling import settle
+from flyaround.hil.board.svd.stages import run
+from flyaround.hil.evaluate.greyscale import grey
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from flyaround.simulator.labels.imported import read_label_record
+from flyaround.simulator.targets.library import load_target
 from tools.studies.published_methods import wrong_model
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.board.svd.stages import Search
+    from flyaround.hil.board.svd.stages import Search
 
 Array = np.ndarray[Any, Any]
 

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hil.evaluate.metrics import wilson_interval
-from hil.host.closed_loop import fly_without_pictures
-from hil.navigation.closed_loop import ClosedLoopConfig
-from hil.navigation.consistency import nees_band
+from flyaround.hil.evaluate.metrics import wilson_interval
+from flyaround.hil.host.closed_loop import fly_without_pictures
+from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
+from flyaround.hil.navigation.consistency import nees_band
 from tools.studies.drawn_loop import SCENARIOS, planned, seeds_of
 
 if TYPE_CHECKING:

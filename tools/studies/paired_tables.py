@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import binomtest
 
-from hil.evaluate.metrics import bootstrap_intervals
-from simulator.errors import UserError
+from flyaround.hil.evaluate.metrics import bootstrap_intervals
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from hil.evaluate.metrics import MethodMetrics
-    from hil.evaluate.pose_errors import FrameRecord
-    from hil.evaluate.result_rows import EvaluatedFrame
+    from flyaround.hil.evaluate.metrics import MethodMetrics
+    from flyaround.hil.evaluate.pose_errors import FrameRecord
+    from flyaround.hil.evaluate.result_rows import EvaluatedFrame
 
 # A pose within this angle of the truth is of the right figure, however coarse.
 RIGHT_DEG = 10.0

@@ -22,30 +22,30 @@ import msgspec
 import numpy as np
 from matplotlib.figure import Figure
 
-from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
-from hil.board.svd.estimator import PREPARE, PoseEstimator
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.wireframe import project
-from hil.board.svd.image.edge_field import edge_field
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.region import Region
-from hil.board.svd.model.image_patch import target_box
-from hil.board.svd.model.visibility import visible_samples
-from hil.board.svd.stages import run
-from hil.evaluate.method_choice import board_model
-from hil.evaluate.metrics import wilson_interval
-from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
-from simulator.frame import take_frame
-from simulator.recipes.file import UniformRange
-from simulator.recipes.load import load_recipe
-from simulator.recipes.plan import RecipePlan, plan_recipe
-from simulator.render.renderer import Renderer
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
+from flyaround.hil.board.svd.estimator import PREPARE, PoseEstimator
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.wireframe import project
+from flyaround.hil.board.svd.image.edge_field import edge_field
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.model.image_patch import target_box
+from flyaround.hil.board.svd.model.visibility import visible_samples
+from flyaround.hil.board.svd.stages import run
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.hil.evaluate.metrics import wilson_interval
+from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.recipes.file import UniformRange
+from flyaround.simulator.recipes.load import load_recipe
+from flyaround.simulator.recipes.plan import RecipePlan, plan_recipe
+from flyaround.simulator.render.renderer import Renderer
 from tools.studies.paired_tables import write_into_page
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.board.svd.base import Estimator
+    from flyaround.hil.board.svd.base import Estimator
 
 Array = np.ndarray[Any, Any]
 

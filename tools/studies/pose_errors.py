@@ -1,4 +1,4 @@
-"""The statistics that `hil.navigation.measurement.PoseNoise` stands on: sizes of errors of poses, and their memory.
+"""The statistics that `flyaround.hil.navigation.measurement.PoseNoise` stands on: sizes of errors of poses, and their memory.
 
     python -m tools.studies.drawn_loop OUT --seeds 9000-9006 --pose truth --any-view
     python -m tools.studies.pose_errors OUT
@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.navigation.measurement import rotvec_between
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.hil.navigation.measurement import rotvec_between
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 RANGES_M = ((15.0, 19.0), (10.0, 15.0), (6.0, 10.0), (4.0, 6.0), (2.0, 4.0))
 LAGS_S = (1, 2, 5, 10, 20, 30, 45, 60, 90, 120)

@@ -27,32 +27,32 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from hil.board.svd import CameraIntrinsics
-from hil.board.svd.estimator import PREPARE, ROUNDS, PoseEstimator
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.edge_support import support
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
-from hil.board.svd.image.edge_field import edge_field
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.region import Region
-from hil.board.svd.model.image_patch import cut_patch, target_box
-from hil.board.svd.refine.close import CLOSE_PX
-from hil.board.svd.refine.final import refine_to_end
-from hil.board.svd.refine.parallel import draw, draw_shadows
-from hil.board.svd.stages import run
-from hil.evaluate.greyscale import grey
-from hil.evaluate.method_choice import board_model
-from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
-from simulator.dataset.card import read_card
-from simulator.dataset.formats.native import frame_paths, is_whole, read_png
-from simulator.labels.imported import read_label_record
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.hil.board.svd.estimator import PREPARE, ROUNDS, PoseEstimator
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.hypotheses.edge_support import support
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
+from flyaround.hil.board.svd.image.edge_field import edge_field
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.svd.refine.close import CLOSE_PX
+from flyaround.hil.board.svd.refine.final import refine_to_end
+from flyaround.hil.board.svd.refine.parallel import draw, draw_shadows
+from flyaround.hil.board.svd.stages import run
+from flyaround.hil.evaluate.greyscale import grey
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from flyaround.simulator.labels.imported import read_label_record
+from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.board.svd.propose.learned.learned_proposal import LearnedProposal
-    from hil.board.svd.stages import Search
+    from flyaround.hil.board.svd.propose.learned.learned_proposal import LearnedProposal
+    from flyaround.hil.board.svd.stages import Search
 
 Array = np.ndarray[Any, Any]
 

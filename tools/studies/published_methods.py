@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from hil.board.svd import BoardModel
-from hil.board.svd.published.settings import OF_OURS, OF_THESIS, SOLVERS
-from hil.evaluate.dataset_evaluation import ROWS, evaluate_dataset, method_metrics
-from hil.evaluate.method_choice import MethodChoice, board_model
-from hil.evaluate.result_rows import EvaluatedFrame, rows_there
-from simulator.dataset.card import read_card
-from simulator.dataset.formats.native import frame_paths, is_whole, write_frame
-from simulator.frame import take_frame
-from simulator.labels.truth import read_truth
-from simulator.render.renderer import Renderer
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd import BoardModel
+from flyaround.hil.board.svd.published.settings import OF_OURS, OF_THESIS, SOLVERS
+from flyaround.hil.evaluate.dataset_evaluation import ROWS, evaluate_dataset, method_metrics
+from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
+from flyaround.hil.evaluate.result_rows import EvaluatedFrame, rows_there
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, write_frame
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.targets.library import load_target
 from tools.studies.paired_tables import paired, table, units_table, write_into_page
 
 if TYPE_CHECKING:

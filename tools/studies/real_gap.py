@@ -34,33 +34,33 @@ import cv2
 import msgspec
 import numpy as np
 
-from hil.board.svd import CameraIntrinsics
-from hil.board.svd.estimator import PoseEstimator
-from hil.evaluate.method_choice import board_model
-from hil.evaluate.metrics import wilson_interval
-from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
-from simulator.camera.lens.files import load_camera
-from simulator.compare.fitted_pairs import correlation
-from simulator.compare.light_fit import RECIPE, fit_light, light_basis
-from simulator.compare.references import read_references
-from simulator.imaging.image_formation import digitise_scene, expose_scene
-from simulator.recipes.plan import plan_recipe
-from simulator.render.renderer import Renderer
-from simulator.runtime.arrays import vec3
-from simulator.scenario.poses import scene_with_pose
-from simulator.targets.library import load_target
-from simulator.world.frames.pose import Pose
+from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.hil.board.svd.estimator import PoseEstimator
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.hil.evaluate.metrics import wilson_interval
+from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.compare.fitted_pairs import correlation
+from flyaround.simulator.compare.light_fit import RECIPE, fit_light, light_basis
+from flyaround.simulator.compare.references import read_references
+from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.scenario.poses import scene_with_pose
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.pose import Pose
 from tools.studies.paired_tables import write_into_page
 from tools.studies.published_methods import wrong_model
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.board.svd.base import PoseResult
-    from simulator.compare.references import Reference
-    from simulator.runtime.arrays import BoolArray, ByteArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.hil.board.svd.base import PoseResult
+    from flyaround.simulator.compare.references import Reference
+    from flyaround.simulator.runtime.arrays import BoolArray, ByteArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 MOCKUP, FLIGHT = "tango-mockup", "tango"
 BENT_M, SMOOTH_PX, SEED = 0.008, 24.0, 29601

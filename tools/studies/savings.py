@@ -17,29 +17,29 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.bench.scenes import BENCH_SCENES, bench_views
-from simulator.bench.start import start_once
-from simulator.frame import take_frame
-from simulator.render import frame_graph
-from simulator.render.earth import air_pass, earth_pass
-from simulator.render.earth.screen_tiles import uniform_tiles
-from simulator.render.frame_resources import EARTH, EARTH_TILES, SCENE
-from simulator.render.gl import depth_buffer
-from simulator.render.gl.uniform_block import UniformBlock
-from simulator.render.projection import PixelRect
-from simulator.render.renderer import Renderer
-from simulator.render.sky.star_pass import StarPass
-from simulator.render.software import smooth_earth, software_path, tiles
-from simulator.render.target import viewport_fit, visible_edges, visible_triangles
-from simulator.render.target.mesh_array import WholeMesh
-from simulator.runtime.memory import keep_freed_memory
+from flyaround.simulator.bench.scenes import BENCH_SCENES, bench_views
+from flyaround.simulator.bench.start import start_once
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.render import frame_graph
+from flyaround.simulator.render.earth import air_pass, earth_pass
+from flyaround.simulator.render.earth.screen_tiles import uniform_tiles
+from flyaround.simulator.render.frame_resources import EARTH, EARTH_TILES, SCENE
+from flyaround.simulator.render.gl import depth_buffer
+from flyaround.simulator.render.gl.uniform_block import UniformBlock
+from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.render.sky.star_pass import StarPass
+from flyaround.simulator.render.software import smooth_earth, software_path, tiles
+from flyaround.simulator.render.target import viewport_fit, visible_edges, visible_triangles
+from flyaround.simulator.render.target.mesh_array import WholeMesh
+from flyaround.simulator.runtime.memory import keep_freed_memory
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from simulator.render.frame_images import FrameImages
-    from simulator.render.view import View
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.render.frame_images import FrameImages
+    from flyaround.simulator.render.view import View
+    from flyaround.simulator.scene.state import SceneState
 
 SCENES = BENCH_SCENES[:8]
 TURNS, WARM_UP = 15, 2
@@ -101,19 +101,19 @@ WITHOUT: dict[str, list[tuple[object, str, object]]] = {
 }
 _NOTHING_SHIPPED = """
 from pathlib import Path
-from simulator.runtime import prebuilt
+from flyaround.simulator.runtime import prebuilt
 prebuilt._file = lambda name: Path("/nowhere")
 """
 _ALL_DEFINES = """
-from simulator.render.gl import programs as p
+from flyaround.simulator.render.gl import programs as p
 p._head = lambda _, defines: "\\n".join([p.GLSL_VERSION, *(f"#define {k} {v}" for k, v in defines.items()), ""])
 """
 _EACH_DECODED = """
-from simulator.render.earth import maps
+from flyaround.simulator.render.earth import maps
 maps.DecodedMaps.__call__ = lambda self, name, flags: maps.decode_file(name, flags)
 """
 _BAKED_FIRST = """
-from simulator.render.target.interreflection import Interreflection as I
+from flyaround.simulator.render.target.interreflection import Interreflection as I
 begin = I.begin
 def wait(self, bands):
     if bands not in self._kept and bands not in self._begun:
@@ -121,7 +121,7 @@ def wait(self, bands):
         self._begun[bands].result()
 I.begin = wait
 """
-_ONE_STRIP = "from simulator.render.earth import maps; maps._STRIPS = [slice(0, maps.HEIGHT)]"
+_ONE_STRIP = "from flyaround.simulator.render.earth import maps; maps._STRIPS = [slice(0, maps.HEIGHT)]"
 # before anything is read, and when all is imported that draws
 START_WITHOUT = {
     "prebuilt cache": (_NOTHING_SHIPPED, ""),

@@ -18,23 +18,30 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, even_attitudes
-from hil.board.svd.propose.learned.learned_proposal import shipped_network
-from hil.board.svd.propose.learned.network import INPUT_PX, STRIDES, VERSION, ProposalNetwork
-from hil.evaluate.method_choice import board_model
-from hil.train.attitude_loss import cross_entropy, robust, soft_classes
-from hil.train.fitting import RATE, Budget, fit
-from hil.train.layers import EPSILON, folded_scale_and_bias, in_double, normalised, start_layer, trainable
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, even_attitudes
+from flyaround.hil.board.svd.propose.learned.learned_proposal import shipped_network
+from flyaround.hil.board.svd.propose.learned.network import INPUT_PX, STRIDES, VERSION, ProposalNetwork
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.hil.train.attitude_loss import cross_entropy, robust, soft_classes
+from flyaround.hil.train.fitting import RATE, Budget, fit
+from flyaround.hil.train.layers import (
+    EPSILON,
+    folded_scale_and_bias,
+    in_double,
+    normalised,
+    start_layer,
+    trainable,
+)
+from flyaround.simulator.targets.library import load_target
 from tools.train.lit_samples import LitViews, sample_lit
 from tools.train.proposal_samples import Batch, Views, sample
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.train.layers import Tree
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.hil.train.layers import Tree
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 # Channels after each convolution, after the squeeze, and of the hidden layer.
 CHANNELS, SQUEEZED, HIDDEN = (24, 48, 96, 112, 128), 64, 224

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
 from tools.train.lit_views import SUNS
 from tools.train.proposal_samples import (
     ASTRAY,
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
     from numpy.typing import NDArray
 
-    from simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 # Share of samples in orbit, and of those of the laboratory with a texture behind.
 ORBIT_SHARE, LAB_EARTH_SHARE = 0.25, 0.4

@@ -22,22 +22,22 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from hil.evaluate.method_choice import board_model
-from simulator.imaging.exposure import integrate
-from simulator.imaging.image_formation import expose_scene
-from simulator.labels.surfaces import surfaces
-from simulator.render.renderer import Renderer
-from simulator.runtime.arrays import vec3
-from simulator.scene.illumination.area_light import DIFFUSE_DEG, AreaLight
-from simulator.targets.library import load_target
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.imaging.exposure import integrate
+from flyaround.simulator.imaging.image_formation import expose_scene
+from flyaround.simulator.labels.surfaces import surfaces
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.scene.illumination.area_light import DIFFUSE_DEG, AreaLight
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from tools.train.proposal_views import DRAWN_PX, VIEW_PX, plans, turned_to
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import SceneState
 
 # Lights a view is drawn by, the first of them the Sun, and how far from the camera's direction they may stand [rad].
 LIGHTS, SUNS, FARTHEST_RAD = 6, 3, float(np.radians(125.0))

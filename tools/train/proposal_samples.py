@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
 from tools.train.proposal_views import FILLED as VIEW_FILLED
 from tools.train.proposal_views import VIEW_PX
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 # Shares of samples with the Earth behind, and without a craft.
 EARTH_SHARE, EMPTY_SHARE = 0.65, 0.1

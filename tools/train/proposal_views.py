@@ -21,25 +21,25 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from hil.evaluate.method_choice import board_model
-from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.lens.camera_model import Camera
-from simulator.imaging.exposure import integrate
-from simulator.imaging.image_formation import expose_scene
-from simulator.labels.surfaces import surfaces
-from simulator.recipes.load import load_recipe
-from simulator.recipes.plan import RecipePlan
-from simulator.recipes.poses import resolved_range
-from simulator.render.renderer import Renderer
-from simulator.runtime.arrays import quat, vec3
-from simulator.scene.environments import Environment
-from simulator.targets.library import load_target
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.imaging.exposure import integrate
+from flyaround.simulator.imaging.image_formation import expose_scene
+from flyaround.simulator.labels.surfaces import surfaces
+from flyaround.simulator.recipes.load import load_recipe
+from flyaround.simulator.recipes.plan import RecipePlan
+from flyaround.simulator.recipes.poses import resolved_range
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import Float32Array, FloatArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 # Side of a view, and the finer one it is drawn at for soft borders [px]; share of it that the craft's sphere fills.
 VIEW_PX, DRAWN_PX, FILLED = 72, 144, 0.97

@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from hil.board.svd.image.edge_field import shrink
-from hil.board.svd.image.noise import noise_sigma
-from hil.board.svd.propose.regions import REDUCTION
-from hil.board.svd.propose.saliency import CELL_PX, measures
-from simulator.dataset.card import read_card
-from simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from flyaround.hil.board.svd.image.edge_field import shrink
+from flyaround.hil.board.svd.image.noise import noise_sigma
+from flyaround.hil.board.svd.propose.regions import REDUCTION
+from flyaround.hil.board.svd.propose.saliency import CELL_PX, measures
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 HIDDEN, EPOCHS, BATCH = 24, 30, 512
 

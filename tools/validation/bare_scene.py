@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.runtime.arrays import quat, vec3
-from simulator.scene.environments import NOTHING
-from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
-from simulator.scene.state import Quality, SceneState, TargetRef
-from simulator.scene.viewpoint import scene_above
-from simulator.targets.model import MassProperties, Material, Part, Target
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, quat_normalize
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scene.environments import NOTHING
+from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
+from flyaround.simulator.scene.state import Quality, SceneState, TargetRef
+from flyaround.simulator.scene.viewpoint import scene_above
+from flyaround.simulator.targets.model import MassProperties, Material, Part, Target
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, quat_normalize
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

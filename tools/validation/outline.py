@@ -21,12 +21,12 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from simulator.errors import UserError
-from simulator.targets.library import load_target
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import ByteArray, FloatArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
+    from flyaround.simulator.targets.model import Target
 
 SIDES = {
     "+x": ((0, 1, 0), (0, 0, -1), (-1, 0, 0)),

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,6 @@
 """A format: one text file with a line for each frame: number, quaternion, position."""
 
-from simulator.dataset.formats.base import DatasetFormat
+from flyaround.simulator.dataset.formats.base import DatasetFormat
 
 
 class PoseListWriter:

@@ -6,9 +6,9 @@ import logging
 import threading
 from typing import Any, Dict, Optional
 
-from hil.link.clock import answer_time_sync, now_ns
-from hil.link.errors import LinkClosed, LinkError, PacketError
-from hil.link.packets.messages import (
+from flyaround.hil.link.clock import answer_time_sync, now_ns
+from flyaround.hil.link.errors import LinkClosed, LinkError, PacketError
+from flyaround.hil.link.packets.messages import (
     Bye,
     Credit,
     ErrorCode,
@@ -17,10 +17,10 @@ from hil.link.packets.messages import (
     PoseMessage,
     TimeSyncRequest,
 )
-from hil.link.packets.packet import PacketType
-from hil.link.security import prove_to_host
-from hil.link.session import Link, greet_host
-from hil.link.transports.url import connect
+from flyaround.hil.link.packets.packet import PacketType
+from flyaround.hil.link.security import prove_to_host
+from flyaround.hil.link.session import Link, greet_host
+from flyaround.hil.link.transports.url import connect
 
 logger = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ from ctypes import POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_uint, 
 from functools import lru_cache
 from typing import Any, Dict, Tuple
 
-from hil.link.errors import LinkError
+from flyaround.hil.link.errors import LinkError
 
 NAMES = ("libaravis-0.8.so.0", "libaravis-0.8.0.dylib")
 ABSENT = (

@@ -9,11 +9,11 @@ from typing import Any, Callable, Optional, Tuple
 
 import numpy as np
 
-from hil.board.gige.aravis import NO_PACKET_SOCKET, SUCCESS, AravisError, load_aravis
-from hil.link.clock import now_ns
-from hil.link.errors import LinkError
-from hil.link.packets.enums import PixelFormat
-from hil.link.packets.pixels import Image, pixels_bytes, unpack_pixels
+from flyaround.hil.board.gige.aravis import NO_PACKET_SOCKET, SUCCESS, AravisError, load_aravis
+from flyaround.hil.link.clock import now_ns
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.packets.enums import PixelFormat
+from flyaround.hil.link.packets.pixels import Image, pixels_bytes, unpack_pixels
 
 SCHEME = "gige://"
 # of the naming convention's codes those that lie as one of the link's formats does: numbers in words of two bytes

@@ -8,15 +8,15 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Callable, Dict, Optional, Tuple
 
-from hil.board.answering import BoardEstimator, estimated_pose
-from hil.board.files import read_bounded
-from hil.board.frame_server import BoardSummary
-from hil.board.gige.answer_line import AnswerLine
-from hil.board.gige.camera import SCHEME, CameraFrame, CameraSettings, GigeCamera
-from hil.board.gige.pose_file import PoseFile
-from hil.link.clock import now_ns
-from hil.link.errors import LinkError
-from hil.link.packets.messages import Hello
+from flyaround.hil.board.answering import BoardEstimator, estimated_pose
+from flyaround.hil.board.files import read_bounded
+from flyaround.hil.board.frame_server import BoardSummary
+from flyaround.hil.board.gige.answer_line import AnswerLine
+from flyaround.hil.board.gige.camera import SCHEME, CameraFrame, CameraSettings, GigeCamera
+from flyaround.hil.board.gige.pose_file import PoseFile
+from flyaround.hil.link.clock import now_ns
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.packets.messages import Hello
 
 logger = logging.getLogger(__name__)
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any, Dict, Tuple
 
-from hil.board.gige.camera import SCHEME, CameraSettings, parse_roi
-from hil.board.gige.camera_board import CameraBoardOptions
-from hil.board.options import AGENT_OPTIONS, AgentOption
-from hil.link.errors import LinkError
-from hil.link.security import read_key
+from flyaround.hil.board.gige.camera import SCHEME, CameraSettings, parse_roi
+from flyaround.hil.board.gige.camera_board import CameraBoardOptions
+from flyaround.hil.board.options import AGENT_OPTIONS, AgentOption
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.security import read_key
 
 TITLE = f"A camera on the network, {SCHEME}ADDRESS"
 CAMERA_OPTIONS: Tuple[AgentOption, ...] = (

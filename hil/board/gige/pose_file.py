@@ -9,10 +9,10 @@ import sys
 from datetime import datetime, timezone
 from typing import IO, Any, Dict, Optional
 
-from hil.board.gige.camera import CameraFrame
-from hil.link.clock import now_ns
-from hil.link.errors import LinkError
-from hil.link.packets.messages import PoseMessage
+from flyaround.hil.board.gige.camera import CameraFrame
+from flyaround.hil.link.clock import now_ns
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.packets.messages import PoseMessage
 
 COLUMNS = (
     "frame",

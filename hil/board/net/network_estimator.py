@@ -12,16 +12,16 @@ from typing import Tuple
 
 import numpy as np
 
-from hil.board.errors import BoardModelError
-from hil.board.net.attitude_classes import mean_attitude, shares
-from hil.board.net.network_camera import PictureReducer, standardised
-from hil.board.net.network_file import NetworkFile
-from hil.board.svd.base import Estimator, PoseResult
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.vectors import swing
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.net.attitude_classes import mean_attitude, shares
+from flyaround.hil.board.net.network_camera import PictureReducer, standardised
+from flyaround.hil.board.net.network_file import NetworkFile
+from flyaround.hil.board.svd.base import Estimator, PoseResult
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.vectors import swing
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.target_model import BoardModel
 
 Array = np.ndarray
 

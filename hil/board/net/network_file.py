@@ -16,10 +16,10 @@ from typing import Any, Dict, List, Tuple, Union
 import cv2
 import numpy as np
 
-from hil.board.errors import BoardModelError
-from hil.board.files import read_bounded
-from hil.board.net import wire
-from hil.board.net.network_camera import NetworkCamera
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.files import read_bounded
+from flyaround.hil.board.net import wire
+from flyaround.hil.board.net.network_camera import NetworkCamera
 
 Array = np.ndarray
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from hil.board.errors import BoardModelError
-from hil.board.svd.base import Estimator, PoseResult
-from hil.board.svd.estimator import PoseEstimator
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.hypotheses.ambiguity import Alternative
-from hil.board.svd.methods import METHODS, make_estimator
-from hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.svd.base import Estimator, PoseResult
+from flyaround.hil.board.svd.estimator import PoseEstimator
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.hypotheses.ambiguity import Alternative
+from flyaround.hil.board.svd.methods import METHODS, make_estimator
+from flyaround.hil.board.svd.model.target_model import BoardModel
 
 __all__ = [
     "METHODS",

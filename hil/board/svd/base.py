@@ -7,13 +7,13 @@ from typing import Any, Dict, Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.decide.confidence import ACCEPT_AT, Evidence, confidence, decide
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.hypotheses.ambiguity import Alternative
-from hil.board.svd.hypotheses.hypothesis import PoseFit
-from hil.board.svd.image.observation import Observation, Trace
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.native.backend import native_library
+from flyaround.hil.board.svd.decide.confidence import ACCEPT_AT, Evidence, confidence, decide
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.hypotheses.ambiguity import Alternative
+from flyaround.hil.board.svd.hypotheses.hypothesis import PoseFit
+from flyaround.hil.board.svd.image.observation import Observation, Trace
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.native.backend import native_library
 
 Array = np.ndarray
 

@@ -12,9 +12,9 @@ from typing import Optional
 
 import numpy as np
 
-from hil.board.svd.base import Estimator, PoseResult, decided, reconsidered
-from hil.board.svd.decide.axial_symmetry import check_axial_symmetry
-from hil.board.svd.decide.confidence import (
+from flyaround.hil.board.svd.base import Estimator, PoseResult, decided, reconsidered
+from flyaround.hil.board.svd.decide.axial_symmetry import check_axial_symmetry
+from flyaround.hil.board.svd.decide.confidence import (
     ACCEPT_AT,
     TRIED,
     Evidence,
@@ -23,30 +23,36 @@ from hil.board.svd.decide.confidence import (
     doubtful,
     error_scale,
 )
-from hil.board.svd.decide.discrete_symmetry import Prior, check_discrete_symmetry
-from hil.board.svd.decide.near_minima import check_near_minima
-from hil.board.svd.decide.selection import select_by_edges, select_by_image
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.hypotheses.ambiguity import same_end
-from hil.board.svd.hypotheses.hypothesis import PoseFit
-from hil.board.svd.image.edge_field import shrink
-from hil.board.svd.image.noise import black_level, coarse_noise, has_flat_floor, noise_sigma, whole_median
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.propose.edge_search import group_poses, region_edges, template_poses
-from hil.board.svd.propose.learned.learned_proposal import LAMPS, LearnedProposer
-from hil.board.svd.propose.learned_hypotheses import hypotheses_of_places, learned_hypotheses
-from hil.board.svd.propose.perceptual_groups import model_triads
-from hil.board.svd.propose.regions import REDUCTION, propose_regions
-from hil.board.svd.refine.close import refine_close_up
-from hil.board.svd.refine.coarse import refine_coarsely, refine_many_scales
-from hil.board.svd.refine.edge_hypotheses import refine_by_edges
-from hil.board.svd.refine.final_edges import refine_on_edges
-from hil.board.svd.refine.settling import settle
-from hil.board.svd.refine.synthetic_view import draw_at
-from hil.board.svd.stages import Round, Search, Stage, run
+from flyaround.hil.board.svd.decide.discrete_symmetry import Prior, check_discrete_symmetry
+from flyaround.hil.board.svd.decide.near_minima import check_near_minima
+from flyaround.hil.board.svd.decide.selection import select_by_edges, select_by_image
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.hypotheses.ambiguity import same_end
+from flyaround.hil.board.svd.hypotheses.hypothesis import PoseFit
+from flyaround.hil.board.svd.image.edge_field import shrink
+from flyaround.hil.board.svd.image.noise import (
+    black_level,
+    coarse_noise,
+    has_flat_floor,
+    noise_sigma,
+    whole_median,
+)
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.image.weak_gradients import eliminate_weak_gradients
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.propose.edge_search import group_poses, region_edges, template_poses
+from flyaround.hil.board.svd.propose.learned.learned_proposal import LAMPS, LearnedProposer
+from flyaround.hil.board.svd.propose.learned_hypotheses import hypotheses_of_places, learned_hypotheses
+from flyaround.hil.board.svd.propose.perceptual_groups import model_triads
+from flyaround.hil.board.svd.propose.regions import REDUCTION, propose_regions
+from flyaround.hil.board.svd.refine.close import refine_close_up
+from flyaround.hil.board.svd.refine.coarse import refine_coarsely, refine_many_scales
+from flyaround.hil.board.svd.refine.edge_hypotheses import refine_by_edges
+from flyaround.hil.board.svd.refine.final_edges import refine_on_edges
+from flyaround.hil.board.svd.refine.settling import settle
+from flyaround.hil.board.svd.refine.synthetic_view import draw_at
+from flyaround.hil.board.svd.stages import Round, Search, Stage, run
 
 # Least noise: quantisation of a scale of 255 [its steps], and half as much again is not told from it.
 LEAST_NOISE, SCALE = 0.15, 255.0

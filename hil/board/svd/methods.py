@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Optional, Sequence
 
-from hil.board.errors import BoardModelError
-from hil.board.svd.base import Estimator
-from hil.board.svd.estimator import PoseEstimator
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.published.published_estimator import PublishedEstimator
-from hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS, SVD_2018, SVD_THESIS
-from hil.board.svd.tracking.tracking_estimator import TrackingEstimator
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.svd.base import Estimator
+from flyaround.hil.board.svd.estimator import PoseEstimator
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.published.published_estimator import PublishedEstimator
+from flyaround.hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS, SVD_2018, SVD_THESIS
+from flyaround.hil.board.svd.tracking.tracking_estimator import TrackingEstimator
 
 METHODS = ("svd", "svd-2018", "svd-thesis", "svd-track")
 

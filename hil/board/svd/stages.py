@@ -7,18 +7,18 @@ from typing import Callable, List, Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.base import PoseResult
-from hil.board.svd.decide.selection import Selection
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.hypotheses.hypothesis import Hypothesis
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.region import Region
-from hil.board.svd.image.weak_gradients import WeakGradientElimination
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.propose.edge_search import RegionEdges
-from hil.board.svd.propose.learned.learned_proposal import LearnedProposal, LearnedProposer
-from hil.board.svd.propose.learned.network_input import ImageCrop
-from hil.board.svd.propose.perceptual_groups import Chains
+from flyaround.hil.board.svd.base import PoseResult
+from flyaround.hil.board.svd.decide.selection import Selection
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.image.weak_gradients import WeakGradientElimination
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.propose.edge_search import RegionEdges
+from flyaround.hil.board.svd.propose.learned.learned_proposal import LearnedProposal, LearnedProposer
+from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop
+from flyaround.hil.board.svd.propose.perceptual_groups import Chains
 
 Array = np.ndarray
 

@@ -6,17 +6,17 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat, pixels_of
-from hil.host.camera_endpoint.messages import FrameTaken, FrameWanted, PictureOutcome
-from hil.host.camera_endpoint.registers import CONTINUOUS, SINGLE_FRAME, TICKS_PER_S, Place
-from hil.host.link_process.ipc import FrameJob
+from flyaround.hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat, pixels_of
+from flyaround.hil.host.camera_endpoint.messages import FrameTaken, FrameWanted, PictureOutcome
+from flyaround.hil.host.camera_endpoint.registers import CONTINUOUS, SINGLE_FRAME, TICKS_PER_S, Place
+from flyaround.hil.host.link_process.ipc import FrameJob
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.host.camera_endpoint.answer_port import AnswerPort
-    from hil.host.camera_endpoint.registers import Registers
-    from hil.host.camera_endpoint.stream_channel import StreamChannel
+    from flyaround.hil.host.camera_endpoint.answer_port import AnswerPort
+    from flyaround.hil.host.camera_endpoint.registers import Registers
+    from flyaround.hil.host.camera_endpoint.stream_channel import StreamChannel
 
 
 @dataclass(frozen=True)

@@ -9,21 +9,21 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from hil.host.link_process.board_session import BoardSession
-from hil.host.link_process.in_flight import FramesInFlight
-from hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, Terms
-from hil.host.link_process.pending import PendingLinks
-from hil.link.clock import now_ns
-from hil.link.packets.messages import ErrorCode
-from hil.link.security import HostTransport
-from hil.link.session import Link, refuse
-from hil.link.transports.url import listen
+from flyaround.hil.host.link_process.board_session import BoardSession
+from flyaround.hil.host.link_process.in_flight import FramesInFlight
+from flyaround.hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, Terms
+from flyaround.hil.host.link_process.pending import PendingLinks
+from flyaround.hil.link.clock import now_ns
+from flyaround.hil.link.packets.messages import ErrorCode
+from flyaround.hil.link.security import HostTransport
+from flyaround.hil.link.session import Link, refuse
+from flyaround.hil.link.transports.url import listen
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
-    from hil.host.camera_endpoint.messages import AnswerTerms
-    from hil.host.link_process.ipc import FrameResult
+    from flyaround.hil.host.camera_endpoint.messages import AnswerTerms
+    from flyaround.hil.host.link_process.ipc import FrameResult
 
 BUSY = "another board answers for this camera: stop it first"
 STOPPED = "the camera was stopped"

@@ -7,8 +7,8 @@ import multiprocessing
 import time
 from typing import TYPE_CHECKING
 
-from hil.host.camera_endpoint.endpoint import serve_endpoint
-from hil.host.camera_endpoint.messages import (
+from flyaround.hil.host.camera_endpoint.endpoint import serve_endpoint
+from flyaround.hil.host.camera_endpoint.messages import (
     CameraFailed,
     FrameTaken,
     FrameWanted,
@@ -17,15 +17,15 @@ from hil.host.camera_endpoint.messages import (
     PictureOutcome,
     Stop,
 )
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from multiprocessing.connection import Connection
 
-    from hil.host.camera_endpoint.camera_ledger import CameraLedger
-    from hil.host.camera_endpoint.messages import EndpointConfig
-    from hil.host.camera_endpoint.pictures import Pictures
+    from flyaround.hil.host.camera_endpoint.camera_ledger import CameraLedger
+    from flyaround.hil.host.camera_endpoint.messages import EndpointConfig
+    from flyaround.hil.host.camera_endpoint.pictures import Pictures
 
 WARNING = (
     "It cannot authenticate: the protocol knows no password, nothing is encrypted, and an address can be forged."

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from hil.host.ledger.frames_csv import LedgerWriter, ledger_row, pose_errors
-from hil.host.ledger.run_terms import FlownRecord, run_terms, write_terms
-from hil.host.ledger.summary import SUMMARY_JSON, LedgerTally, summarise
-from simulator.frame import NO_RADIANCE, Frame
-from simulator.runtime.files import write_atomic
+from flyaround.hil.host.ledger.frames_csv import LedgerWriter, ledger_row, pose_errors
+from flyaround.hil.host.ledger.run_terms import FlownRecord, run_terms, write_terms
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerTally, summarise
+from flyaround.simulator.frame import NO_RADIANCE, Frame
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hil.host.ledger.summary import LedgerSummary
-    from hil.host.link_process.ipc import FrameResult, LinkConfig
-    from simulator.scene.state import SceneState
+    from flyaround.hil.host.ledger.summary import LedgerSummary
+    from flyaround.hil.host.link_process.ipc import FrameResult, LinkConfig
+    from flyaround.simulator.scene.state import SceneState
 
 _NO_IMAGE = np.zeros((0, 0), np.uint8)
 

@@ -14,12 +14,12 @@ import struct
 import time
 from typing import TYPE_CHECKING, Any
 
-from hil.host.camera_endpoint import gvcp
-from hil.host.camera_endpoint.acquisition import Acquisition
-from hil.host.camera_endpoint.answer_port import AnswerPort
-from hil.host.camera_endpoint.gvcp import GvcpCommand, GvcpRequest, RefusedError, Status
-from hil.host.camera_endpoint.interface import open_socket
-from hil.host.camera_endpoint.messages import (
+from flyaround.hil.host.camera_endpoint import gvcp
+from flyaround.hil.host.camera_endpoint.acquisition import Acquisition
+from flyaround.hil.host.camera_endpoint.answer_port import AnswerPort
+from flyaround.hil.host.camera_endpoint.gvcp import GvcpCommand, GvcpRequest, RefusedError, Status
+from flyaround.hil.host.camera_endpoint.interface import open_socket
+from flyaround.hil.host.camera_endpoint.messages import (
     CameraFailed,
     FrameTaken,
     Note,
@@ -27,22 +27,22 @@ from hil.host.camera_endpoint.messages import (
     PictureOutcome,
     Stop,
 )
-from hil.host.camera_endpoint.registers import (
+from flyaround.hil.host.camera_endpoint.registers import (
     DO_NOT_FRAGMENT,
     EXCLUSIVE,
     FIRE_TEST_PACKET,
     Place,
     Registers,
 )
-from hil.host.camera_endpoint.stream_channel import StreamChannel
-from hil.link.errors import LinkError
-from simulator.errors import UserError
+from flyaround.hil.host.camera_endpoint.stream_channel import StreamChannel
+from flyaround.hil.link.errors import LinkError
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-    from hil.host.camera_endpoint.messages import EndpointConfig
-    from hil.host.link_process.ipc import FrameResult
+    from flyaround.hil.host.camera_endpoint.messages import EndpointConfig
+    from flyaround.hil.host.link_process.ipc import FrameResult
 
     Peer = tuple[str, int]
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
-from hil.host.camera_endpoint.gvsp import formats_of
-from hil.host.camera_endpoint.registers import (
+from flyaround.hil.host.camera_endpoint.gvsp import formats_of
+from flyaround.hil.host.camera_endpoint.registers import (
     EXPOSURE_US,
     GAIN_DB,
     HEARTBEAT_MS,
@@ -21,11 +21,11 @@ from hil.host.camera_endpoint.registers import (
     TICKS_PER_S,
     Place,
 )
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
-    from hil.host.camera_endpoint.registers import CameraTerms
+    from flyaround.hil.host.camera_endpoint.registers import CameraTerms
 
 MOST_XML_BYTES, MOST_UNZIPPED_BYTES = 1 << 20, 8 << 20
 MOST_DEPTH = 32

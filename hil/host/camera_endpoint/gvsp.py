@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.link.packets.enums import PixelFormat
-from hil.link.packets.pixels import pack_pixels
+from flyaround.hil.link.packets.enums import PixelFormat
+from flyaround.hil.link.packets.pixels import pack_pixels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,7 +8,7 @@ import socket
 import struct
 from dataclasses import dataclass
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 # of Linux's <linux/sockios.h> and <linux/in.h>, which Python's socket does not name
 _ADDRESS, _BROADCAST, _MASK, _MTU, _MAC = 0x8915, 0x8919, 0x891B, 0x8921, 0x8927

@@ -9,10 +9,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from hil.host.camera_endpoint.interface import Interface
-    from hil.host.camera_endpoint.registers import CameraTerms
-    from hil.host.link_process.ipc import FrameResult, LinkConfig
-    from hil.link.packets.messages import HelloAck
+    from flyaround.hil.host.camera_endpoint.interface import Interface
+    from flyaround.hil.host.camera_endpoint.registers import CameraTerms
+    from flyaround.hil.host.link_process.ipc import FrameResult, LinkConfig
+    from flyaround.hil.link.packets.messages import HelloAck
 
 
 @dataclass(frozen=True)

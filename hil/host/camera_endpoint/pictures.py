@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.frame import Frame
-from simulator.loop import FrameRequest, FramesLostError, open_frames, run_frames
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import FrameRequest, FramesLostError, open_frames, run_frames
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from hil.host.camera_endpoint.messages import FrameWanted
-    from simulator.loop import FrameProducer
-    from simulator.scenario.plan import Plan
-    from simulator.scene.state import SceneState
+    from flyaround.hil.host.camera_endpoint.messages import FrameWanted
+    from flyaround.simulator.loop import FrameProducer
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.scene.state import SceneState
 
     Image = NDArray[np.unsignedinteger]
 

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from hil.host.camera_endpoint.gvcp import MOST_MEMORY_BYTES, RefusedError, Status
-from hil.host.camera_endpoint.gvsp import ReadoutRegion, StreamFormat, formats_of
+from flyaround.hil.host.camera_endpoint.gvcp import MOST_MEMORY_BYTES, RefusedError, Status
+from flyaround.hil.host.camera_endpoint.gvsp import ReadoutRegion, StreamFormat, formats_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.host.camera_endpoint.interface import Interface
+    from flyaround.hil.host.camera_endpoint.interface import Interface
 
 LEAST_SIDE_PX = 16
 EXPOSURE_US = (1.0, 1e6)

@@ -7,12 +7,12 @@ import socket
 from collections import OrderedDict
 from typing import TYPE_CHECKING
 
-from hil.host.camera_endpoint.gvsp import RESENT, packet_for_size, unavailable
-from hil.host.camera_endpoint.interface import MTU_DISCOVER, MTU_DO, MTU_DONT
+from flyaround.hil.host.camera_endpoint.gvsp import RESENT, packet_for_size, unavailable
+from flyaround.hil.host.camera_endpoint.interface import MTU_DISCOVER, MTU_DO, MTU_DONT
 
 if TYPE_CHECKING:
-    from hil.host.camera_endpoint.gvcp import ResendRequest
-    from hil.host.camera_endpoint.gvsp import Block
+    from flyaround.hil.host.camera_endpoint.gvcp import ResendRequest
+    from flyaround.hil.host.camera_endpoint.gvsp import Block
 
 BURST = 8
 """Packets sent at once; the time to the next burst is that of as many packets."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scenario.faults import (
+from flyaround.simulator.scenario.faults import (
     Blinding,
     ColumnLoss,
     DeadPixels,
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.frame import Frame
-    from simulator.scenario.faults import CameraFault, Faults
-    from simulator.scenario.plan import Exposures, Plan
+    from flyaround.simulator.frame import Frame
+    from flyaround.simulator.scenario.faults import CameraFault, Faults
+    from flyaround.simulator.scenario.plan import Exposures, Plan
 
     Pixels = NDArray[np.unsignedinteger]
 

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.link.clock import now_ns
-from hil.link.errors import LinkClosed, PacketError
-from hil.link.framing.length_prefix import LengthFraming
-from hil.link.packets.frame_messages import FrameHeader, PoseMessage
-from hil.link.packets.messages import TimeSyncReply, decode_message
-from hil.link.packets.packet import HEADER, Packet, PacketType
-from hil.link.transports.base import StreamTransport
-from simulator.scenario.faults import (
+from flyaround.hil.link.clock import now_ns
+from flyaround.hil.link.errors import LinkClosed, PacketError
+from flyaround.hil.link.framing.length_prefix import LengthFraming
+from flyaround.hil.link.packets.frame_messages import FrameHeader, PoseMessage
+from flyaround.hil.link.packets.messages import TimeSyncReply, decode_message
+from flyaround.hil.link.packets.packet import HEADER, Packet, PacketType
+from flyaround.hil.link.transports.base import StreamTransport
+from flyaround.simulator.scenario.faults import (
     Bandwidth,
     ClockDrift,
     Corrupt,
@@ -32,8 +32,8 @@ from simulator.scenario.faults import (
 )
 
 if TYPE_CHECKING:
-    from hil.link.transports.base import Transport
-    from simulator.scenario.faults import Direction, Faults, LineFault
+    from flyaround.hil.link.transports.base import Transport
+    from flyaround.simulator.scenario.faults import Direction, Faults, LineFault
 
 DAMAGE_AT = 4 + HEADER.size
 """Where a packet is damaged at the earliest, behind its framing and header, so that its length still fits."""

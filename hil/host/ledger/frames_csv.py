@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
-from simulator.errors import UserError
-from simulator.runtime.table_text import table_text, text_of_table
-from simulator.runtime.untrusted_files import read_regular
-from simulator.world.frames.rotation import rotation_angle_rad
+from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.table_text import table_text, text_of_table
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.world.frames.rotation import rotation_angle_rad
 
 if TYPE_CHECKING:
-    from hil.host.link_process.ipc import FrameResult
-    from hil.link.packets.messages import PoseMessage
-    from simulator.frame import Frame
-    from simulator.runtime.arrays import Quat, Vec3
+    from flyaround.hil.host.link_process.ipc import FrameResult
+    from flyaround.hil.link.packets.messages import PoseMessage
+    from flyaround.simulator.frame import Frame
+    from flyaround.simulator.runtime.arrays import Quat, Vec3
 
 FRAMES_CSV = "frames.csv"
 ACCEPTED, DECLINED, DROPPED = "accepted", "declined", "dropped:"

@@ -11,19 +11,19 @@ import cv2
 import msgspec
 import numpy as np
 
-from hil.host.ledger.summary import Board
-from simulator.errors import UserError
-from simulator.runtime.files import write_atomic
-from simulator.runtime.untrusted_files import read_regular
-from simulator.runtime.urls import without_secrets
-from simulator.scenario.faults import NO_FAULTS, Faults
+from flyaround.hil.host.ledger.summary import Board
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.runtime.urls import without_secrets
+from flyaround.simulator.scenario.faults import NO_FAULTS, Faults
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from simulator.scenario.plan import Plan
-    from simulator.scenario.scenario import Scenario
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.scenario.scenario import Scenario
 
 RUN_JSON = "run.json"
 MOST_BYTES = 1 << 24  # of run.json: ten times a scenario's largest file

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from hil.host.ledger.frames_csv import ACCEPTED, DECLINED, DROPPED
-from hil.link.packets.packet import PROTOCOL_VERSION
+from flyaround.hil.host.ledger.frames_csv import ACCEPTED, DECLINED, DROPPED
+from flyaround.hil.link.packets.packet import PROTOCOL_VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from hil.host.ledger.frames_csv import LedgerRow
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 SUMMARY_JSON = "summary.json"
 Count = Annotated[int, msgspec.Meta(ge=0)]

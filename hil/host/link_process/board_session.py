@@ -10,9 +10,16 @@ from collections import Counter, deque
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hil.host.link_process.ipc import BoardDown, BoardGreeted, BoardUp, LinkConfig, LinkCounts, Terms
-from hil.link.clock import ClockFilter, answer_time_sync, now_ns
-from hil.link.errors import (
+from flyaround.hil.host.link_process.ipc import (
+    BoardDown,
+    BoardGreeted,
+    BoardUp,
+    LinkConfig,
+    LinkCounts,
+    Terms,
+)
+from flyaround.hil.link.clock import ClockFilter, answer_time_sync, now_ns
+from flyaround.hil.link.errors import (
     FormatRefused,
     LinkClosed,
     LinkError,
@@ -20,8 +27,8 @@ from hil.link.errors import (
     ProtocolMistake,
     VersionMismatch,
 )
-from hil.link.packets.images import formats_of
-from hil.link.packets.messages import (
+from flyaround.hil.link.packets.images import formats_of
+from flyaround.hil.link.packets.messages import (
     NO_FRAME,
     Bye,
     Credit,
@@ -35,12 +42,12 @@ from hil.link.packets.messages import (
     TimeSyncReply,
     TimeSyncRequest,
 )
-from hil.link.session import HOST_IN_SESSION, Link, answer_hello, refuse
+from flyaround.hil.link.session import HOST_IN_SESSION, Link, answer_hello, refuse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
-    from hil.host.link_process.in_flight import FramesInFlight
+    from flyaround.hil.host.link_process.in_flight import FramesInFlight
 
 logger = logging.getLogger(__name__)
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from hil.host.link_process.ipc import (
+from flyaround.hil.host.link_process.ipc import (
     AddLineFault,
     BoardDown,
     BoardGreeted,
@@ -34,17 +34,17 @@ from hil.host.link_process.ipc import (
     SlotFree,
     Terms,
 )
-from hil.link.packets.images import formats_of
-from simulator.errors import UserError
-from simulator.runtime.carrier import open_anonymous_file
+from flyaround.hil.link.packets.images import formats_of
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.carrier import open_anonymous_file
 
 if TYPE_CHECKING:
     from typing import Any
 
     from numpy.typing import NDArray
 
-    from hil.link.packets.messages import HelloAck, PixelFormat
-    from simulator.scenario.faults import LineFault
+    from flyaround.hil.link.packets.messages import HelloAck, PixelFormat
+    from flyaround.simulator.scenario.faults import LineFault
 
 logger = logging.getLogger(__name__)
 
@@ -101,7 +101,7 @@ class HostLink:
             sys.executable,
             "-P",
             "-m",
-            "hil.host.link_process.process",
+            "flyaround.hil.host.link_process.process",
             str(theirs.fileno()),
             str(self._fd),
         ]

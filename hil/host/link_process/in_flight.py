@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from hil.link.packets.messages import NO_FRAME
+from flyaround.hil.link.packets.messages import NO_FRAME
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.host.link_process.ipc import FrameJob, FrameResult
-    from hil.link.packets.messages import PoseMessage
+    from flyaround.hil.host.link_process.ipc import FrameJob, FrameResult
+    from flyaround.hil.link.packets.messages import PoseMessage
 
 # a frame that is still being sent
 NEVER_NS = 1 << 62

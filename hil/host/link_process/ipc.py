@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from hil.link.session import SILENCE_S
-from simulator.scenario.faults import NO_FAULTS, Faults
+from flyaround.hil.link.session import SILENCE_S
+from flyaround.simulator.scenario.faults import NO_FAULTS, Faults
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.link.packets.messages import HelloAck, PoseMessage
-    from simulator.scenario.faults import LineFault
+    from flyaround.hil.link.packets.messages import HelloAck, PoseMessage
+    from flyaround.simulator.scenario.faults import LineFault
 
 Compression = Literal["auto", "raw", "zstd", "png"]
 PixelFormatName = Literal["auto", "Mono8", "Mono10", "Mono12p", "Mono16", "RGB8"]
@@ -247,7 +247,7 @@ class Closed:
 class FrameSlots:
     """Pixels in memory that two processes share, in ``n_slots`` slots: the bound of the queue.
 
-    An anonymous file carries it (`simulator.runtime.carrier`); nothing is left behind when a process dies.
+    An anonymous file carries it (`flyaround.simulator.runtime.carrier`); nothing is left behind when a process dies.
     """
 
     def __init__(self, fd: int, n_slots: int, slot_bytes: int) -> None:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hil.link.clock import now_ns
-from hil.link.errors import LinkClosed, PacketError, ProtocolMistake, VersionMismatch
-from hil.link.packets.messages import ErrorCode, Hello
-from hil.link.session import HOST_BEFORE_HELLO, Link, refuse
+from flyaround.hil.link.clock import now_ns
+from flyaround.hil.link.errors import LinkClosed, PacketError, ProtocolMistake, VersionMismatch
+from flyaround.hil.link.packets.messages import ErrorCode, Hello
+from flyaround.hil.link.session import HOST_BEFORE_HELLO, Link, refuse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
-    from hil.link.transports.base import Transport
+    from flyaround.hil.link.transports.base import Transport
 
 HELLO_WAIT_NS = 10_000_000_000
 # a board and its restarts are one or two; beyond, who was silent longest makes room: a board speaks at once

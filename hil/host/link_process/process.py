@@ -11,10 +11,10 @@ from dataclasses import replace
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any
 
-from hil.host.faults.line_faults import FaultJournal, with_line_faults
-from hil.host.link_process.board_session import BoardSession
-from hil.host.link_process.in_flight import FramesInFlight
-from hil.host.link_process.ipc import (
+from flyaround.hil.host.faults.line_faults import FaultJournal, with_line_faults
+from flyaround.hil.host.link_process.board_session import BoardSession
+from flyaround.hil.host.link_process.in_flight import FramesInFlight
+from flyaround.hil.host.link_process.ipc import (
     AddLineFault,
     BoardDown,
     Close,
@@ -28,25 +28,25 @@ from hil.host.link_process.ipc import (
     SlotFree,
     Terms,
 )
-from hil.host.link_process.pending import PendingLinks
-from hil.host.truth.endpoint import TruthEndpoint
-from hil.link.clock import now_ns
-from hil.link.errors import LinkClosed, LinkError
-from hil.link.packets.images import chunk_count, chunks, encode_image
-from hil.link.packets.messages import (
+from flyaround.hil.host.link_process.pending import PendingLinks
+from flyaround.hil.host.truth.endpoint import TruthEndpoint
+from flyaround.hil.link.clock import now_ns
+from flyaround.hil.link.errors import LinkClosed, LinkError
+from flyaround.hil.link.packets.images import chunk_count, chunks, encode_image
+from flyaround.hil.link.packets.messages import (
     ErrorCode,
     FrameHeader,
     HelloAck,
     TruthMessage,
 )
-from hil.link.security import HostTransport
-from hil.link.session import Link, refuse
-from hil.link.transports.url import listen
+from flyaround.hil.link.security import HostTransport
+from flyaround.hil.link.session import Link, refuse
+from flyaround.hil.link.transports.url import listen
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from hil.link.transports.base import Listener
+    from flyaround.hil.link.transports.base import Listener
 
 # waits are cut to whole milliseconds by the kernel's poll: spin through the last stretch
 SPIN_NS = 1_500_000

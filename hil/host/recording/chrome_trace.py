@@ -8,12 +8,12 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
 
 HOST, BOARD = 1, 2
 LINE_OUT, LINE_BACK, WAITING, ESTIMATING = 1, 2, 1, 2

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from hil.host.ledger.frames_csv import LedgerRow
-    from simulator.frame import Frame
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.simulator.frame import Frame
 
 
 class Recorder(Protocol):

@@ -10,14 +10,14 @@ import logging
 import os
 from typing import TYPE_CHECKING, Any
 
-from hil.host.recording.cut_mcap import end_cut_mcap
-from hil.host.recording.ros_messages import (
+from flyaround.hil.host.recording.cut_mcap import end_cut_mcap
+from flyaround.hil.host.recording.ros_messages import (
     ESTIMATE_FRAME,
     FRAME_TIMING,
     FRAME_TIMING_DEFINITION,
     frame_timing,
 )
-from simulator.dataset.formats.ros_messages import (
+from flyaround.simulator.dataset.formats.ros_messages import (
     DEFINITIONS,
     TARGET_FRAME,
     camera_info,
@@ -25,14 +25,14 @@ from simulator.dataset.formats.ros_messages import (
     pose_stamped,
     transform,
 )
-from simulator.errors import UserError
-from simulator.world.time.instant import nanoseconds_utc
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hil.host.ledger.frames_csv import LedgerRow
-    from simulator.frame import Frame
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.simulator.frame import Frame
 
 logger = logging.getLogger(__name__)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from simulator.dataset.formats.ros_messages import header, ros_definition
+from flyaround.simulator.dataset.formats.ros_messages import header, ros_definition
 
 if TYPE_CHECKING:
-    from hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
 
 ESTIMATE_FRAME, FRAME_TIMING = "target_estimate", "flyaround_msgs/msg/FrameTiming"
 TIMES_MS = (

@@ -14,17 +14,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from hil.host.recording.ros_messages import TIMES_MS
-from hil.host.truth_policy import is_loopback
-from simulator.errors import UserError
-from simulator.runtime.files import write_atomic
-from simulator.world.time.instant import nanoseconds_utc
+from flyaround.hil.host.recording.ros_messages import TIMES_MS
+from flyaround.hil.host.truth_policy import is_loopback
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hil.host.ledger.frames_csv import LedgerRow
-    from simulator.frame import Frame
+    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.simulator.frame import Frame
 
 XTCE_NAMESPACE = "http://www.omg.org/spec/XTCE/20180204"
 TIME = struct.Struct(">BHIH")

@@ -7,14 +7,14 @@ import socket
 import time
 from typing import Any
 
-from hil.link.clock import now_ns
-from hil.link.errors import LinkClosed, LinkError, PacketError
-from hil.link.framing.length_prefix import LengthFraming
-from hil.link.packets.messages import Bye, ErrorCode, ErrorMessage, Message, TruthMessage
-from hil.link.packets.packet import MAGIC, Packet
-from hil.link.security import HostHandshake
-from hil.link.transports.tcp import TcpListener, keep_alive
-from hil.link.transports.url import parse_url
+from flyaround.hil.link.clock import now_ns
+from flyaround.hil.link.errors import LinkClosed, LinkError, PacketError
+from flyaround.hil.link.framing.length_prefix import LengthFraming
+from flyaround.hil.link.packets.messages import Bye, ErrorCode, ErrorMessage, Message, TruthMessage
+from flyaround.hil.link.packets.packet import MAGIC, Packet
+from flyaround.hil.link.security import HostHandshake
+from flyaround.hil.link.transports.tcp import TcpListener, keep_alive
+from flyaround.hil.link.transports.url import parse_url
 
 MAX_CLIENTS = 16
 # a logger that lags this far behind is cut off, and so is one that has not caught up for this long

@@ -8,13 +8,13 @@ import threading
 import time
 from pathlib import Path
 
-from hil.link.errors import LinkClosed, LinkError, PacketError
-from hil.link.packets.messages import Bye, ErrorMessage, TruthMessage, decode_message
-from hil.link.security import prove_to_host
-from hil.link.transports.base import Transport
-from hil.link.transports.tcp import connect_tcp
-from hil.link.transports.url import parse_url
-from simulator.errors import UserError
+from flyaround.hil.link.errors import LinkClosed, LinkError, PacketError
+from flyaround.hil.link.packets.messages import Bye, ErrorMessage, TruthMessage, decode_message
+from flyaround.hil.link.security import prove_to_host
+from flyaround.hil.link.transports.base import Transport
+from flyaround.hil.link.transports.tcp import connect_tcp
+from flyaround.hil.link.transports.url import parse_url
+from flyaround.simulator.errors import UserError
 
 logger = logging.getLogger(__name__)
 

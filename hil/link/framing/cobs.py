@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Optional
 
-from hil.link.errors import PacketError
-from hil.link.packets.packet import MAX_PACKET_BYTES, Packet, decode_packet, encode_packet
+from flyaround.hil.link.errors import PacketError
+from flyaround.hil.link.packets.packet import MAX_PACKET_BYTES, Packet, decode_packet, encode_packet
 
 try:  # C speed where the package is; a board does without
     from cobs.cobs import DecodeError

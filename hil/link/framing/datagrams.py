@@ -12,8 +12,8 @@ from collections import deque
 from enum import IntEnum
 from typing import Deque, Dict, List, Optional, Sequence, Tuple, Union
 
-from hil.link.errors import PacketError
-from hil.link.packets.packet import MAX_PACKET_BYTES, PROTOCOL_VERSION
+from flyaround.hil.link.errors import PacketError
+from flyaround.hil.link.packets.packet import MAX_PACKET_BYTES, PROTOCOL_VERSION
 
 MAGIC = b"FLYU"
 # magic, kind, protocol version, zero, the session's token

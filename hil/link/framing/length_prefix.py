@@ -5,8 +5,8 @@ from __future__ import annotations
 import struct
 from typing import Optional
 
-from hil.link.errors import PacketError, ProtocolMistake, VersionMismatch
-from hil.link.packets.packet import (
+from flyaround.hil.link.errors import PacketError, ProtocolMistake, VersionMismatch
+from flyaround.hil.link.packets.packet import (
     HEADER,
     MAGIC,
     MAX_PACKET_BYTES,

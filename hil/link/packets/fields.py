@@ -6,8 +6,8 @@ import json
 import re
 from typing import TYPE_CHECKING, Any, Dict, Tuple, Type, TypeVar
 
-from hil.link.errors import PacketError
-from hil.link.packets.packet import PROTOCOL_VERSION
+from flyaround.hil.link.errors import PacketError
+from flyaround.hil.link.packets.packet import PROTOCOL_VERSION
 
 if TYPE_CHECKING:
     import struct

@@ -7,9 +7,9 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Dict, Optional, Sequence, Tuple
 
-from hil.link.errors import PacketError
-from hil.link.packets.enums import Encoding, PixelFormat
-from hil.link.packets.fields import (
+from flyaround.hil.link.errors import PacketError
+from flyaround.hil.link.packets.enums import Encoding, PixelFormat
+from flyaround.hil.link.packets.fields import (
     MAX_TRUTH_JSON_BYTES,
     known_value,
     pack_json,
@@ -18,7 +18,7 @@ from hil.link.packets.fields import (
     unpack_json,
     unpack_text,
 )
-from hil.link.packets.packet import PacketType
+from flyaround.hil.link.packets.packet import PacketType
 
 MAX_STAGES = 64
 

@@ -6,11 +6,11 @@ from typing import Any, Iterator, List, Optional, Tuple, Union
 
 import numpy as np
 
-from hil.link.errors import LinkError, PacketError, ProtocolMistake
-from hil.link.packets import png
-from hil.link.packets.enums import GREY_FORMATS, format_mask, formats_in
-from hil.link.packets.messages import Encoding, FrameChunk, FrameHeader, HelloAck, PixelFormat
-from hil.link.packets.pixels import Image, fits, pack_pixels, pixels_bytes, unpack_pixels
+from flyaround.hil.link.errors import LinkError, PacketError, ProtocolMistake
+from flyaround.hil.link.packets import png
+from flyaround.hil.link.packets.enums import GREY_FORMATS, format_mask, formats_in
+from flyaround.hil.link.packets.messages import Encoding, FrameChunk, FrameHeader, HelloAck, PixelFormat
+from flyaround.hil.link.packets.pixels import Image, fits, pack_pixels, pixels_bytes, unpack_pixels
 
 try:
     import zstandard

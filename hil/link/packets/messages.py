@@ -5,11 +5,17 @@ from __future__ import annotations
 import struct
 from typing import Any, Dict, Optional, Union, get_args
 
-from hil.link.errors import PacketError, ProtocolMistake
-from hil.link.packets.enums import NO_FRAME, Encoding, ErrorCode, Mode, PixelFormat, TruthPolicy
-from hil.link.packets.frame_messages import Credit, FrameChunk, FrameHeader, PoseMessage, TruthMessage
-from hil.link.packets.packet import Packet, PacketType
-from hil.link.packets.session_messages import (
+from flyaround.hil.link.errors import PacketError, ProtocolMistake
+from flyaround.hil.link.packets.enums import NO_FRAME, Encoding, ErrorCode, Mode, PixelFormat, TruthPolicy
+from flyaround.hil.link.packets.frame_messages import (
+    Credit,
+    FrameChunk,
+    FrameHeader,
+    PoseMessage,
+    TruthMessage,
+)
+from flyaround.hil.link.packets.packet import Packet, PacketType
+from flyaround.hil.link.packets.session_messages import (
     Bye,
     ErrorMessage,
     Hello,

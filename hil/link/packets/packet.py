@@ -7,7 +7,7 @@ import zlib
 from dataclasses import dataclass
 from enum import IntEnum
 
-from hil.link.errors import PacketError, ProtocolMistake, VersionMismatch
+from flyaround.hil.link.errors import PacketError, ProtocolMistake, VersionMismatch
 
 MAGIC = b"FLYA"
 PROTOCOL_VERSION = 2
@@ -23,7 +23,7 @@ MAX_PACKET_BYTES = MAX_PAYLOAD_BYTES + OVERHEAD_BYTES
 
 
 class PacketType(IntEnum):
-    """What the payload is; see ``hil.link.packets.messages``."""
+    """What the payload is; see ``flyaround.hil.link.packets.messages``."""
 
     HELLO = 1
     HELLO_ACK = 2

@@ -6,8 +6,8 @@ from typing import Tuple, Union
 
 import numpy as np
 
-from hil.link.errors import PacketError
-from hil.link.packets.enums import PixelFormat
+from flyaround.hil.link.errors import PacketError
+from flyaround.hil.link.packets.enums import PixelFormat
 
 Image = np.ndarray  # (H, W) or (H, W, 3) uint8, or (H, W) uint16
 

@@ -12,7 +12,7 @@ from typing import Iterator, List, Tuple, Union
 
 import numpy as np
 
-from hil.link.errors import PacketError
+from flyaround.hil.link.errors import PacketError
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _CHUNK = struct.Struct(">I4s")

@@ -6,8 +6,8 @@ import struct
 from dataclasses import dataclass
 from typing import Any, ClassVar, Dict, Optional
 
-from hil.link.errors import PacketError
-from hil.link.packets.enums import (
+from flyaround.hil.link.errors import PacketError
+from flyaround.hil.link.packets.enums import (
     GREY_FORMATS,
     NO_FRAME,
     Encoding,
@@ -17,7 +17,7 @@ from hil.link.packets.enums import (
     TruthPolicy,
     format_mask,
 )
-from hil.link.packets.fields import (
+from flyaround.hil.link.packets.fields import (
     MAX_CAMERA_JSON_BYTES,
     known_value,
     pack_hash,
@@ -28,7 +28,7 @@ from hil.link.packets.fields import (
     unpack_json,
     unpack_text,
 )
-from hil.link.packets.packet import PROTOCOL_VERSION, PacketType
+from flyaround.hil.link.packets.packet import PROTOCOL_VERSION, PacketType
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ import time
 from abc import ABC, abstractmethod
 from typing import Optional, Protocol
 
-from hil.link.errors import LinkClosed
-from hil.link.packets.packet import Packet
+from flyaround.hil.link.errors import LinkClosed
+from flyaround.hil.link.packets.packet import Packet
 
 
 class Framing(Protocol):
-    """Packets to bytes and back; see ``hil.link.framing.length_prefix``."""
+    """Packets to bytes and back; see ``flyaround.hil.link.framing.length_prefix``."""
 
     def encode(self, packet: Packet) -> bytes:
         """Bytes for the line."""

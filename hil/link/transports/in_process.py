@@ -6,10 +6,10 @@ import threading
 from collections import deque
 from typing import Deque, Tuple
 
-from hil.link.errors import LinkClosed, LinkError
-from hil.link.framing.cobs import CobsFraming
-from hil.link.framing.length_prefix import LengthFraming
-from hil.link.transports.base import Framing, StreamTransport
+from flyaround.hil.link.errors import LinkClosed, LinkError
+from flyaround.hil.link.framing.cobs import CobsFraming
+from flyaround.hil.link.framing.length_prefix import LengthFraming
+from flyaround.hil.link.transports.base import Framing, StreamTransport
 
 
 class _Pipe:

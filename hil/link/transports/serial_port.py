@@ -6,9 +6,9 @@ import select
 import time
 from typing import Optional
 
-from hil.link.errors import LinkClosed, LinkError
-from hil.link.framing.cobs import CobsFraming
-from hil.link.transports.base import StreamTransport
+from flyaround.hil.link.errors import LinkClosed, LinkError
+from flyaround.hil.link.framing.cobs import CobsFraming
+from flyaround.hil.link.transports.base import StreamTransport
 
 try:
     import serial

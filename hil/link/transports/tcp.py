@@ -10,9 +10,9 @@ import socket
 import time
 from typing import Optional
 
-from hil.link.errors import LinkClosed, LinkError
-from hil.link.framing.length_prefix import LengthFraming
-from hil.link.transports.base import StreamTransport
+from flyaround.hil.link.errors import LinkClosed, LinkError
+from flyaround.hil.link.framing.length_prefix import LengthFraming
+from flyaround.hil.link.transports.base import StreamTransport
 
 # a peer that takes no byte for this long is gone
 SEND_STALL_S = 1.5

@@ -18,8 +18,8 @@ import time
 from collections import deque
 from typing import Deque, Dict, Optional, Tuple
 
-from hil.link.errors import LinkError
-from hil.link.framing.datagrams import (
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.framing.datagrams import (
     DATAGRAM_BYTES,
     LEAST_DATAGRAM_BYTES,
     MOST_DATAGRAM_BYTES,
@@ -29,7 +29,7 @@ from hil.link.framing.datagrams import (
     datagram,
     split_datagram,
 )
-from hil.link.transports.udp_peer import LINGER_NS, Address, Bell, UdpTransport
+from flyaround.hil.link.transports.udp_peer import LINGER_NS, Address, Bell, UdpTransport
 
 # one that refuses, as the system of its machine says, has this long to come back
 REFUSED_NS = 1_000_000_000

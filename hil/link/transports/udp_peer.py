@@ -7,8 +7,8 @@ import threading
 import time
 from typing import Any, Optional, Protocol
 
-from hil.link.errors import LinkClosed, PacketError
-from hil.link.framing.datagrams import (
+from flyaround.hil.link.errors import LinkClosed, PacketError
+from flyaround.hil.link.framing.datagrams import (
     ACK,
     DATA,
     HELD_BYTES,
@@ -19,7 +19,7 @@ from hil.link.framing.datagrams import (
     Outgoing,
     datagram,
 )
-from hil.link.packets.packet import MAX_PACKET_BYTES, Packet, decode_packet, encode_packet
+from flyaround.hil.link.packets.packet import MAX_PACKET_BYTES, Packet, decode_packet, encode_packet
 
 # a peer that says nothing for this long is gone; it is asked four times a second
 SILENCE_S = 1.5

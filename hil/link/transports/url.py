@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Dict, Tuple
 from urllib.parse import parse_qs, urlsplit
 
-from hil.link.errors import LinkError
-from hil.link.transports.serial_port import SerialListener, SerialTransport
-from hil.link.transports.tcp import TcpListener, connect_tcp
-from hil.link.transports.udp import UdpListener, connect_udp
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.transports.serial_port import SerialListener, SerialTransport
+from flyaround.hil.link.transports.tcp import TcpListener, connect_tcp
+from flyaround.hil.link.transports.udp import UdpListener, connect_udp
 
 if TYPE_CHECKING:
-    from hil.link.transports.base import Listener, Transport
+    from flyaround.hil.link.transports.base import Listener, Transport
 
 
 SHAPES = "tcp://127.0.0.1:5600, udp://127.0.0.1:5600 or serial:///dev/ttyUSB0?baud=921600"

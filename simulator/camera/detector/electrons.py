@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.camera.detector.readout import read_out
-from simulator.camera.detector.sunlight import electrons_per_joule
+from flyaround.simulator.camera.detector.readout import read_out
+from flyaround.simulator.camera.detector.sunlight import electrons_per_joule
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from simulator.camera.detector.optics import Optics
-    from simulator.camera.detector.sensor import Detector, Sensor
-    from simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.camera.detector.optics import Optics
+    from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 _MOSAIC = {"r": 0, "g": 1, "b": 2}
 _DEMOSAIC = {

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector.deviates import bit_source
+from flyaround.simulator.camera.detector.deviates import bit_source
 
 if TYPE_CHECKING:
-    from simulator.camera.detector.sensor import Detector
-    from simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.camera.detector.sensor import Detector
+    from flyaround.simulator.runtime.arrays import Float32Array
 
 _KEY = 0x466C79  # keeps the pattern's random numbers apart from any frame's
 

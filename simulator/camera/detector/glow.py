@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.camera.detector.optics import Optics
-    from simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.camera.detector.optics import Optics
+    from flyaround.simulator.runtime.arrays import Float32Array
 
 _STEP = 4  # pixels joined before so wide a blur: its error is far below a step of the picture
 _WIDER = 3.0

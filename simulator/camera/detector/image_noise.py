@@ -15,15 +15,20 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.camera.detector.deviates import bit_source, normal_tables, random_bytes, uniform_factors
+from flyaround.simulator.camera.detector.deviates import (
+    bit_source,
+    normal_tables,
+    random_bytes,
+    uniform_factors,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.runtime.arrays import ByteArray, Float32Array
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
 
 MIN_SHIFT = 4
 """Fewer steps than 16 a digital number are not fine enough: then the arithmetic is in floating point."""

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector.sunlight import limits_nm, sample_curve
+from flyaround.simulator.camera.detector.sunlight import limits_nm, sample_curve
 
 if TYPE_CHECKING:
-    from simulator.camera.detector.optics import Optics
-    from simulator.camera.detector.sensor import Detector, Sensor
-    from simulator.camera.detector.sunlight import Curve
+    from flyaround.simulator.camera.detector.optics import Optics
+    from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+    from flyaround.simulator.camera.detector.sunlight import Curve
 
 LARGEST_KERNEL = 63
 KERNEL_SUM_ERROR = 1e-3

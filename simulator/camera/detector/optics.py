@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.camera.lens.camera_model import Camera
 
 PsfKind = Literal["none", "gaussian", "airy", "kernel"]
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import gammainc, pdtr
 
-from simulator.camera.detector.deviates import add_normal, normal_tables, random_words
+from flyaround.simulator.camera.detector.deviates import add_normal, normal_tables, random_words
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 EXACT_BELOW_E = 12.0
 """Mean up to which the law is drawn exactly; above, its normal expansion differs by less than 1e-3 anywhere."""

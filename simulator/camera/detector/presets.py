@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from simulator.camera.detector.sensor import Detector, Sensor
-from simulator.errors import UserError
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+from flyaround.simulator.errors import UserError
 
 _PRESETS = {
     # Kisantal et al. (2020), Satellite Pose Estimation Challenge, IEEE TAES 56(5): blur 1 px, variance 0.0022

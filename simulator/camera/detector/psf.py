@@ -14,16 +14,16 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.special import j1
 
-from simulator.camera.detector.psf_pyramid import Pyramid, fit_kernel, fit_pyramid
-from simulator.runtime.threads import pieces_of, share_out
+from flyaround.simulator.camera.detector.psf_pyramid import Pyramid, fit_kernel, fit_pyramid
+from flyaround.simulator.runtime.threads import pieces_of, share_out
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.camera.detector.optics import Optics
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.camera.detector.optics import Optics
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 _GRID = 128  # frequencies per axis; kernels reach half as far
 _KEPT_ENERGY = 0.999

@@ -15,14 +15,14 @@ import cv2
 import numpy as np
 from scipy.optimize import nnls
 
-from simulator.camera.detector.deviates import NOISE_BANDS
+from flyaround.simulator.camera.detector.deviates import NOISE_BANDS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 REACH = (3, 2, 2, 2, 2, 2, 2, 3)
 """Taps each side of the middle, at full size, half, quarter, ..."""

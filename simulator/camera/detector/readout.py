@@ -15,21 +15,21 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.camera.detector.deviates import (
+from flyaround.simulator.camera.detector.deviates import (
     NOISE_BANDS,
     add_normal,
     bit_source,
     for_each_band,
     normal_tables,
 )
-from simulator.camera.detector.fixed_pattern import FixedPattern, fixed_pattern
-from simulator.camera.detector.poisson import poisson
+from flyaround.simulator.camera.detector.fixed_pattern import FixedPattern, fixed_pattern
+from flyaround.simulator.camera.detector.poisson import poisson
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.camera.detector.sensor import Detector, Sensor
-    from simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+    from flyaround.simulator.runtime.arrays import Float32Array
 
 
 _ROW_KEY, _COLUMN_KEY = 0x726F77, 0x636F6C
@@ -147,7 +147,7 @@ class _Exposure:
 def read_out(
     signal: Float32Array, sensor: Sensor, d: Detector, seed: int, frame_index: int, exposure_s: float
 ) -> NDArray[np.unsignedinteger]:
-    """Digital numbers (H, W) of one exposure; parameters as of `simulator.camera.detector.electrons.detect`."""
+    """Digital numbers (H, W) of one exposure; parameters as of `flyaround.simulator.camera.detector.electrons.detect`."""
     height, width = signal.shape
     sigma_dn = (d.full_well_e * d.pixels_per_bin) ** 0.5 / d.gain_e_per_dn
     e = _Exposure(

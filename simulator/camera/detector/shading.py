@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.camera.detector.optics import Optics
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.camera.detector.optics import Optics
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 _STEP_PX = 16
 _NEAR_PX = 128

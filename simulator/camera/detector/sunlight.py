@@ -10,9 +10,9 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.camera.detector.optics import Optics
-    from simulator.camera.detector.sensor import Detector
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.camera.detector.optics import Optics
+    from flyaround.simulator.camera.detector.sensor import Detector
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 PLANCK_J_S, LIGHT_M_S = 6.62607015e-34, 299_792_458.0
 

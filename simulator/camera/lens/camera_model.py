@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.lens.distortion import (
+from flyaround.simulator.camera.lens.distortion import (
     COEFFICIENT_COUNTS,
     Distortion,
     DistortionModel,
@@ -23,7 +23,7 @@ from simulator.camera.lens.distortion import (
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 __all__ = ["Camera", "Distortion", "DistortionModel"]
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 DistortionModel = Literal["none", "brown_conrady", "kannala_brandt"]
 COEFFICIENT_COUNTS: dict[str, tuple[int, ...]] = {

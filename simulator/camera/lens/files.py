@@ -5,12 +5,12 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.camera.lens.files_native import CameraFile, DistortionSection
-from simulator.camera.lens.formats.document import parse_document
-from simulator.camera.lens.formats.registry import read_camera_document
-from simulator.errors import UserError, near_names
-from simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.camera.lens.files_native import CameraFile, DistortionSection
+from flyaround.simulator.camera.lens.formats.document import parse_document
+from flyaround.simulator.camera.lens.formats.registry import read_camera_document
+from flyaround.simulator.errors import UserError, near_names
+from flyaround.simulator.runtime.untrusted_files import read_regular
 
 __all__ = [
     "CameraFile",
@@ -25,7 +25,7 @@ MOST_BYTES = 4_000_000  # of a camera file: a calibration may have its points wi
 
 def list_cameras() -> tuple[str, ...]:
     """Names of the built-in cameras."""
-    folder = files("assets").joinpath("cameras")
+    folder = files("flyaround.assets").joinpath("cameras")
     return tuple(sorted(f.name.removesuffix(".json") for f in folder.iterdir() if f.name.endswith(".json")))
 
 
@@ -50,7 +50,7 @@ def read_camera_file(name_or_path: str | Path, folder: Path | None = None) -> Ca
     """
     text = str(name_or_path)
     if text in list_cameras():
-        content = files("assets").joinpath("cameras", f"{text}.json").read_bytes()
+        content = files("flyaround.assets").joinpath("cameras", f"{text}.json").read_bytes()
         where = f"built-in camera {text}"
     else:
         path = (folder or Path()) / name_or_path

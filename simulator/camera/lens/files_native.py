@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from simulator.camera.lens.camera_model import Camera, Distortion, camera_problem
-from simulator.errors import UserError
+from flyaround.simulator.camera.lens.camera_model import Camera, Distortion, camera_problem
+from flyaround.simulator.errors import UserError
 
 _Size = Annotated[int, Meta(ge=16, le=16384)]
 _Focal = Annotated[float, Meta(gt=0, le=1e7)]

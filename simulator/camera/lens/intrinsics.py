@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from simulator.camera.lens.files_native import CameraFile, DistortionSection
-from simulator.errors import UserError
+from flyaround.simulator.camera.lens.files_native import CameraFile, DistortionSection
+from flyaround.simulator.errors import UserError
 
 CONSISTENT = 2e-3
 """Relative difference up to which two ways to the same number agree: data sheets are rounded."""

@@ -7,18 +7,18 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
-from simulator.dataset.card import CONVENTIONS, CardTarget, DatasetCard
-from simulator.dataset.record_fields import RECORD_FIELDS
-from simulator.dataset.storage.manifest import MANIFEST_NAME, file_hash, read_manifest
-from simulator.dataset.storage.store import FolderStore
-from simulator.errors import UserError
-from simulator.runtime.threads import threads
+from flyaround.simulator.dataset.card import CONVENTIONS, CardTarget, DatasetCard
+from flyaround.simulator.dataset.record_fields import RECORD_FIELDS
+from flyaround.simulator.dataset.storage.manifest import MANIFEST_NAME, file_hash, read_manifest
+from flyaround.simulator.dataset.storage.store import FolderStore
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.threads import threads
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from simulator.targets.model import Target
+    from flyaround.simulator.targets.model import Target
 
 MOST_FILE_BYTES = 2**32
 

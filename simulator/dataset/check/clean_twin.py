@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector.electrons import white_balance
-from simulator.imaging.image_formation import noise_sigma
-from simulator.scene.illumination.bands import sunlight_balance
+from flyaround.simulator.camera.detector.electrons import white_balance
+from flyaround.simulator.imaging.image_formation import noise_sigma
+from flyaround.simulator.scene.illumination.bands import sunlight_balance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.labels.truth import Truth
-    from simulator.runtime.arrays import BoolArray, ByteArray, FloatArray
+    from flyaround.simulator.labels.truth import Truth
+    from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray
 
 LEVELS = np.linspace(0, 1, 129) ** 2  # denser where the light is little: noise goes by its root
 NOISE_SPREAD = (0.55, 1.1)  # mean |x| of a normal law is 0.80 of its sigma, of a uniform one 0.87

@@ -17,11 +17,11 @@ import cv2
 import numpy as np
 import OpenEXR
 
-from simulator.dataset.formats.base import import_needed
-from simulator.dataset.formats.exr import MOST_PIXELS
-from simulator.dataset.formats.native import decode_png
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import refuse_deep
+from flyaround.simulator.dataset.formats.base import import_needed
+from flyaround.simulator.dataset.formats.exr import MOST_PIXELS
+from flyaround.simulator.dataset.formats.native import decode_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import refuse_deep
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

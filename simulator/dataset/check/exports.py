@@ -12,21 +12,21 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from simulator.dataset.check.export_contents import LONGEST_END, Entry, entries, is_cut, is_same
-from simulator.dataset.formats.labelled_frame import frame_from_folder
-from simulator.dataset.formats.registry import BUILT_IN, NATIVE, find_format, writable
-from simulator.dataset.split import read_split
-from simulator.errors import UserError
-from simulator.labels.truth import Truth
-from simulator.runtime.untrusted_files import read_regular, refuse_link_out
+from flyaround.simulator.dataset.check.export_contents import LONGEST_END, Entry, entries, is_cut, is_same
+from flyaround.simulator.dataset.formats.labelled_frame import frame_from_folder
+from flyaround.simulator.dataset.formats.registry import BUILT_IN, NATIVE, find_format, writable
+from flyaround.simulator.dataset.split import read_split
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import Truth
+from flyaround.simulator.runtime.untrusted_files import read_regular, refuse_link_out
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.base import DatasetFormat
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
-    from simulator.world.frames.pose import Pose
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.base import DatasetFormat
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.world.frames.pose import Pose
 
 SHARE, FEWEST_OF_SPLIT = 0.05, 2
 FEWEST, MOST_OF_SMALL, PICTURES = 4, 10, 24

@@ -12,23 +12,23 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.dataset.check.geometry import (
+from flyaround.simulator.dataset.check.geometry import (
     cut_for_the_lens,
     in_lens,
     project_with_opencv,
     shown_triangles,
 )
-from simulator.dataset.triangle_fill import fill_triangles
-from simulator.imaging.image_formation import noise_sigma
-from simulator.labels.wireframe import view_edges
-from simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.dataset.triangle_fill import fill_triangles
+from flyaround.simulator.imaging.image_formation import noise_sigma
+from flyaround.simulator.labels.wireframe import view_edges
+from flyaround.simulator.targets.joined_mesh import mesh_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from simulator.labels.truth import Truth
-    from simulator.runtime.arrays import ByteArray, FloatArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.labels.truth import Truth
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
+    from flyaround.simulator.targets.model import Target
 
 FINE_PX = 2048  # longest side of the grid that a silhouette is filled on
 LABEL_PX = 512  # and of one half as fine as the label counts on: antennas along its rows err together

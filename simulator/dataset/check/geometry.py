@@ -8,21 +8,21 @@ import cv2
 import msgspec
 import numpy as np
 
-from simulator.dataset.check.mask_statistics import lit_pixels
-from simulator.dataset.triangle_fill import FILL_SCALE, fill_triangles
-from simulator.imaging.rolling_shutter import pose_at_rows
-from simulator.runtime.arrays import vec3
-from simulator.targets.joined_mesh import mesh_of
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
+from flyaround.simulator.dataset.check.mask_statistics import lit_pixels
+from flyaround.simulator.dataset.triangle_fill import FILL_SCALE, fill_triangles
+from flyaround.simulator.imaging.rolling_shutter import pose_at_rows
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.dataset.card import DatasetCard
-    from simulator.labels.truth import Truth
-    from simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.joined_mesh import JoinedMesh
-    from simulator.targets.model import Target
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.labels.truth import Truth
+    from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.joined_mesh import JoinedMesh
+    from flyaround.simulator.targets.model import Target
 
 # Exported pixels carry float64 through JSON: only rounding in the projection may differ.
 PIXEL_TOLERANCE_PX = 1e-6

@@ -6,21 +6,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.dataset.check.geometry import PIXEL_TOLERANCE_PX, in_lens, project_with_opencv
-from simulator.dataset.check.mask_statistics import is_binary
-from simulator.labels.boxes import mask_box
-from simulator.labels.feasible import infeasible_reason
-from simulator.labels.layers import pixel_hash
-from simulator.targets.joined_mesh import mesh_of
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.dataset.check.geometry import PIXEL_TOLERANCE_PX, in_lens, project_with_opencv
+from flyaround.simulator.dataset.check.mask_statistics import is_binary
+from flyaround.simulator.labels.boxes import mask_box
+from flyaround.simulator.labels.feasible import infeasible_reason
+from flyaround.simulator.labels.layers import pixel_hash
+from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.dataset.card import DatasetCard
-    from simulator.labels.imported import ImportedTruth
-    from simulator.runtime.arrays import ByteArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.labels.imported import ImportedTruth
+    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.targets.model import Target
 
 
 def check_imported(

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.check.geometry import PIXEL_TOLERANCE_PX, in_lens, project_with_opencv
-from simulator.dataset.check.row_poses import pose_of_row
-from simulator.runtime.memory import cached_per_object
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.dataset.check.geometry import PIXEL_TOLERANCE_PX, in_lens, project_with_opencv
+from flyaround.simulator.dataset.check.row_poses import pose_of_row
+from flyaround.simulator.runtime.memory import cached_per_object
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from simulator.labels.truth import KeypointLabel, KeypointState, Truth
-    from simulator.runtime.arrays import FloatArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.labels.truth import KeypointLabel, KeypointState, Truth
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.model import Target
 
 AWAY_M = 2e-3  # docs/formats/truth.md: what is closer to a keypoint than this does not hide it
 DOUBT_M, DOUBT = 1e-4, 1e-6  # of that, and of where within a triangle a ray meets it: either answer is right

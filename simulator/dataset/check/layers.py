@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.dataset.check.geometry import doubtful_pixels, project_with_opencv, rays_with_opencv
-from simulator.dataset.check.mask_statistics import is_binary
-from simulator.dataset.check.ray_casting import ray_caster
-from simulator.dataset.check.row_poses import pose_of_row
-from simulator.dataset.check.sampled_rays import (
+from flyaround.simulator.dataset.check.geometry import doubtful_pixels, project_with_opencv, rays_with_opencv
+from flyaround.simulator.dataset.check.mask_statistics import is_binary
+from flyaround.simulator.dataset.check.ray_casting import ray_caster
+from flyaround.simulator.dataset.check.row_poses import pose_of_row
+from flyaround.simulator.dataset.check.sampled_rays import (
     DEPTH_M,
     DEPTH_RELATIVE,
     Layers,
@@ -20,19 +20,19 @@ from simulator.dataset.check.sampled_rays import (
     SampledRays,
     sample_pixels,
 )
-from simulator.imaging.rolling_shutter import BAND_PX
-from simulator.labels.layers import layer_hash
-from simulator.labels.visibility import SURFACE_TOLERANCE_M
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.imaging.rolling_shutter import BAND_PX
+from flyaround.simulator.labels.layers import layer_hash
+from flyaround.simulator.labels.visibility import SURFACE_TOLERANCE_M
+from flyaround.simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
-    from simulator.labels.truth import KeypointLabel, Truth
-    from simulator.runtime.arrays import ByteArray, FloatArray, IntArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.labels.truth import KeypointLabel, Truth
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray, IntArray
+    from flyaround.simulator.targets.model import Target
 
 MOST_DOUBTS = 300
 MOST_BAD = 6

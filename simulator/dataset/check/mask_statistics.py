@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import ByteArray, IntArray
+    from flyaround.simulator.runtime.arrays import ByteArray, IntArray
 
 
 def is_binary(mask: ByteArray) -> bool:

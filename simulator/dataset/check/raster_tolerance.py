@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 SNAP_PX = 1 / 128
 """A corner's rounding and the opposite edge's, together, with as much again for the raster's own arithmetic."""

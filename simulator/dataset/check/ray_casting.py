@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.check.raster_tolerance import triangles_near
-from simulator.dataset.triangle_fill import lowest_and_highest
-from simulator.runtime.memory import cached_per_object
-from simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.dataset.check.raster_tolerance import triangles_near
+from flyaround.simulator.dataset.triangle_fill import lowest_and_highest
+from flyaround.simulator.runtime.memory import cached_per_object
+from flyaround.simulator.targets.joined_mesh import mesh_of
 
 if TYPE_CHECKING:
-    from simulator.dataset.check.raster_tolerance import ShowableTriangles
-    from simulator.runtime.arrays import FloatArray, IntArray
-    from simulator.targets.model import Target
-    from simulator.world.frames.pose import Pose
+    from flyaround.simulator.dataset.check.raster_tolerance import ShowableTriangles
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.frames.pose import Pose
 
 NEAR_M = 1e-3
 FLAT = 1e-14  # twice the area of a triangle seen edge-on, in the plane z = 1

@@ -11,22 +11,22 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from simulator.dataset.stereo import SecondCameraPlan
-from simulator.errors import UserError
-from simulator.recipes.file import Recipe
-from simulator.recipes.plan import plan_recipe, varied_plan
-from simulator.recipes.vary_file import Vary
-from simulator.scenario.flight import frame_times
-from simulator.scenario.plan import plan_flight
-from simulator.scenario.scenario import Scenario
-from simulator.scene.second_camera import SECOND_SEED
+from flyaround.simulator.dataset.stereo import SecondCameraPlan
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.recipes.file import Recipe
+from flyaround.simulator.recipes.plan import plan_recipe, varied_plan
+from flyaround.simulator.recipes.vary_file import Vary
+from flyaround.simulator.scenario.flight import frame_times
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scene.second_camera import SECOND_SEED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from simulator.dataset.capture_plan import CapturePlan
-    from simulator.dataset.card import DatasetCard
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.dataset.capture_plan import CapturePlan
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.scene.state import SceneState
 
 RELATIVE = 1e-7
 """Rounding of a propagated state on another machine, as a share of the vector."""

@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.dataset.check.clean_twin import balance_factors
-from simulator.dataset.check.feasibility import check_step_share
-from simulator.dataset.check.redrawn_layers import check_same_layers
-from simulator.dataset.formats.native import frame_paths, read_layer, read_png
-from simulator.errors import UserError
-from simulator.frame import take_frame
-from simulator.imaging.image_formation import expose_scene, noise_sigma
-from simulator.labels.feasible import mono_signal
-from simulator.labels.request import LabelRequest
-from simulator.labels.truth import read_truth
+from flyaround.simulator.dataset.check.clean_twin import balance_factors
+from flyaround.simulator.dataset.check.feasibility import check_step_share
+from flyaround.simulator.dataset.check.redrawn_layers import check_same_layers
+from flyaround.simulator.dataset.formats.native import frame_paths, read_layer, read_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.imaging.image_formation import expose_scene, noise_sigma
+from flyaround.simulator.labels.feasible import mono_signal
+from flyaround.simulator.labels.request import LabelRequest
+from flyaround.simulator.labels.truth import read_truth
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.dataset.check.sampled_rays import Layers
-    from simulator.labels.truth import Truth
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import ByteArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.dataset.check.sampled_rays import Layers
+    from flyaround.simulator.labels.truth import Truth
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.targets.model import Target
 
 SHARE = 0.02  # of a data set's frames that are drawn again
 FEWEST = 3
@@ -87,8 +87,8 @@ def check_pictures(
     ----------
     frames : to be drawn, all of them readable. target : that the card and the records name.
     """
-    from simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
-    from simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
+    from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
+    from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
 
     faults: list[tuple[int, str]] = []
     try:

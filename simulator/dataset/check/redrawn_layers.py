@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 RELATIVE = {"depth": 2e-5}
 """Rounding of another renderer or processor, as a share of the value."""

@@ -6,11 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.frames.pose import Pose
-from simulator.world.frames.rotation import matrix_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply
+from flyaround.simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+)
 
 if TYPE_CHECKING:
-    from simulator.labels.truth import Truth
+    from flyaround.simulator.labels.truth import Truth
 
 
 def pose_of_row(truth: Truth, row: float) -> Pose:

@@ -10,17 +10,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.dataset.check.geometry import rays_with_opencv
-from simulator.dataset.check.mask_statistics import lit_pixels
-from simulator.dataset.check.ray_casting import Hits, RayCaster, ray_caster
-from simulator.dataset.check.row_poses import pose_of_row
-from simulator.imaging.rolling_shutter import BAND_PX
+from flyaround.simulator.dataset.check.geometry import rays_with_opencv
+from flyaround.simulator.dataset.check.mask_statistics import lit_pixels
+from flyaround.simulator.dataset.check.ray_casting import Hits, RayCaster, ray_caster
+from flyaround.simulator.dataset.check.row_poses import pose_of_row
+from flyaround.simulator.imaging.rolling_shutter import BAND_PX
 
 if TYPE_CHECKING:
-    from simulator.dataset.check.raster_tolerance import ShowableTriangles
-    from simulator.labels.truth import Truth
-    from simulator.runtime.arrays import ByteArray, FloatArray, IntArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.dataset.check.raster_tolerance import ShowableTriangles
+    from flyaround.simulator.labels.truth import Truth
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray, IntArray
+    from flyaround.simulator.targets.model import Target
 
 Layers = Mapping[str, NDArray[Any]]
 

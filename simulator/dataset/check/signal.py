@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.check.feasibility import check_step_share
-from simulator.imaging.image_formation import noise_sigma
-from simulator.labels.keypoints import CONTRAST_RADIUS_PX
+from flyaround.simulator.dataset.check.feasibility import check_step_share
+from flyaround.simulator.imaging.image_formation import noise_sigma
+from flyaround.simulator.labels.keypoints import CONTRAST_RADIUS_PX
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.labels.truth import Truth
-    from simulator.targets.model import Target
+    from flyaround.simulator.labels.truth import Truth
+    from flyaround.simulator.targets.model import Target
 
 BY_SIGNAL = ("visible", "saturated", "below_noise")
 RELATIVE = 0.02

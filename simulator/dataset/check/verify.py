@@ -13,44 +13,44 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.card import CARD_NAME, DatasetCard, read_card
-from simulator.dataset.check.card_facts import check_card, check_manifest
-from simulator.dataset.check.clean_twin import check_clean
-from simulator.dataset.check.exports import check_exports
-from simulator.dataset.check.feasibility import check_silhouette_inside
-from simulator.dataset.check.geometry import check_box_3d, check_keypoints, check_visible_on_mask
-from simulator.dataset.check.imported import check_imported
-from simulator.dataset.check.keypoint_states import check_amodal_box, check_states
-from simulator.dataset.check.layers import check_against_mesh, check_layers
-from simulator.dataset.check.mask_statistics import is_binary
-from simulator.dataset.check.recomputed_scenes import check_scenes
-from simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
-from simulator.dataset.check.redraw import Redrawn, check_pictures, fresh_seed, sample
-from simulator.dataset.check.row_poses import check_rows
-from simulator.dataset.check.signal import check_states_by_signal, check_steps_by_signal
-from simulator.dataset.check.wireframe import check_wireframe
-from simulator.dataset.formats.native import frame_paths, is_whole, read_layer, read_png
-from simulator.dataset.stereo import pair_faults, second_folder
-from simulator.errors import UserError
-from simulator.labels.boxes import mask_box
-from simulator.labels.feasible import infeasible_reason
-from simulator.labels.imported import ImportedTruth, read_label_record
-from simulator.labels.layers import pixel_hash
-from simulator.labels.truth import Truth
-from simulator.targets.library import load_target
-from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from simulator.world.frames.pose import Pose
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.dataset.card import CARD_NAME, DatasetCard, read_card
+from flyaround.simulator.dataset.check.card_facts import check_card, check_manifest
+from flyaround.simulator.dataset.check.clean_twin import check_clean
+from flyaround.simulator.dataset.check.exports import check_exports
+from flyaround.simulator.dataset.check.feasibility import check_silhouette_inside
+from flyaround.simulator.dataset.check.geometry import check_box_3d, check_keypoints, check_visible_on_mask
+from flyaround.simulator.dataset.check.imported import check_imported
+from flyaround.simulator.dataset.check.keypoint_states import check_amodal_box, check_states
+from flyaround.simulator.dataset.check.layers import check_against_mesh, check_layers
+from flyaround.simulator.dataset.check.mask_statistics import is_binary
+from flyaround.simulator.dataset.check.recomputed_scenes import check_scenes
+from flyaround.simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
+from flyaround.simulator.dataset.check.redraw import Redrawn, check_pictures, fresh_seed, sample
+from flyaround.simulator.dataset.check.row_poses import check_rows
+from flyaround.simulator.dataset.check.signal import check_states_by_signal, check_steps_by_signal
+from flyaround.simulator.dataset.check.wireframe import check_wireframe
+from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_layer, read_png
+from flyaround.simulator.dataset.stereo import pair_faults, second_folder
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.boxes import mask_box
+from flyaround.simulator.labels.feasible import infeasible_reason
+from flyaround.simulator.labels.imported import ImportedTruth, read_label_record
+from flyaround.simulator.labels.layers import pixel_hash
+from flyaround.simulator.labels.truth import Truth
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from simulator.dataset.check.sampled_rays import Layers
-    from simulator.runtime.arrays import ByteArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.dataset.check.sampled_rays import Layers
+    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 
 @dataclass(frozen=True)

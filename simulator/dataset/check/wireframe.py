@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.check.geometry import in_lens, project_with_opencv
-from simulator.dataset.check.ray_casting import RayCaster, ray_caster
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.dataset.check.geometry import in_lens, project_with_opencv
+from flyaround.simulator.dataset.check.ray_casting import RayCaster, ray_caster
+from flyaround.simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
-    from simulator.labels.truth import Truth
-    from simulator.runtime.arrays import FloatArray
-    from simulator.targets.model import Edge, Target
+    from flyaround.simulator.labels.truth import Truth
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.model import Edge, Target
 
 EDGE_NEAR_M = 0.05
 LONG_PX = 6.0

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
-from simulator.dataset.formats.eight_bits import image_bits
-from simulator.dataset.formats.exr import encode_exr
-from simulator.dataset.formats.native import EXR_CHANNELS
+from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
+from flyaround.simulator.dataset.formats.eight_bits import image_bits
+from flyaround.simulator.dataset.formats.exr import encode_exr
+from flyaround.simulator.dataset.formats.native import EXR_CHANNELS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 NO_CHANNELS = ("amodal",)  # reaches beyond the image
 

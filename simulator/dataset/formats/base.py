@@ -6,17 +6,17 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
-from simulator.dataset.formats.eight_bits import image_bits, scale_sentence, with_eight_bits
-from simulator.errors import UserError
-from simulator.runtime.files import write_atomic
+from flyaround.simulator.dataset.formats.eight_bits import image_bits, scale_sentence, with_eight_bits
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
-    from simulator.dataset.formats.posed_pictures import PosedPictures
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.formats.posed_pictures import PosedPictures
 
 
 class FormatOutput(Protocol):

@@ -19,26 +19,26 @@ import msgspec
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, lens_problem
-from simulator.dataset.formats.native import encode_png
-from simulator.dataset.formats.speed_writer import json_bytes
-from simulator.dataset.triangle_fill import filled_mask
-from simulator.errors import UserError
-from simulator.labels.boxes import NEAREST_M
-from simulator.labels.truth import Truth
-from simulator.targets.joined_mesh import mesh_of
-from simulator.targets.library import load_target
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, lens_problem
+from flyaround.simulator.dataset.formats.native import encode_png
+from flyaround.simulator.dataset.formats.speed_writer import json_bytes
+from flyaround.simulator.dataset.triangle_fill import filled_mask
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.boxes import NEAREST_M
+from flyaround.simulator.labels.truth import Truth
+from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
-    from simulator.runtime.arrays import FloatArray
-    from simulator.targets.model import Target
-    from simulator.world.frames.pose import Pose
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.frames.pose import Pose
 
 MM = 1000.0
 _CANVAS_PX = 2048  # the larger of a craft and of what is beside the image is counted on a coarser grid

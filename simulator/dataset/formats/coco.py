@@ -17,18 +17,18 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
-from simulator.dataset.formats.speed_writer import json_bytes
-from simulator.labels.boxes import craft_window
-from simulator.labels.part_classes import PART_CLASSES
+from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
+from flyaround.simulator.dataset.formats.speed_writer import json_bytes
+from flyaround.simulator.labels.boxes import craft_window
+from flyaround.simulator.labels.part_classes import PART_CLASSES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
-    from simulator.labels.truth import KeypointState
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.labels.truth import KeypointState
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 CORNER_PX = 0.5
 """From a position where (0, 0) is the first pixel's centre to one where it is its corner."""

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.formats.native import decode_png, encode_png
-from simulator.labels.truth import Truth
+from flyaround.simulator.dataset.formats.native import decode_png, encode_png
+from flyaround.simulator.labels.truth import Truth
 
 if TYPE_CHECKING:
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 IMAGES = ("png", "clean.png")
 """Endings of the files that hold digital numbers."""

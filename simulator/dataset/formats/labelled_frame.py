@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.dataset.formats.exr import decode_exr
-from simulator.dataset.formats.native import (
+from flyaround.simulator.dataset.formats.exr import decode_exr
+from flyaround.simulator.dataset.formats.native import (
     EXR_CHANNELS,
     PNG_LAYERS,
     EncodedFrame,
@@ -18,17 +18,17 @@ from simulator.dataset.formats.native import (
     frame_paths,
     read_bytes,
 )
-from simulator.labels.imported import LabelRecord, parse_label_record
-from simulator.runtime.untrusted_files import refuse_link_out
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.labels.imported import LabelRecord, parse_label_record
+from flyaround.simulator.runtime.untrusted_files import refuse_link_out
+from flyaround.simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 SPLITS = ("train", "validation", "test")
 

@@ -9,8 +9,8 @@ import io
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, import_needed
-from simulator.dataset.formats.ros_messages import (
+from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, import_needed
+from flyaround.simulator.dataset.formats.ros_messages import (
     DEFINITIONS,
     TARGET_FRAME,
     camera_info,
@@ -18,14 +18,14 @@ from simulator.dataset.formats.ros_messages import (
     pose_stamped,
     transform,
 )
-from simulator.dataset.formats.shards import Shards
-from simulator.world.time.instant import nanoseconds_utc
+from flyaround.simulator.dataset.formats.shards import Shards
+from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 TOPICS = {
     "/camera/image_raw/compressed": "sensor_msgs/msg/CompressedImage",

@@ -10,18 +10,24 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.dataset.formats.exr import MOST_BYTES, MOST_PIXELS, MOST_SIDE_PX, encode_exr, read_exr
-from simulator.errors import UserError
-from simulator.labels.truth import truth_to_json
-from simulator.runtime.files import write_atomic
-from simulator.runtime.untrusted_files import read_regular, refuse_link_out
-from simulator.targets.textures import picture_size
+from flyaround.simulator.dataset.formats.exr import (
+    MOST_BYTES,
+    MOST_PIXELS,
+    MOST_SIDE_PX,
+    encode_exr,
+    read_exr,
+)
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import truth_to_json
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.untrusted_files import read_regular, refuse_link_out
+from flyaround.simulator.targets.textures import picture_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.frame import Frame
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.frame import Frame
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 PNG_LAYERS = ("amodal", "parts", "clean")

@@ -13,13 +13,13 @@ import io
 import json
 from typing import TYPE_CHECKING, Any
 
-from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, import_needed
-from simulator.dataset.formats.eight_bits import scale_sentence
-from simulator.dataset.formats.shards import Shards
+from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, import_needed
+from flyaround.simulator.dataset.formats.eight_bits import scale_sentence
+from flyaround.simulator.dataset.formats.shards import Shards
 
 if TYPE_CHECKING:
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 Row = dict[str, Any]
 

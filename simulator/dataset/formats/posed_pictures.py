@@ -10,21 +10,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from simulator.camera.lens.files import parse_camera
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import (
+from flyaround.simulator.camera.lens.files import parse_camera
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import (
     decode_text,
     find_beside,
     read_regular,
     refuse_deep,
     refuse_link_out,
 )
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.camera.lens.camera_model import Camera
 
 MOST_BYTES = 500_000_000  # of a list of labels: a million pictures
 MOST_CAMERA_BYTES = 4_000_000

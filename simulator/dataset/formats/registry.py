@@ -4,27 +4,27 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.dataset.formats.arrays_writer import EXR, NPZ
-from simulator.dataset.formats.base import DatasetFormat
-from simulator.dataset.formats.bop import BOP
-from simulator.dataset.formats.coco import COCO
-from simulator.dataset.formats.mcap_writer import MCAP
-from simulator.dataset.formats.parquet import PARQUET
-from simulator.dataset.formats.spark import SPARK
-from simulator.dataset.formats.speed_reader import read_shirt
-from simulator.dataset.formats.speed_writer import SPEED, SPEEDPLUS
-from simulator.dataset.formats.urso import URSO
-from simulator.dataset.formats.web_shards import WEBDATASET
-from simulator.dataset.formats.yolo import YOLO
-from simulator.errors import UserError, near_names
-from simulator.runtime.plugins import Plugin, plugins
+from flyaround.simulator.dataset.formats.arrays_writer import EXR, NPZ
+from flyaround.simulator.dataset.formats.base import DatasetFormat
+from flyaround.simulator.dataset.formats.bop import BOP
+from flyaround.simulator.dataset.formats.coco import COCO
+from flyaround.simulator.dataset.formats.mcap_writer import MCAP
+from flyaround.simulator.dataset.formats.parquet import PARQUET
+from flyaround.simulator.dataset.formats.spark import SPARK
+from flyaround.simulator.dataset.formats.speed_reader import read_shirt
+from flyaround.simulator.dataset.formats.speed_writer import SPEED, SPEEDPLUS
+from flyaround.simulator.dataset.formats.urso import URSO
+from flyaround.simulator.dataset.formats.web_shards import WEBDATASET
+from flyaround.simulator.dataset.formats.yolo import YOLO
+from flyaround.simulator.errors import UserError, near_names
+from flyaround.simulator.runtime.plugins import Plugin, plugins
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.posed_pictures import PosedPictures
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.posed_pictures import PosedPictures
 
 NATIVE = "native"
 SHIRT = DatasetFormat(name="shirt", title="SHIRT (Stanford)", read=read_shirt)

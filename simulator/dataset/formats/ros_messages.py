@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.world.time.instant import nanoseconds_utc
+from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import Quat, Vec3
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import Quat, Vec3
 
 CAMERA_FRAME, TARGET_FRAME = "camera_optical", "target"
 

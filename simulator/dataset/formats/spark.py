@@ -14,8 +14,13 @@ import csv
 import io
 from typing import TYPE_CHECKING
 
-from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, fisheye_problem
-from simulator.dataset.formats.posed_pictures import (
+from flyaround.simulator.dataset.formats.base import (
+    DatasetFormat,
+    FormatOutput,
+    FormatWriter,
+    fisheye_problem,
+)
+from flyaround.simulator.dataset.formats.posed_pictures import (
     PosedPicture,
     PosedPictures,
     checked_pose,
@@ -23,14 +28,14 @@ from simulator.dataset.formats.posed_pictures import (
     find_picture,
     read_csv,
 )
-from simulator.dataset.formats.speed_writer import json_bytes, speed_camera
-from simulator.errors import UserError
+from flyaround.simulator.dataset.formats.speed_writer import json_bytes, speed_camera
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 COLUMNS = ("filename", "Tx", "Ty", "Tz", "Qx", "Qy", "Qz", "Qw")
 FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}

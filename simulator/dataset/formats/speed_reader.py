@@ -16,7 +16,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from simulator.dataset.formats.posed_pictures import (
+from flyaround.simulator.dataset.formats.posed_pictures import (
     PosedPicture,
     PosedPictures,
     checked_pose,
@@ -24,7 +24,7 @@ from simulator.dataset.formats.posed_pictures import (
     find_picture,
     read_json,
 )
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 NOT_LISTS = ("camera.json", "dataset.json", "split.json")
 QUATERNION = {"speed": "q_vbs2tango", "speedplus": "q_vbs2tango_true", "shirt": "q_vbs2tango_true"}

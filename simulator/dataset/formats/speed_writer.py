@@ -19,15 +19,20 @@ import cv2
 import msgspec
 import numpy as np
 
-from simulator.camera.lens.files_native import CameraFile
-from simulator.camera.lens.formats.registry import camera_text
-from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, fisheye_problem
-from simulator.dataset.formats.speed_reader import POSITION, QUATERNION, read_speed, read_speedplus
+from flyaround.simulator.camera.lens.files_native import CameraFile
+from flyaround.simulator.camera.lens.formats.registry import camera_text
+from flyaround.simulator.dataset.formats.base import (
+    DatasetFormat,
+    FormatOutput,
+    FormatWriter,
+    fisheye_problem,
+)
+from flyaround.simulator.dataset.formats.speed_reader import POSITION, QUATERNION, read_speed, read_speedplus
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 # The public images are JPEG; at 95 the coding error (below 1 DN rms) stays far under the noise (12 DN).
 JPEG_QUALITY = 95

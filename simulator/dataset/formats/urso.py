@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, lens_problem
-from simulator.dataset.formats.posed_pictures import (
+from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, lens_problem
+from flyaround.simulator.dataset.formats.posed_pictures import (
     PosedPicture,
     PosedPictures,
     checked_pose,
@@ -27,17 +27,17 @@ from simulator.dataset.formats.posed_pictures import (
     find_picture,
     read_csv,
 )
-from simulator.dataset.formats.speed_writer import json_bytes, speed_camera
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import decode_text, read_regular, refuse_link_out
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from flyaround.simulator.dataset.formats.speed_writer import json_bytes, speed_camera
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular, refuse_link_out
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 URSO_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 MIRROR = np.diag([1.0, -1.0, 1.0])

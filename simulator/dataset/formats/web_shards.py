@@ -13,14 +13,14 @@ import io
 import tarfile
 from typing import TYPE_CHECKING
 
-from simulator.dataset.card import CARD_NAME, card_to_json
-from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
-from simulator.dataset.formats.labelled_frame import native_names
-from simulator.dataset.formats.shards import Shards
+from flyaround.simulator.dataset.card import CARD_NAME, card_to_json
+from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
+from flyaround.simulator.dataset.formats.labelled_frame import native_names
+from flyaround.simulator.dataset.formats.shards import Shards
 
 if TYPE_CHECKING:
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 Files = list[tuple[str, bytes]]
 

@@ -11,12 +11,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, keypoint_problem
-from simulator.dataset.formats.coco import box_xywh, keypoint_triples
+from flyaround.simulator.dataset.formats.base import (
+    DatasetFormat,
+    FormatOutput,
+    FormatWriter,
+    keypoint_problem,
+)
+from flyaround.simulator.dataset.formats.coco import box_xywh, keypoint_triples
 
 if TYPE_CHECKING:
-    from simulator.dataset.card import DatasetCard
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 

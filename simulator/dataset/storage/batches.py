@@ -8,10 +8,10 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from simulator.dataset.storage.manifest import MANIFEST_NAME
+from flyaround.simulator.dataset.storage.manifest import MANIFEST_NAME
 
 if TYPE_CHECKING:
-    from simulator.dataset.storage.store import Files, Store
+    from flyaround.simulator.dataset.storage.store import Files, Store
 
 MOST_BYTES = 64_000_000
 MOST_S = 2.0

@@ -10,12 +10,12 @@ import hashlib
 import re
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from simulator.dataset.storage.store import Files, Store
+    from flyaround.simulator.dataset.storage.store import Files, Store
 
 MANIFEST_NAME = "manifest.sha256"
 MOST_BYTES = 2**32

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from simulator.dataset.storage.store import Store
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.dataset.storage.store import Store
+    from flyaround.simulator.scene.state import SceneState
 
 # Noise does not compress, so an image takes all of its bits; the others were measured on eval-earth at 1920x1200.
 _IMAGE = 1.02

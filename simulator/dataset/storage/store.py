@@ -8,9 +8,9 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from simulator.errors import UserError, write_error
-from simulator.runtime.files import PART_FILES, write_lasting
-from simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.errors import UserError, write_error
+from flyaround.simulator.runtime.files import PART_FILES, write_lasting
+from flyaround.simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,14 +6,14 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
-from simulator.runtime.urls import without_secrets
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.urls import without_secrets
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from simulator.dataset.storage.store import Files
+    from flyaround.simulator.dataset.storage.store import Files
 
 _APPENDED_EVERY_S = 30.0
 """Objects have no end to add to: what is appended is kept, and the whole object written again that often."""

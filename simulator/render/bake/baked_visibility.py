@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.render.bake.charts import Charts
-    from simulator.render.bake.ray_cast import Int32Array, Tracer
-    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from flyaround.simulator.render.bake.charts import Charts
+    from flyaround.simulator.render.bake.ray_cast import Int32Array, Tracer
+    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet that stands for a round face
 # of the craft's radius: rays start so far off their face, which then does not hide them; and those of a place that is

@@ -9,7 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 _COPLANAR = 0.9998  # cosine between neighbours in one plane
 _SAME = 1 - 1e-6  # the same of a quad's halves on a finely meshed round face

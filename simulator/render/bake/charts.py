@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from simulator.render.bake.chart_cuts import cut_charts
-from simulator.targets.plane_grid import PlaneGrid
+from flyaround.simulator.render.bake.chart_cuts import cut_charts
+from flyaround.simulator.targets.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 TEXEL = 0.032  # of the craft's radius
 MOST_NODES = 250_000  # 64 MB of baked light a band; a mesh that needs more has fewer to a metre

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array
 
 if TYPE_CHECKING:
-    from simulator.render.bake.mesh_edges import MeshEdges
-    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from flyaround.simulator.render.bake.mesh_edges import MeshEdges
+    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 VERSION = 1  # of `_nearest_creases`: raise it when the same edges give other distances
 _FARTHEST = 0.004  # of the mesh's extent: what lies farther apart is not looked for

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from simulator.render.bake.charts import Charts, make_charts
-from simulator.render.bake.mesh_edges import MeshEdges, find_edges
-from simulator.render.bake.occluders import BOX, Boxes, ConvexShell, convex_bodies, find_shells
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array
-from simulator.runtime.serialisation import pack, unpack
-from simulator.targets.geometry import is_closed
+from flyaround.simulator.render.bake.charts import Charts, make_charts
+from flyaround.simulator.render.bake.mesh_edges import MeshEdges, find_edges
+from flyaround.simulator.render.bake.occluders import BOX, Boxes, ConvexShell, convex_bodies, find_shells
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.runtime.serialisation import pack, unpack
+from flyaround.simulator.targets.geometry import is_closed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray, IntArray
-    from simulator.targets.model import Part
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray, IntArray
+    from flyaround.simulator.targets.model import Part
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
 MOST_KEPT = 1_000_000  # triangles: a finer mesh is a gigabyte on the disk, and worked out anew

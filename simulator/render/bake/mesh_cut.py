@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 _IndexArray = np.typing.NDArray[np.int64]
 

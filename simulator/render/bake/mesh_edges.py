@@ -10,8 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
-    from simulator.targets.model import Part
+    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from flyaround.simulator.targets.model import Part
 
 SMOOTH_COSINE = np.cos(np.radians(5.0))  # shading normals that differ by less across an edge hide it
 FLAT_COSINE = 1 - 1e-6  # faces of one plane (0.08 degrees) never part at a silhouette

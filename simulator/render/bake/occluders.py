@@ -17,8 +17,8 @@ from scipy.sparse.csgraph import connected_components
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
-    from simulator.targets.model import Part
+    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from flyaround.simulator.targets.model import Part
 
 MARGIN = 2e-4
 """Of the radius, by which what is hidden lies inside the region: more than a raster's rounding of corners."""

@@ -15,19 +15,23 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from scipy.sparse import coo_matrix
 
-from simulator.render.bake.baked_visibility import decode_visibility, encode_visibility, trace_visibility
-from simulator.render.bake.geometry import VERTEX
-from simulator.render.bake.ray_cast import make_tracer
-from simulator.render.irradiance import spherical_fibonacci
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_arrays
-from simulator.runtime.prebuilt import prebuilt_array
+from flyaround.simulator.render.bake.baked_visibility import (
+    decode_visibility,
+    encode_visibility,
+    trace_visibility,
+)
+from flyaround.simulator.render.bake.geometry import VERTEX
+from flyaround.simulator.render.bake.ray_cast import make_tracer
+from flyaround.simulator.render.irradiance import spherical_fibonacci
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_arrays
+from flyaround.simulator.runtime.prebuilt import prebuilt_array
 
 if TYPE_CHECKING:
-    from simulator.render.bake.baked_visibility import NodeVisibility
-    from simulator.render.bake.charts import Charts
-    from simulator.render.bake.geometry import BakedMesh
-    from simulator.runtime.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+    from flyaround.simulator.render.bake.baked_visibility import NodeVisibility
+    from flyaround.simulator.render.bake.charts import Charts
+    from flyaround.simulator.render.bake.geometry import BakedMesh
+    from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 
 _T = TypeVar("_T", bound=np.generic)
 VISIBILITY_VERSION = (

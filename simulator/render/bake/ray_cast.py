@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from simulator.targets.plane_grid import PlaneGrid
+from flyaround.simulator.targets.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 _PAIRS = 2_000_000  # of a ray and a triangle that are looked at together: 0.3 GB
 _EDGE_ON_M2 = 1e-14  # twice the area of a triangle, seen along the rays, that hides nothing

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.earth.air_tables import GROUND_MU_MIN
-from simulator.render.gl.context import release
-from simulator.render.gl.fences import draw_to
-from simulator.render.gl.programs import FULL_SCREEN
+from flyaround.simulator.render.earth.air_tables import GROUND_MU_MIN
+from flyaround.simulator.render.gl.context import release
+from flyaround.simulator.render.gl.fences import draw_to
+from flyaround.simulator.render.gl.programs import FULL_SCREEN
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.earth.air_tables import AirTables
-    from simulator.render.earth.earth_view import EarthView
-    from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
+    from flyaround.simulator.render.earth.air_tables import AirTables
+    from flyaround.simulator.render.earth.earth_view import EarthView
+    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
 
 COLUMNS, ROWS, STEPS = 64, 96, 24
 TABLE_DEFINES = {"COLUMNS": COLUMNS, "ROWS": ROWS}

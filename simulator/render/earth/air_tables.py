@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array
-from simulator.scene.illumination.atmosphere import (
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.scene.illumination.atmosphere import (
     MultipleScattering,
     earth_atmosphere,
     ground_irradiance,
     optical_depth_to_top,
 )
-from simulator.scene.illumination.multiple_scattering import multiple_scattering
+from flyaround.simulator.scene.illumination.multiple_scattering import multiple_scattering
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import Float32Array
-    from simulator.scene.illumination.atmosphere import Atmosphere
-    from simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
+    from flyaround.simulator.scene.illumination.bands import Bands
 
 RADII, COSINES = 64, 128  # of the transmittance table
 GROUND_SAMPLES = 512

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 SIZE = 2048
 PERIOD_KM = 472.0  # of the tile: texels of 0.23 km, a pixel of a SPEED camera from 700 km

@@ -10,36 +10,36 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from simulator.render.earth.air_pass import TABLE_DEFINES, AirPass
-from simulator.render.earth.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
-from simulator.render.earth.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
-from simulator.render.earth.map_textures import AUGUST
-from simulator.render.earth.maps import WIDTH as MAP_WIDTH
-from simulator.render.earth.ocean_colour import SCALE as OCEAN_COLOUR_SCALE
-from simulator.render.earth.sea_ice import WIDTH as ICE_WIDTH
-from simulator.render.earth.sea_ice import sea_ice
-from simulator.render.earth.seasons import OCTAVES, month_gain, season
-from simulator.render.earth.seasons import SLOPE_MAX as GROUND_SLOPE_MAX
-from simulator.render.earth.terrain_detail import SLOPE_MAX as TERRAIN_SLOPE
-from simulator.render.earth.terrain_detail import terrain_texture
-from simulator.render.gl.fences import draw_to, flush
-from simulator.render.gl.library import draw_one_point
-from simulator.render.gl.mipmaps import mipmap_chain, mipmapped_texture, release_mipmapped
+from flyaround.simulator.render.earth.air_pass import TABLE_DEFINES, AirPass
+from flyaround.simulator.render.earth.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
+from flyaround.simulator.render.earth.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
+from flyaround.simulator.render.earth.map_textures import AUGUST
+from flyaround.simulator.render.earth.maps import WIDTH as MAP_WIDTH
+from flyaround.simulator.render.earth.ocean_colour import SCALE as OCEAN_COLOUR_SCALE
+from flyaround.simulator.render.earth.sea_ice import WIDTH as ICE_WIDTH
+from flyaround.simulator.render.earth.sea_ice import sea_ice
+from flyaround.simulator.render.earth.seasons import OCTAVES, month_gain, season
+from flyaround.simulator.render.earth.seasons import SLOPE_MAX as GROUND_SLOPE_MAX
+from flyaround.simulator.render.earth.terrain_detail import SLOPE_MAX as TERRAIN_SLOPE
+from flyaround.simulator.render.earth.terrain_detail import terrain_texture
+from flyaround.simulator.render.gl.fences import draw_to, flush
+from flyaround.simulator.render.gl.library import draw_one_point
+from flyaround.simulator.render.gl.mipmaps import mipmap_chain, mipmapped_texture, release_mipmapped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from concurrent.futures import Future
 
-    from simulator.render.earth.air_tables import AirTables
-    from simulator.render.earth.map_textures import EarthMaps
-    from simulator.render.earth.screen_tiles import ScreenTiles, TileKind
-    from simulator.render.frame_images import FrameImages
-    from simulator.render.gl.mipmaps import MipmapChain
-    from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.runtime.arrays import Float32Array
-    from simulator.scene.environments import Environment
-    from simulator.scene.illumination.bands import Bands
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.render.earth.air_tables import AirTables
+    from flyaround.simulator.render.earth.map_textures import EarthMaps
+    from flyaround.simulator.render.earth.screen_tiles import ScreenTiles, TileKind
+    from flyaround.simulator.render.frame_images import FrameImages
+    from flyaround.simulator.render.gl.mipmaps import MipmapChain
+    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.scene.environments import Environment
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.state import SceneState
 
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE
 LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.gl.uniform_block import vec4_of_bands
-from simulator.render.projection import PixelRect, directions
-from simulator.render.view import EQUATOR_M, POLE_M
-from simulator.scene.illumination.atmosphere import SUN_ANGULAR_RADIUS_RAD
+from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
+from flyaround.simulator.render.projection import PixelRect, directions
+from flyaround.simulator.render.view import EQUATOR_M, POLE_M
+from flyaround.simulator.scene.illumination.atmosphere import SUN_ANGULAR_RADIUS_RAD
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.view import View
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.atmosphere import Atmosphere
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.view import View
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
 _GRID = 33  # rays per side of the image that look for what is in view
 

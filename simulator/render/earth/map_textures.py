@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from simulator.render.earth.air_tables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
-from simulator.render.earth.albedo import albedo_of_day
-from simulator.render.earth.detail_noise import detail_texture
-from simulator.render.earth.maps import DecodedMaps, packed_maps
-from simulator.render.earth.ocean_colour import ocean_colour, sources_to_decode
-from simulator.render.earth.seasons import Season, ground_slopes, month_gains, season
-from simulator.render.gl.mipmaps import mipmap_chain
-from simulator.runtime.threads import beside_the_caller
-from simulator.scene.illumination.atmosphere import earth_atmosphere
-from simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS
+from flyaround.simulator.render.earth.air_tables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
+from flyaround.simulator.render.earth.albedo import albedo_of_day
+from flyaround.simulator.render.earth.detail_noise import detail_texture
+from flyaround.simulator.render.earth.maps import DecodedMaps, packed_maps
+from flyaround.simulator.render.earth.ocean_colour import ocean_colour, sources_to_decode
+from flyaround.simulator.render.earth.seasons import Season, ground_slopes, month_gains, season
+from flyaround.simulator.render.gl.mipmaps import mipmap_chain
+from flyaround.simulator.runtime.threads import beside_the_caller
+from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere
+from flyaround.simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS
 
 if TYPE_CHECKING:
-    from simulator.render.gl.mipmaps import MipmapChain
-    from simulator.runtime.arrays import Float32Array
-    from simulator.scene.environments import Environment
-    from simulator.scene.illumination.bands import Bands
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.render.gl.mipmaps import MipmapChain
+    from flyaround.simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.scene.environments import Environment
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.state import SceneState
 
 _T = TypeVar("_T")
 _ODD, _EVEN = (6, 12), (4, 8)  # of stand-ins: rows and columns that are no powers of two, and that are

@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array
-from simulator.runtime.threads import beside_the_caller
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.runtime.threads import beside_the_caller
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from concurrent.futures import Future
 
-    from simulator.runtime.arrays import ByteArray, Float32Array
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
 
     Decoder = Callable[[str, int], ByteArray]
 
@@ -85,7 +85,7 @@ def maps_entry() -> str:
 def asset_size(name: str) -> int:
     """Bytes of a file of ``assets/earth``: what tells one version of a map from another."""
     try:
-        with resources.as_file(resources.files("assets").joinpath("earth", name)) as path:
+        with resources.as_file(resources.files("flyaround.assets").joinpath("earth", name)) as path:
             return path.stat().st_size
     except FileNotFoundError as error:
         raise _missing(name) from error
@@ -94,7 +94,7 @@ def asset_size(name: str) -> int:
 def asset_bytes(name: str) -> bytes:
     """A file of ``assets/earth``."""
     try:
-        return resources.files("assets").joinpath("earth", name).read_bytes()
+        return resources.files("flyaround.assets").joinpath("earth", name).read_bytes()
     except FileNotFoundError as error:
         raise _missing(name) from error
 

@@ -1,7 +1,7 @@
 """Ocean colour: reflectance of shallow and turbid water above that of the open ocean, from the day map.
 
 Banks, reefs, rivers' plumes, lakes full of silt. ``assets/earth/ocean_colour_mask_720x360.png`` says where they are: a
-tile of the screen that is not near one does not look them up. `python -m simulator.render.earth.ocean_colour` makes it.
+tile of the screen that is not near one does not look them up. `python -m flyaround.simulator.render.earth.ocean_colour` makes it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.render.earth.maps import (
+from flyaround.simulator.render.earth.maps import (
     COAST,
     DAY,
     PAN_WEIGHTS,
@@ -24,14 +24,14 @@ from simulator.render.earth.maps import (
     decode_file,
     decode_map,
 )
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array, is_cached
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array, is_cached
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.render.earth.maps import Decoder
-    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+    from flyaround.simulator.render.earth.maps import Decoder
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
     Sources = tuple[ByteArray, ByteArray]
 

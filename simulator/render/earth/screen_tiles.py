@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.projection import PixelRect
+from flyaround.simulator.render.projection import PixelRect
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.earth.earth_view import EarthView
-    from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.earth.earth_view import EarthView
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
 
 TILE_RAD = 0.0107
 """32 pixels of a SPEED camera: the ground point bends by less than a tenth of a pixel in between."""

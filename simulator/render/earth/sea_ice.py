@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 WIDTH, HEIGHT = 1440, 720
 EDGE_DEG = 1.6  # width of the zone of floes, from open water to the pack

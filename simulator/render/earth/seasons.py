@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.render.earth.maps import (
+from flyaround.simulator.render.earth.maps import (
     PAN_WEIGHTS,
     asset_size,
     decode_map,
@@ -21,13 +21,13 @@ from simulator.render.earth.maps import (
     packed_maps,
     to_reflectance,
 )
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array, cached_arrays
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array, cached_arrays
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 WIDTH, HEIGHT = 2048, 1024
 HEIGHT_MAP, HEIGHT_M_PER_COUNT = "height_4032x2016.png", 24.8

@@ -14,11 +14,11 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
 
 SIZE = 1024
 SLOPE_MAX = 0.9  # the slope channels hold plus and minus this

@@ -9,8 +9,8 @@ from typing import Any, Protocol
 
 import moderngl
 
-from simulator.errors import UserError
-from simulator.render.gl.fences import draw_to
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.render.gl.fences import draw_to
 
 REQUIRED_VERSION = 410
 HOW_TO_GET_EGL = (

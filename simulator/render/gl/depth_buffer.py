@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.render.gl.fences import draw_to
-from simulator.render.gl.library import gl_library
+from flyaround.simulator.render.gl.fences import draw_to
+from flyaround.simulator.render.gl.library import gl_library
 
 if TYPE_CHECKING:
     import moderngl

@@ -16,7 +16,7 @@ import ctypes
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from simulator.render.gl.library import gl_library
+from flyaround.simulator.render.gl.library import gl_library
 
 if TYPE_CHECKING:
     from collections.abc import Callable

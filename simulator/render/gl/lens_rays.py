@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     import moderngl
     from numpy.typing import ArrayLike
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import Float32Array
 
 KEPT = 64
 """Cameras whose textures are kept: a rolling shutter draws the image in so many bands of rows at most."""

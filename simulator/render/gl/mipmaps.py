@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.render.gl.library import gl_library
-from simulator.runtime.cached_arrays import cached_array, entry_of
+from flyaround.simulator.render.gl.library import gl_library
+from flyaround.simulator.runtime.cached_arrays import cached_array, entry_of
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 _TEXTURE_2D, _UNSIGNED_BYTE, _UNPACK_ALIGNMENT = 0x0DE1, 0x1401, 0x0CF5
 _FORMATS = {1: (0x8229, 0x1903), 4: (0x8058, 0x1908)}  # R8 and RED, RGBA8 and RGBA

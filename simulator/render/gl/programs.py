@@ -12,7 +12,7 @@ import moderngl
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from simulator.render.gl.uniform_block import Field, UniformBlock
+    from flyaround.simulator.render.gl.uniform_block import Field, UniformBlock
 
     ShaderRewrite = Callable[[str, str, Sequence[Field]], tuple[str, str]]
 
@@ -46,7 +46,9 @@ def read_source(path: str, seen: set[str] | None = None) -> str:
 @cache
 def _text(path: str) -> str:
     """One file, its continued lines joined: GLSL has them from 4.20 on, and a strict driver of 4.10 refuses them."""
-    return resources.files("shaders").joinpath(path).read_text(encoding="utf-8").replace("\\\n", " ")
+    return (
+        resources.files("flyaround.shaders").joinpath(path).read_text(encoding="utf-8").replace("\\\n", " ")
+    )
 
 
 def _head(source: str, defines: Mapping[str, object]) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from simulator.render.gl.uniform_block import Field, UniformBlock
-from simulator.scene.illumination.area_light import MOST_LIGHTS
+from flyaround.simulator.render.gl.uniform_block import Field, UniformBlock
+from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS
 
 if TYPE_CHECKING:
     import moderngl

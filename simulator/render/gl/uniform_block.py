@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 # GLSL type: (base alignment, size in bytes, numpy shape of float32), OpenGL 4.1 specification, 2.11.4 (std140)
 _STD140: dict[str, tuple[int, int, tuple[int, ...]]] = {

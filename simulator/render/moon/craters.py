@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import ByteArray, FloatArray
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 SIZE = 1024
 SLOPE_MAX = 0.9  # the slope channels hold plus and minus this

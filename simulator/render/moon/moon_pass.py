@@ -8,25 +8,30 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.render.earth.air_pass import TABLE_DEFINES
-from simulator.render.gl.fences import draw_to, flush
-from simulator.render.moon.craters import BROAD_LARGEST_PX, FINE_LARGEST_PX, SLOPE_MAX, crater_texture
-from simulator.render.moon.craters import SIZE as CRATERS_SIZE
-from simulator.render.moon.moon_tiles import one_tile
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array
-from simulator.scene.illumination.moonlight import surface_phase
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.render.earth.air_pass import TABLE_DEFINES
+from flyaround.simulator.render.gl.fences import draw_to, flush
+from flyaround.simulator.render.moon.craters import (
+    BROAD_LARGEST_PX,
+    FINE_LARGEST_PX,
+    SLOPE_MAX,
+    crater_texture,
+)
+from flyaround.simulator.render.moon.craters import SIZE as CRATERS_SIZE
+from flyaround.simulator.render.moon.moon_tiles import one_tile
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.scene.illumination.moonlight import surface_phase
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.frame_images import FrameImages
-    from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.moon.moon_tiles import MoonTiles
-    from simulator.render.moon.moon_view import MoonView
-    from simulator.render.projection import PixelRect
-    from simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.render.frame_images import FrameImages
+    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.moon.moon_tiles import MoonTiles
+    from flyaround.simulator.render.moon.moon_view import MoonView
+    from flyaround.simulator.render.projection import PixelRect
+    from flyaround.simulator.runtime.arrays import ByteArray
 
 MAP = "albedo_4096x2048.jpg"
 MAP_SCALE = 2.5  # of the map's 8 bits, in means of the near side
@@ -42,7 +47,7 @@ _OWN = ("t_coverage", "t_moon", "t_broad", "t_fine", "t_phase", "t_umbra")
 def moon_map() -> ByteArray:
     """(2048, 4096) normal albedo over its mean on the near side, over ``MAP_SCALE``; from the cache."""
     try:
-        data = resources.files("assets").joinpath("moon", MAP).read_bytes()
+        data = resources.files("flyaround.assets").joinpath("moon", MAP).read_bytes()
     except FileNotFoundError as error:
         raise UserError(f"the map assets/moon/{MAP} is missing; install Flyaround again") from error
 

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.earth.screen_tiles import tile_size_px
-from simulator.render.projection import directions
-from simulator.scene.illumination.moonlight import MOON_RADIUS_M
+from flyaround.simulator.render.earth.screen_tiles import tile_size_px
+from flyaround.simulator.render.projection import directions
+from flyaround.simulator.scene.illumination.moonlight import MOON_RADIUS_M
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.moon.moon_view import MoonView
-    from simulator.render.projection import PixelRect
-    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.moon.moon_view import MoonView
+    from flyaround.simulator.render.projection import PixelRect
+    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
 
 _SMOOTH_DISC = 0.08  # square of the ray's depth under the sphere, 1 at the nadir
 _LARGEST_GROUND = 0.015  # of a tile on the ground [radii]

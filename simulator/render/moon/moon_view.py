@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.gl.uniform_block import vec4_of_bands
-from simulator.render.projection import PixelRect
-from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.scene.illumination.moonlight import MOON_RADIUS_M, moon_albedo
-from simulator.scene.illumination.refraction import shadow_profile
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
+from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.moonlight import MOON_RADIUS_M, moon_albedo
+from flyaround.simulator.scene.illumination.refraction import shadow_profile
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import SceneState
 
 EARTH_RADIUS_M = 6_371_008.8
 EARTH_GEOMETRIC_ALBEDO = 0.367  # Allen's Astrophysical Quantities (2000), table 12.4

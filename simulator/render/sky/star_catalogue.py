@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.render.sky.star_colours import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.render.sky.star_colours import (
     hp_minus_v,
     irradiance_of_v_mag,
     photons_over_sunlights,
@@ -20,8 +20,8 @@ from simulator.render.sky.star_colours import (
 )
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.bands import Bands
 
 CATALOGUE = "hipparcos2_hp9.npz"
 _CATALOGUE_EPOCH = datetime(1991, 4, 2, 13, 30, tzinfo=UTC)  # J1991.25
@@ -63,7 +63,7 @@ class StarField:
 @functools.cache
 def _catalogue() -> dict[str, FloatArray]:
     try:
-        data = resources.files("assets").joinpath("stars", CATALOGUE).open("rb")
+        data = resources.files("flyaround.assets").joinpath("stars", CATALOGUE).open("rb")
     except FileNotFoundError as error:
         raise UserError(
             f"the catalogue assets/stars/{CATALOGUE} is missing; install Flyaround again"

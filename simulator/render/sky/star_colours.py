@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scene.illumination.bands import bands_of
+from flyaround.simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.bands import Bands
 
 SUN_V_MAG = -26.76  # Willmer (2018), ApJS 236, 47, Vega system
 

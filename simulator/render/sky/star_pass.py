@@ -11,26 +11,30 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.gl.fences import draw_to
-from simulator.render.projection import PixelRect
-from simulator.render.sky.star_catalogue import stars
-from simulator.render.sky.star_colours import irradiance_of_v_mag, photons_over_sunlights, usual_v_minus_i
-from simulator.scene.illumination.atmosphere import optical_depth_to_top
-from simulator.scene.illumination.planets import earth_velocity_c, planets
-from simulator.world.constants import LIGHT_M_S
+from flyaround.simulator.render.gl.fences import draw_to
+from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.render.sky.star_catalogue import stars
+from flyaround.simulator.render.sky.star_colours import (
+    irradiance_of_v_mag,
+    photons_over_sunlights,
+    usual_v_minus_i,
+)
+from flyaround.simulator.scene.illumination.atmosphere import optical_depth_to_top
+from flyaround.simulator.scene.illumination.planets import earth_velocity_c, planets
+from flyaround.simulator.world.constants import LIGHT_M_S
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.earth.earth_view import EarthView
-    from simulator.render.frame_images import FrameImages
-    from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.moon.moon_view import MoonView
-    from simulator.render.view import View
-    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
-    from simulator.scene.illumination.atmosphere import Atmosphere
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.earth.earth_view import EarthView
+    from flyaround.simulator.render.frame_images import FrameImages
+    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.moon.moon_view import MoonView
+    from flyaround.simulator.render.view import View
+    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
+    from flyaround.simulator.scene.state import SceneState
 
 _MAX_STARS = 80_000
 _REACH_PX = 2  # of a point

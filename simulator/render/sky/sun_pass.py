@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.render.earth.air_pass import TABLE_DEFINES
-from simulator.render.gl.fences import draw_to
-from simulator.render.gl.programs import FULL_SCREEN
-from simulator.render.moon.moon_view import disc_rect
+from flyaround.simulator.render.earth.air_pass import TABLE_DEFINES
+from flyaround.simulator.render.gl.fences import draw_to
+from flyaround.simulator.render.gl.programs import FULL_SCREEN
+from flyaround.simulator.render.moon.moon_view import disc_rect
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.frame_images import FrameImages
-    from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.projection import PixelRect
-    from simulator.render.view import View
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.frame_images import FrameImages
+    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.projection import PixelRect
+    from flyaround.simulator.render.view import View
 
 _SAMPLERS = {
     1: ("t_coverage", "t_air"),

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.render.target.viewport_fit import TILE_PX, all_tiles, tile_centers
+from flyaround.simulator.render.target.viewport_fit import TILE_PX, all_tiles, tile_centers
 
 if TYPE_CHECKING:
-    from simulator.render.projection import PixelRect
-    from simulator.render.target.viewport_fit import ViewportFit
-    from simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.render.projection import PixelRect
+    from flyaround.simulator.render.target.viewport_fit import ViewportFit
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 _MASK_PX = 2  # of the picture that the hulls are filled into
 _FOUR_BYTES = np.uint32  # a tile's row there

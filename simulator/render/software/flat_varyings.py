@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     import moderngl
 
-    from simulator.render.gl.uniform_block import Field
+    from flyaround.simulator.render.gl.uniform_block import Field
 
 LEAST_SLOTS = 15
 """Vectors of four that every OpenGL 4.1 hands on (MAX_VARYING_VECTORS)."""

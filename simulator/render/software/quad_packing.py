@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.render.gl.fences import draw_to
+from flyaround.simulator.render.gl.fences import draw_to
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.earth.screen_tiles import ScreenTiles
-    from simulator.render.frame_images import FrameImages
-    from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.render.earth.screen_tiles import ScreenTiles
+    from flyaround.simulator.render.frame_images import FrameImages
+    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.runtime.arrays import Float32Array
 
 LEAST_SHARE = 0.4
 """Of the image that must gain: reading texels of four takes as long as a tenth of the Earth's pixels."""

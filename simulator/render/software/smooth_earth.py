@@ -13,24 +13,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.earth.earth_pass import (
+from flyaround.simulator.render.earth.earth_pass import (
     DETAIL_TEXEL_KM,
     LOG2_TEXEL_KM,
     EarthDraw,
     EarthFrame,
     EarthPass,
 )
-from simulator.render.gl.mipmaps import level_textures
+from flyaround.simulator.render.gl.mipmaps import level_textures
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.earth.air_pass import AirPass
-    from simulator.render.earth.map_textures import EarthMaps
-    from simulator.render.earth.screen_tiles import ScreenTiles, TileKind
-    from simulator.render.gl.programs import ProgramLibrary
-    from simulator.runtime.arrays import Float32Array, IntArray
-    from simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.render.earth.air_pass import AirPass
+    from flyaround.simulator.render.earth.map_textures import EarthMaps
+    from flyaround.simulator.render.earth.screen_tiles import ScreenTiles, TileKind
+    from flyaround.simulator.render.gl.programs import ProgramLibrary
+    from flyaround.simulator.runtime.arrays import Float32Array, IntArray
+    from flyaround.simulator.scene.illumination.bands import Bands
 
 
 class CornerAir:

@@ -8,10 +8,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
-from simulator.render.drawing import earth_frame
-from simulator.render.earth.earth_pass import ice_day
-from simulator.render.frame_graph import Pass, Resource
-from simulator.render.frame_resources import (
+from flyaround.simulator.render.drawing import earth_frame
+from flyaround.simulator.render.earth.earth_pass import ice_day
+from flyaround.simulator.render.frame_graph import Pass, Resource
+from flyaround.simulator.render.frame_resources import (
     AIR_TABLES,
     COVERAGE,
     EARTH,
@@ -24,21 +24,21 @@ from simulator.render.frame_resources import (
     STARLIGHT,
     TARGET,
 )
-from simulator.render.projection import PixelRect
-from simulator.render.software.coverage_mask import target_tiles
-from simulator.render.software.flat_varyings import rewriter
-from simulator.render.software.quad_packing import QuadPackingPass, worth_packing
-from simulator.render.software.smooth_earth import CornerAir, SmoothEarthPass
-from simulator.render.software.tiles import earth_tiles
-from simulator.render.target.visible_triangles import CulledVertexArray
+from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.render.software.coverage_mask import target_tiles
+from flyaround.simulator.render.software.flat_varyings import rewriter
+from flyaround.simulator.render.software.quad_packing import QuadPackingPass, worth_packing
+from flyaround.simulator.render.software.smooth_earth import CornerAir, SmoothEarthPass
+from flyaround.simulator.render.software.tiles import earth_tiles
+from flyaround.simulator.render.target.visible_triangles import CulledVertexArray
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.render.device import Device
-    from simulator.render.frame_graph import PassResources
-    from simulator.render.target.viewport_fit import ViewportFit
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.render.target.viewport_fit import ViewportFit
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 CORNER_AIR: Resource[CornerAir] = Resource("corner air")
 QUADS: Resource[bool] = Resource("quads")
@@ -59,7 +59,7 @@ class TileCulling:
 
 
 class SoftwarePath:
-    """Implements `simulator.render.drawing_path.DrawingPath` for drivers that draw on the processor's own cores."""
+    """Implements `flyaround.simulator.render.drawing_path.DrawingPath` for drivers that draw on the processor's own cores."""
 
     culling = TileCulling()
     earth_pass = SmoothEarthPass

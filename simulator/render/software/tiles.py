@@ -11,18 +11,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.earth.earth_pass import FAR_LEVEL
-from simulator.render.earth.ocean_colour import near_bright_water
-from simulator.render.earth.screen_tiles import ICE_SINE, ScreenTiles, TileKind, tile_edges, tile_size_px
-from simulator.render.earth.sea_ice import near_ice
-from simulator.render.projection import directions
-from simulator.render.target.viewport_fit import TILE_PX
-from simulator.render.view import EQUATOR_M
+from flyaround.simulator.render.earth.earth_pass import FAR_LEVEL
+from flyaround.simulator.render.earth.ocean_colour import near_bright_water
+from flyaround.simulator.render.earth.screen_tiles import (
+    ICE_SINE,
+    ScreenTiles,
+    TileKind,
+    tile_edges,
+    tile_size_px,
+)
+from flyaround.simulator.render.earth.sea_ice import near_ice
+from flyaround.simulator.render.projection import directions
+from flyaround.simulator.render.target.viewport_fit import TILE_PX
+from flyaround.simulator.render.view import EQUATOR_M
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.earth.earth_view import EarthView
-    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.earth.earth_view import EarthView
+    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 _SMOOTH_DISC = (
     0.08  # square of the ray's depth under the sphere, 1 at the nadir: up to 73 degrees from the vertical

@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.gl.buffer_pool import BufferPool
-from simulator.render.gl.context import release
-from simulator.render.gl.fences import draw_to
-from simulator.render.target.sample_pattern import pattern_defines
-from simulator.render.target.visible_edges import REACH_PX
+from flyaround.simulator.render.gl.buffer_pool import BufferPool
+from flyaround.simulator.render.gl.context import release
+from flyaround.simulator.render.gl.fences import draw_to
+from flyaround.simulator.render.target.sample_pattern import pattern_defines
+from flyaround.simulator.render.target.visible_edges import REACH_PX
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.projection import PixelRect
-    from simulator.render.target.sample_pattern import SamplePattern
-    from simulator.render.target.visible_edges import EdgeCamera, VisibleEdges
-    from simulator.runtime.arrays import IntArray
+    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.projection import PixelRect
+    from flyaround.simulator.render.target.sample_pattern import SamplePattern
+    from flyaround.simulator.render.target.visible_edges import EdgeCamera, VisibleEdges
+    from flyaround.simulator.runtime.arrays import IntArray
 
 EXACT_AREAS = "EXACT_AREAS"
 """Define of the shaders: the areas of parts that several edges end in a pixel are summed too (preset `high`)."""

@@ -6,20 +6,20 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from simulator.render.gl.buffer_pool import BufferPool
-from simulator.render.gl.context import release
-from simulator.render.gl.depth_buffer import DepthBuffer
-from simulator.scene.illumination.bands import bands_of, reflectance
+from flyaround.simulator.render.gl.buffer_pool import BufferPool
+from flyaround.simulator.render.gl.context import release
+from flyaround.simulator.render.gl.depth_buffer import DepthBuffer
+from flyaround.simulator.scene.illumination.bands import bands_of, reflectance
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.render.target.mesh_array import MeshArray
-    from simulator.render.target.textures import Textures
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.render.target.mesh_array import MeshArray
+    from flyaround.simulator.render.target.textures import Textures
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.bands import Bands
 
 STAMP_SHIFT = 28
 KEPT_BYTES = 320 << 20

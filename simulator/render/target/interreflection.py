@@ -7,9 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.bake.radiance_transfer import INTERREFLECTION_STEP, PATCH, baked_transfer, harmonics
-from simulator.render.irradiance import orthonormal_basis, spherical_fibonacci
-from simulator.scene.illumination.bands import reflectance
+from flyaround.simulator.render.bake.radiance_transfer import (
+    INTERREFLECTION_STEP,
+    PATCH,
+    baked_transfer,
+    harmonics,
+)
+from flyaround.simulator.render.irradiance import orthonormal_basis, spherical_fibonacci
+from flyaround.simulator.scene.illumination.bands import reflectance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,13 +22,13 @@ if TYPE_CHECKING:
 
     import moderngl
 
-    from simulator.render.bake.radiance_transfer import RadianceTransfer
-    from simulator.render.irradiance import IrradianceField
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.render.view import View
-    from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
-    from simulator.scene.illumination.bands import Bands
-    from simulator.targets.model import Material
+    from flyaround.simulator.render.bake.radiance_transfer import RadianceTransfer
+    from flyaround.simulator.render.irradiance import IrradianceField
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.render.view import View
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.targets.model import Material
 
 _NEIGHBOURS = 5  # directions between which the Sun's is interpolated
 _SKY_SAMPLES = 64

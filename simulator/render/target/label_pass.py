@@ -12,21 +12,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.gl.context import release
-from simulator.render.gl.fences import draw_to, flush
-from simulator.render.gl.lens_rays import lens_values
-from simulator.render.projection import PixelRect, clip_from_camera, window_from_pixel
-from simulator.render.target.visible_triangles import CulledVertexArray
+from flyaround.simulator.render.gl.context import release
+from flyaround.simulator.render.gl.fences import draw_to, flush
+from flyaround.simulator.render.gl.lens_rays import lens_values
+from flyaround.simulator.render.projection import PixelRect, clip_from_camera, window_from_pixel
+from flyaround.simulator.render.target.visible_triangles import CulledVertexArray
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.gl.shared_blocks import UniformBlocks
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
-    from simulator.targets.model import Target
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.gl.shared_blocks import UniformBlocks
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
+    from flyaround.simulator.targets.model import Target
 
 _SILHOUETTE_SIDE_PX = 1024  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved
 _ROUNDING_PX = 1 / 4096  # what a driver's single precision moves a corner at a whole step by

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.projection import PixelRect
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.projection import PixelRect
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 TOLERANCE_PX = 0.02
 """Between a straight line and what the lens makes of it, in the middle of its longest piece."""

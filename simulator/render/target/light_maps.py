@@ -7,24 +7,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.gl.fences import draw_to
-from simulator.render.gl.shared_blocks import MOST_PATCHES
-from simulator.render.gl.uniform_block import vec4_of_bands
-from simulator.render.irradiance import orthonormal_basis
-from simulator.scene.illumination.area_light import MOST_LIGHTS
+from flyaround.simulator.render.gl.fences import draw_to
+from flyaround.simulator.render.gl.shared_blocks import MOST_PATCHES
+from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
+from flyaround.simulator.render.irradiance import orthonormal_basis
+from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import moderngl
 
-    from simulator.render.gl.programs import ProgramLibrary
-    from simulator.render.gl.shared_blocks import UniformBlocks
-    from simulator.render.target.resident_targets import ResidentTarget
-    from simulator.render.target.viewport_fit import ViewportFit
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.area_light import PlacedLight
-    from simulator.scene.state import Quality, SceneState
+    from flyaround.simulator.render.gl.programs import ProgramLibrary
+    from flyaround.simulator.render.gl.shared_blocks import UniformBlocks
+    from flyaround.simulator.render.target.resident_targets import ResidentTarget
+    from flyaround.simulator.render.target.viewport_fit import ViewportFit
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.area_light import PlacedLight
+    from flyaround.simulator.scene.state import Quality, SceneState
 
 PATCHES: dict[Quality, int] = {"draft": 4, "default": 8, "high": 16}
 """Of each light; a straight edge's penumbra has so many steps, each less than the noise of a picture."""

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.render.bake.charts import TEXEL
-from simulator.render.bake.geometry import VERTEX, BakedMesh, MergedParts, geometry_of
-from simulator.render.bake.mesh_cut import cut
-from simulator.render.gl.shared_blocks import MAX_MATERIALS
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.render.bake.charts import TEXEL
+from flyaround.simulator.render.bake.geometry import VERTEX, BakedMesh, MergedParts, geometry_of
+from flyaround.simulator.render.bake.mesh_cut import cut
+from flyaround.simulator.render.gl.shared_blocks import MAX_MATERIALS
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.bake.geometry import Geometry
-    from simulator.runtime.arrays import Float32Array, IntArray
-    from simulator.targets.model import Material, Target
+    from flyaround.simulator.render.bake.geometry import Geometry
+    from flyaround.simulator.runtime.arrays import Float32Array, IntArray
+    from flyaround.simulator.targets.model import Material, Target
 
 VERTEX_FORMAT = "3f 3f 1f"
 ATTRIBUTES = ("in_position_m", "in_normal", "in_material")

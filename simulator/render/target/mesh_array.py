@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from simulator.render.target.viewport_fit import all_tiles
+from flyaround.simulator.render.target.viewport_fit import all_tiles
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.render.target.viewport_fit import ViewportFit
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.render.target.viewport_fit import ViewportFit
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 class MeshArray(Protocol):

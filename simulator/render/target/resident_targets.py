@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.target.shadow_frustum import SurfacePatches
+from flyaround.simulator.render.target.shadow_frustum import SurfacePatches
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     import moderngl
 
-    from simulator.render.target.edge_pass import EdgeBuffers
-    from simulator.render.target.interreflection import Interreflection
-    from simulator.render.target.label_pass import LabelArrays
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.render.target.mesh_array import MeshArray
-    from simulator.render.target.textures import Textures
-    from simulator.render.target.visible_edges import VisibleEdges
-    from simulator.targets.model import Target
+    from flyaround.simulator.render.target.edge_pass import EdgeBuffers
+    from flyaround.simulator.render.target.interreflection import Interreflection
+    from flyaround.simulator.render.target.label_pass import LabelArrays
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.render.target.mesh_array import MeshArray
+    from flyaround.simulator.render.target.textures import Textures
+    from flyaround.simulator.render.target.visible_edges import VisibleEdges
+    from flyaround.simulator.targets.model import Target
 
 MOST_CUTS = 8  # of one target: an approach needs two more each time that it halves the range
 MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others are uploaded again

@@ -7,8 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.target.shadow_frustum import WIDER, ShadowFrustum, fit_shadow_frustum, frustum_around
-from simulator.render.target.shadow_pass import (
+from flyaround.simulator.render.target.shadow_frustum import (
+    WIDER,
+    ShadowFrustum,
+    fit_shadow_frustum,
+    frustum_around,
+)
+from flyaround.simulator.render.target.shadow_pass import (
     ShadowChoice,
     ShadowPass,
     choose_shadow,
@@ -18,14 +23,14 @@ from simulator.render.target.shadow_pass import (
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.gl.programs import ProgramLibrary
-    from simulator.render.gl.shared_blocks import UniformBlocks
-    from simulator.render.target.resident_targets import ResidentTarget
-    from simulator.render.target.viewport_fit import ViewportFit
-    from simulator.render.view import View
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.gl.programs import ProgramLibrary
+    from flyaround.simulator.render.gl.shared_blocks import UniformBlocks
+    from flyaround.simulator.render.target.resident_targets import ResidentTarget
+    from flyaround.simulator.render.target.viewport_fit import ViewportFit
+    from flyaround.simulator.render.view import View
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import SceneState
 
 
 class SelfShadow:

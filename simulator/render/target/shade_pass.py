@@ -6,24 +6,24 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from simulator.render.bake.radiance_transfer import LARGEST_SLOPE
-from simulator.render.gl.fences import draw_to
-from simulator.render.gl.library import draw_one_point
-from simulator.render.target.edge_pass import edge_defines
-from simulator.render.target.gbuffer_pass import normal_bits
-from simulator.render.target.sample_pattern import pattern_defines
-from simulator.render.target.viewport_fit import TILE_PX
-from simulator.scene.illumination.lamp import Profile
+from flyaround.simulator.render.bake.radiance_transfer import LARGEST_SLOPE
+from flyaround.simulator.render.gl.fences import draw_to
+from flyaround.simulator.render.gl.library import draw_one_point
+from flyaround.simulator.render.target.edge_pass import edge_defines
+from flyaround.simulator.render.target.gbuffer_pass import normal_bits
+from flyaround.simulator.render.target.sample_pattern import pattern_defines
+from flyaround.simulator.render.target.viewport_fit import TILE_PX
+from flyaround.simulator.scene.illumination.lamp import Profile
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.projection import PixelRect
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.render.target.sample_pattern import SamplePattern
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.lamp import Lamp
+    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.projection import PixelRect
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.render.target.sample_pattern import SamplePattern
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.lamp import Lamp
 
 # distinct (material, normal) groups shaded per pixel, with exact areas per quarter of it; the rest joins the last
 MAX_SURFACES, MAX_SURFACES_EXACT = 4, 17

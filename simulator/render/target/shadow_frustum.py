@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pyrr.matrix44 import create_orthogonal_projection
 
-from simulator.render.irradiance import orthonormal_basis
+from flyaround.simulator.render.irradiance import orthonormal_basis
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.runtime.arrays import BoolArray, FloatArray
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
 
 WIDER = 1.02
 """Half the box, over the radius of the craft."""

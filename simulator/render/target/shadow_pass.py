@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.gl.depth_buffer import DepthBuffer
-from simulator.render.target.shadow_frustum import light_matrix
+from flyaround.simulator.render.gl.depth_buffer import DepthBuffer
+from flyaround.simulator.render.target.shadow_frustum import light_matrix
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.gl.programs import ProgramLibrary
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.render.target.mesh_array import MeshArray
-    from simulator.render.view import View
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import Quality
+    from flyaround.simulator.render.gl.programs import ProgramLibrary
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.render.target.mesh_array import MeshArray
+    from flyaround.simulator.render.view import View
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import Quality
 
 
 @dataclass(frozen=True)

@@ -9,24 +9,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.bake.charts import TEXEL
-from simulator.render.bake.radiance_transfer import PATCH
-from simulator.render.gl.lens_rays import lens_values
-from simulator.render.projection import clip_from_camera
-from simulator.render.target.edge_pass import EdgeBuffers, EdgePass
-from simulator.render.target.gbuffer_pass import GBufferPass, TexturedGBufferPass
-from simulator.render.target.interreflection import Interreflection
-from simulator.render.target.label_pass import LabelPass, Surfaces
-from simulator.render.target.light_maps import LightMaps
-from simulator.render.target.mesh import upload
-from simulator.render.target.mesh_array import WholeMesh
-from simulator.render.target.resident_targets import DrawnMesh, ResidentTarget, ResidentTargets
-from simulator.render.target.self_shadow import SelfShadow
-from simulator.render.target.shade_pass import ShadePass
-from simulator.render.target.textures import Textures
-from simulator.render.target.viewport_fit import TILE_REACH_PX, choose_pattern, fit_viewport, outline_px
-from simulator.render.target.visible_edges import EdgeCamera, VisibleEdges
-from simulator.scene.illumination.bands import bands_of, reflectance
+from flyaround.simulator.render.bake.charts import TEXEL
+from flyaround.simulator.render.bake.radiance_transfer import PATCH
+from flyaround.simulator.render.gl.lens_rays import lens_values
+from flyaround.simulator.render.projection import clip_from_camera
+from flyaround.simulator.render.target.edge_pass import EdgeBuffers, EdgePass
+from flyaround.simulator.render.target.gbuffer_pass import GBufferPass, TexturedGBufferPass
+from flyaround.simulator.render.target.interreflection import Interreflection
+from flyaround.simulator.render.target.label_pass import LabelPass, Surfaces
+from flyaround.simulator.render.target.light_maps import LightMaps
+from flyaround.simulator.render.target.mesh import upload
+from flyaround.simulator.render.target.mesh_array import WholeMesh
+from flyaround.simulator.render.target.resident_targets import DrawnMesh, ResidentTarget, ResidentTargets
+from flyaround.simulator.render.target.self_shadow import SelfShadow
+from flyaround.simulator.render.target.shade_pass import ShadePass
+from flyaround.simulator.render.target.textures import Textures
+from flyaround.simulator.render.target.viewport_fit import (
+    TILE_REACH_PX,
+    choose_pattern,
+    fit_viewport,
+    outline_px,
+)
+from flyaround.simulator.render.target.visible_edges import EdgeCamera, VisibleEdges
+from flyaround.simulator.scene.illumination.bands import bands_of, reflectance
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -34,21 +39,21 @@ if TYPE_CHECKING:
     import moderngl
     from numpy.typing import ArrayLike
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.frame_images import FrameImages
-    from simulator.render.gl.programs import ProgramLibrary
-    from simulator.render.gl.shared_blocks import UniformBlocks
-    from simulator.render.projection import PixelRect
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.render.target.mesh_array import Culling
-    from simulator.render.target.sample_pattern import SamplePattern
-    from simulator.render.target.shadow_pass import ShadowChoice
-    from simulator.render.target.viewport_fit import ViewportFit
-    from simulator.render.view import View
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.bands import Bands
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Material, Target
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.frame_images import FrameImages
+    from flyaround.simulator.render.gl.programs import ProgramLibrary
+    from flyaround.simulator.render.gl.shared_blocks import UniformBlocks
+    from flyaround.simulator.render.projection import PixelRect
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.render.target.mesh_array import Culling
+    from flyaround.simulator.render.target.sample_pattern import SamplePattern
+    from flyaround.simulator.render.target.shadow_pass import ShadowChoice
+    from flyaround.simulator.render.target.viewport_fit import ViewportFit
+    from flyaround.simulator.render.view import View
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Material, Target
 
 # between nodes of baked light in the preset `high`, of the target's radius; and nodes along a patch that returns light
 FINE_TEXEL, FINE_PATCH = 0.012, 2

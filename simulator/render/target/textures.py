@@ -8,11 +8,11 @@ import cv2
 import moderngl
 import numpy as np
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import ByteArray
-    from simulator.targets.model import Material, Target
+    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.targets.model import Material, Target
 
 GL_SRGB8 = 0x8C41
 LARGEST_PX = 8192

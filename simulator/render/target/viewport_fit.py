@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.projection import PixelRect, image_of
-from simulator.render.target.lens_bend import bent_outlines, longest_edge_m
-from simulator.render.target.sample_pattern import SEVEN, SamplePattern, rotated
+from flyaround.simulator.render.projection import PixelRect, image_of
+from flyaround.simulator.render.target.lens_bend import bent_outlines, longest_edge_m
+from flyaround.simulator.render.target.sample_pattern import SEVEN, SamplePattern, rotated
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-    from simulator.scene.state import Quality
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from flyaround.simulator.scene.state import Quality
 
 TILE_PX = 8
 """Side of the screen tiles in which the target's pixels are shaded."""

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.bake.edge_gaps import edge_gaps
-from simulator.render.bake.occluders import BOX, Boxes, hidden
-from simulator.render.projection import image_of
+from flyaround.simulator.render.bake.edge_gaps import edge_gaps
+from flyaround.simulator.render.bake.occluders import BOX, Boxes, hidden
+from flyaround.simulator.render.projection import image_of
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.bake.mesh_edges import MeshEdges
-    from simulator.render.projection import PixelRect
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.bake.mesh_edges import MeshEdges
+    from flyaround.simulator.render.projection import PixelRect
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 _SHORTEST_PX = 1.3
 """Shorter ones are left out: of Tango at 6 to 14 m that is half of what 0.7 px leaves, and coverage is off by 1.016 %

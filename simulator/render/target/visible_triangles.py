@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.bake.occluders import hidden
+from flyaround.simulator.render.bake.occluders import hidden
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.target.mesh import GpuMesh
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.render.target.mesh import GpuMesh
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 GRAZING = 0.01
 """Sine of the angle under which a triangle may look away and is drawn yet: corners rounded to 1/256 of a pixel may

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.sections import Degrees, DirectionXyz, Section
-from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from flyaround.simulator.runtime.sections import Degrees, DirectionXyz, Section
+from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.bands import Bands
-    from simulator.world.frames.pose import Pose
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.world.frames.pose import Pose
 
 _Place = Annotated[float, Meta(ge=-1e4, le=1e4)]
 Side = Annotated[float, Meta(ge=0.01, le=100)]

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scene.illumination.bands import bands_of
+from flyaround.simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.bands import Bands
 
 EARTH_RADIUS_M = 6_378_137.0  # WGS84 semi-major axis
 SUN_ANGULAR_RADIUS_RAD = 0.004652  # IAU 2015 nominal solar radius at 1 au

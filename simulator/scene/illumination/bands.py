@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from simulator.camera.detector.sunlight import MONO_BAND_NM, RGB_BANDS_NM, sun_irradiance_between_w_m2
+from flyaround.simulator.camera.detector.sunlight import (
+    MONO_BAND_NM,
+    RGB_BANDS_NM,
+    sun_irradiance_between_w_m2,
+)
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 Bands = Literal["mono", "rgb"]
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0

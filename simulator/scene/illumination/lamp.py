@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.arrays import FloatArray
-from simulator.runtime.sections import MetresXyz, Section
-from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.runtime.sections import MetresXyz, Section
+from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.illumination.bands import Bands
 
 Profile = Literal["led", "gaussian", "flat"]
 FLAT_EDGE = 0.03  # of the half angle: over it a flat beam falls to nothing

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scene.illumination.bands import bands_of
+from flyaround.simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.bands import Bands
 
 MOON_RADIUS_M = 1_737_400.0  # IAU 2015, mean
 FULL_MOON_SHARE = 2.5e-6  # of the Sun's irradiance: magnitudes -12.73 and -26.74, Allen (2000)

@@ -11,11 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scene.illumination.atmosphere import MultipleScattering, optical_depth_to_top, sun_share
+from flyaround.simulator.scene.illumination.atmosphere import (
+    MultipleScattering,
+    optical_depth_to_top,
+    sun_share,
+)
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.atmosphere import Atmosphere
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
 HEIGHTS, SUNS = 24, 33
 GROUND_ALBEDO = 0.3  # of the ground and the clouds together: Stephens et al. (2015), Rev. Geophys. 53

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import erfa
 import numpy as np
 
-from simulator.world.constants import AU_M
-from simulator.world.time.instant import Instant, without_year_warning
+from flyaround.simulator.world.constants import AU_M
+from flyaround.simulator.world.time.instant import Instant, without_year_warning
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scene.illumination.atmosphere import earth_atmosphere, optical_depth_to_top
+from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere, optical_depth_to_top
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.bands import Bands
 
 BENDING_RAD = np.radians(69.0 / 60)  # through the whole air at the ground: twice the 34.5' of a setting Sun
 BENDING_HEIGHT_M = 8000.0  # it falls off as the density

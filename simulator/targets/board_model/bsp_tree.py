@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 # A corner nearer to a plane than this lies in it [m]. A small face on a large one is in front of it.
 ON_PLANE_M, FRONT_M = 2e-5, -2e-4

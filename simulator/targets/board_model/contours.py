@@ -19,11 +19,11 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from simulator.targets.geometry import sphere_directions
+from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from flyaround.simulator.targets.geometry import sphere_directions
 
 if TYPE_CHECKING:
-    from simulator.targets.model import Target
+    from flyaround.simulator.targets.model import Target
 
 VIEWS, POINTS = 200, 72
 RANGE_RADII = 10.0

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-from simulator.targets.geometry import sphere_directions
+from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+from flyaround.simulator.targets.geometry import sphere_directions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.targets.model import Part
+    from flyaround.simulator.targets.model import Part
 
 # Visible area below which a triangle, and a part that a coarser level leaves out, is not worth drawing [m2].
 LEAST_TRIANGLE_M2, LEAST_PART_M2 = 2e-6, 2.5e-3

@@ -10,22 +10,27 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.runtime.arrays import vec3
-from simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
-from simulator.runtime.files import write_atomic
-from simulator.targets.board_model.bsp_tree import build_tree
-from simulator.targets.board_model.contours import LARGEST_RADIUS, RANGE_RADII, OccludingContours, outlines_of
-from simulator.targets.board_model.outer_faces import merge_triangle_pairs, outer_triangles
-from simulator.targets.convert import board_model
-from simulator.targets.level_of_detail import DETAILS
-from simulator.targets.library import built_in_targets, cache_name, load_target
-from simulator.targets.records import BoardModelRecord, FacesRecord, OutlinesRecord
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.targets.board_model.bsp_tree import build_tree
+from flyaround.simulator.targets.board_model.contours import (
+    LARGEST_RADIUS,
+    RANGE_RADII,
+    OccludingContours,
+    outlines_of,
+)
+from flyaround.simulator.targets.board_model.outer_faces import merge_triangle_pairs, outer_triangles
+from flyaround.simulator.targets.convert import board_model
+from flyaround.simulator.targets.level_of_detail import DETAILS
+from flyaround.simulator.targets.library import built_in_targets, cache_name, load_target
+from flyaround.simulator.targets.records import BoardModelRecord, FacesRecord, OutlinesRecord
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from simulator.targets.model import Part, Target
+    from flyaround.simulator.targets.model import Part, Target
 
 
 POSITION_STEPS = 8192

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.runtime.arrays import FloatArray
-from simulator.targets.builders.mesh import Mesh
-from simulator.targets.model import Part
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.targets.builders.mesh import Mesh
+from flyaround.simulator.targets.model import Part
 
 
 @dataclass(frozen=True, eq=False)

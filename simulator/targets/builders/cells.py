@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.prism import prism
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.prism import prism
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 def clipped_rectangle(width_m: float, height_m: float, clip_m: float, clipped: str) -> FloatArray:

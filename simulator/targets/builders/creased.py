@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.builders.mesh import Mesh, unit
-from simulator.targets.builders.solids import CREASE_RAD
+from flyaround.simulator.targets.builders.mesh import Mesh, unit
+from flyaround.simulator.targets.builders.solids import CREASE_RAD
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 
 def creased(points_m: ArrayLike, triangles: ArrayLike, crease_rad: float = float(CREASE_RAD)) -> Mesh:

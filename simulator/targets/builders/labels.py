@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import FloatArray, Vec3, vec3
-from simulator.targets.builders.mesh import Mesh, unit
-from simulator.targets.model import Edge, Keypoint, Occluders
+from flyaround.simulator.runtime.arrays import FloatArray, Vec3, vec3
+from flyaround.simulator.targets.builders.mesh import Mesh, unit
+from flyaround.simulator.targets.model import Edge, Keypoint, Occluders
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import FloatArray, Vec3, vec3
-from simulator.targets.model import MassProperties
+from flyaround.simulator.runtime.arrays import FloatArray, Vec3, vec3
+from flyaround.simulator.targets.model import MassProperties
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import FloatArray, IntArray
+from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.builders.mesh import Mesh, cross, following, merge, preceding, unit
-from simulator.targets.builders.solids import CREASE_RAD
+from flyaround.simulator.targets.builders.mesh import Mesh, cross, following, merge, preceding, unit
+from flyaround.simulator.targets.builders.solids import CREASE_RAD
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 
 def circle(centre: ArrayLike, radius: float, segments: int = 24) -> FloatArray:

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.builders.mesh import Mesh, across, convex_solid, cross, following, merge, unit
+from flyaround.simulator.targets.builders.mesh import (
+    Mesh,
+    across,
+    convex_solid,
+    cross,
+    following,
+    merge,
+    unit,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.builders.cells import cell_grid, clipped_rectangle
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.prism import rectangle
-from simulator.targets.builders.solids import bar, box, rod
+from flyaround.simulator.targets.builders.cells import cell_grid, clipped_rectangle
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.prism import rectangle
+from flyaround.simulator.targets.builders.solids import bar, box, rod
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import Vec3
+    from flyaround.simulator.runtime.arrays import Vec3
 
 CELL_M = 0.002
 """Cells stand this far proud of their panel."""

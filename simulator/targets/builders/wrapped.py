@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.builders.creased import copies, creased, slab
-from simulator.targets.builders.mesh import Mesh, unit
+from flyaround.simulator.targets.builders.creased import copies, creased, slab
+from flyaround.simulator.targets.builders.mesh import Mesh, unit
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

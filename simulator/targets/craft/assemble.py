@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.runtime.arrays import Quat, Vec3
-from simulator.targets.builders.assembly import Piece, part_of
-from simulator.targets.builders.labels import named_keypoints, welded
-from simulator.targets.builders.mass import MassElement, mass_properties
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.check_target import check_target
-from simulator.targets.convert import content_sha256
-from simulator.targets.model import Edge, Keypoint, MassProperties, Material, Occluders, Target, TextureImage
+from flyaround.simulator.runtime.arrays import Quat, Vec3
+from flyaround.simulator.targets.builders.assembly import Piece, part_of
+from flyaround.simulator.targets.builders.labels import named_keypoints, welded
+from flyaround.simulator.targets.builders.mass import MassElement, mass_properties
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.check_target import check_target
+from flyaround.simulator.targets.convert import content_sha256
+from flyaround.simulator.targets.model import (
+    Edge,
+    Keypoint,
+    MassProperties,
+    Material,
+    Occluders,
+    Target,
+    TextureImage,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

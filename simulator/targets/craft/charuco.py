@@ -1,6 +1,6 @@
 """The calibration board: a ChArUco board, its squares geometry, the markers in its light squares a texture.
 
-The plate and the frame are the chessboard's (`simulator.targets.craft.chessboard`): origin in the middle of the face, x
+The plate and the frame are the chessboard's (`flyaround.simulator.targets.craft.chessboard`): origin in the middle of the face, x
 right, y up, z out of the face. `charuco_board` is the same pattern as OpenCV knows it, whose object points have their
 origin in the upper left corner of the pattern, y down and z into the board; `model_from_opencv_m` turns them into the
 model's. Corner ``corner_R_C`` has the ChArUco id ``10 R + C``.
@@ -19,10 +19,10 @@ import zlib
 import cv2
 import numpy as np
 
-from simulator.runtime.arrays import BoolArray, FloatArray
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import merge
-from simulator.targets.craft.chessboard import (
+from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.craft.chessboard import (
     COLUMNS,
     MATT_WHITE,
     ROWS,
@@ -32,8 +32,8 @@ from simulator.targets.craft.chessboard import (
     lines_y_m,
     squares,
 )
-from simulator.targets.level_of_detail import Detail
-from simulator.targets.model import Material, Target, TextureImage
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Material, Target, TextureImage
 
 DICTIONARY = cv2.aruco.DICT_4X4_50
 MARKER_M = 0.030

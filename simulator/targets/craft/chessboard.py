@@ -13,18 +13,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.runtime.arrays import FloatArray, Vec3
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import MassElement
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.prism import prism, rectangle
-from simulator.targets.builders.solids import box
-from simulator.targets.craft.assemble import assemble_lumped
-from simulator.targets.craft.finishes import BARE_ALUMINIUM
-from simulator.targets.craft.wire import face_edges
-from simulator.targets.level_of_detail import Detail
-from simulator.targets.model import Edge, Material, Target, TextureImage
-from simulator.targets.tango.labels import box_edges
+from flyaround.simulator.runtime.arrays import FloatArray, Vec3
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mass import MassElement
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.prism import prism, rectangle
+from flyaround.simulator.targets.builders.solids import box
+from flyaround.simulator.targets.craft.assemble import assemble_lumped
+from flyaround.simulator.targets.craft.finishes import BARE_ALUMINIUM
+from flyaround.simulator.targets.craft.wire import face_edges
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Edge, Material, Target, TextureImage
+from flyaround.simulator.targets.tango.labels import box_edges
 
 COLUMNS, ROWS = 11, 8
 SQUARE_M = 0.040

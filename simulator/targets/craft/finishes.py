@@ -10,7 +10,7 @@ Colours of blankets and cells of the crewed craft are judged on public photograp
 
 from __future__ import annotations
 
-from simulator.targets.model import Material
+from flyaround.simulator.targets.model import Material
 
 WHITE_PAINT = Material(name="white-paint", base_color=(0.78, 0.78, 0.76), roughness=0.6)
 WHITE_SEAM = Material(name="white-seam", base_color=(0.50, 0.50, 0.49), roughness=0.65)

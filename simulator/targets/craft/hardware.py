@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import Mesh, merge, unit
-from simulator.targets.builders.solids import bar, cone, lathe, rod
-from simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import Mesh, merge, unit
+from flyaround.simulator.targets.builders.solids import bar, cone, lathe, rod
+from flyaround.simulator.targets.level_of_detail import Detail, facets
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

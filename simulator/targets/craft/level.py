@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.level_of_detail import Detail
 
 
 @dataclass(frozen=True)

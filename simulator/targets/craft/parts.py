@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import Mesh, merge, unit
-from simulator.targets.builders.solids import lathe, rod, truss
-from simulator.targets.builders.wrapped import Revolved, pad, sector
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import Mesh, merge, unit
+from flyaround.simulator.targets.builders.solids import lathe, rod, truss
+from flyaround.simulator.targets.builders.wrapped import Revolved, pad, sector
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
-    from simulator.targets.craft.level import Level
+    from flyaround.simulator.targets.craft.level import Level
 
 
 def revolve(profile: ArrayLike, segments: int) -> Mesh:

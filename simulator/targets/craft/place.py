@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import FloatArray, Vec3, vec3
+from flyaround.simulator.runtime.arrays import FloatArray, Vec3, vec3
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
-    from simulator.targets.builders.assembly import Piece
-    from simulator.targets.builders.mesh import Mesh
+    from flyaround.simulator.targets.builders.assembly import Piece
+    from flyaround.simulator.targets.builders.mesh import Mesh
 
 X: Vec3 = (1.0, 0.0, 0.0)
 Y: Vec3 = (0.0, 1.0, 0.0)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.runtime.arrays import FloatArray
-from simulator.targets.builders.mass import MassElement
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.targets.builders.mass import MassElement
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.labels import box_edges, moved_edges
-from simulator.targets.builders.mass import MassElement
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.wing import (
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.labels import box_edges, moved_edges
+from flyaround.simulator.targets.builders.mass import MassElement
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.wing import (
     Wing,
     wing_cells,
     wing_hinges,
@@ -19,8 +19,8 @@ from simulator.targets.builders.wing import (
     wing_ribs,
     wing_yoke,
 )
-from simulator.targets.craft.level import Level
-from simulator.targets.model import Edge
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.model import Edge
 
 AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 """Columns: the wing's own x, y, z in the model frame, on the +x side. A reflection: y to z, z to y."""

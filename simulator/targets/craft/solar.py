@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.cells import cell_grid, clipped_rectangle
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.prism import rectangle
-from simulator.targets.builders.solids import box
-from simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.cells import cell_grid, clipped_rectangle
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.prism import rectangle
+from flyaround.simulator.targets.builders.solids import box
+from flyaround.simulator.targets.level_of_detail import Detail
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,20 +14,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import MassElement
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.solids import box, cone, rod, truss
-from simulator.targets.craft.assemble import assemble_lumped
-from simulator.targets.craft.hardware import socket_screws
-from simulator.targets.craft.place import both_sides
-from simulator.targets.craft.wire import axis_edge, face_edges
-from simulator.targets.level_of_detail import Detail, facets
-from simulator.targets.model import Edge, Target
-from simulator.targets.tango.antennas import build_antennas
-from simulator.targets.tango.body import build_body
-from simulator.targets.tango.dimensions import (
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mass import MassElement
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.solids import box, cone, rod, truss
+from flyaround.simulator.targets.craft.assemble import assemble_lumped
+from flyaround.simulator.targets.craft.hardware import socket_screws
+from flyaround.simulator.targets.craft.place import both_sides
+from flyaround.simulator.targets.craft.wire import axis_edge, face_edges
+from flyaround.simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.model import Edge, Target
+from flyaround.simulator.targets.tango.antennas import build_antennas
+from flyaround.simulator.targets.tango.body import build_body
+from flyaround.simulator.targets.tango.dimensions import (
     ANTENNA_RADIUS_COLLAR_M,
     ANTENNA_RADIUS_STUB_M,
     ANTENNA_RADIUS_TIP_M,
@@ -37,10 +37,10 @@ from simulator.targets.tango.dimensions import (
     STRIP_M,
     TangoDimensions,
 )
-from simulator.targets.tango.instruments import build_bottom_instruments
-from simulator.targets.tango.labels import CORNERS, box_edges
-from simulator.targets.tango.materials import MATERIALS
-from simulator.targets.tango.panel import build_panel
+from flyaround.simulator.targets.tango.instruments import build_bottom_instruments
+from flyaround.simulator.targets.tango.labels import CORNERS, box_edges
+from flyaround.simulator.targets.tango.materials import MATERIALS
+from flyaround.simulator.targets.tango.panel import build_panel
 
 PANEL_X_M, PANEL_Y_M = 0.570 / 2, 0.759 / 2
 BODY_X_M, BODY_Y_M, BODY_TOP_M = 0.560 / 2, 0.550 / 2, 0.300

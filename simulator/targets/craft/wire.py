@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.targets.builders.mesh import across, unit
-from simulator.targets.builders.prism import signed_area
-from simulator.targets.builders.solids import CREASE_RAD
-from simulator.targets.model import Edge
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.targets.builders.mesh import across, unit
+from flyaround.simulator.targets.builders.prism import signed_area
+from flyaround.simulator.targets.builders.solids import CREASE_RAD
+from flyaround.simulator.targets.model import Edge
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 def prism_edges(

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import read_regular
-from simulator.targets.check_target import check_keypoints_on_mesh, check_target
-from simulator.targets.convert import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.targets.check_target import check_keypoints_on_mesh, check_target
+from flyaround.simulator.targets.convert import (
     content_sha256,
     frames_of,
     keypoints_of,
@@ -24,10 +24,10 @@ from simulator.targets.convert import (
     occluders_of,
     wireframe_of,
 )
-from simulator.targets.level_of_detail import split_level
-from simulator.targets.model import Material, Part, Target, TextureImage
-from simulator.targets.records import TargetRecord
-from simulator.targets.textures import pictures_of, texture_name
+from flyaround.simulator.targets.level_of_detail import split_level
+from flyaround.simulator.targets.model import Material, Part, Target, TextureImage
+from flyaround.simulator.targets.records import TargetRecord
+from flyaround.simulator.targets.textures import pictures_of, texture_name
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

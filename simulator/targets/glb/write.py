@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from simulator.runtime.files import write_atomic
-from simulator.targets.convert import record_of
-from simulator.targets.glb.read import ANISOTROPY, CLEARCOAT
-from simulator.targets.textures import mime_of
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.targets.convert import record_of
+from flyaround.simulator.targets.glb.read import ANISOTROPY, CLEARCOAT
+from flyaround.simulator.targets.textures import mime_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.targets.model import Material, Part, Target, TextureImage
+    from flyaround.simulator.targets.model import Material, Part, Target, TextureImage
 
 # glTF 2.0 specification: sections 5.11.5 (use of a buffer), 3.6.2.2 (numbers), 5.24.4 (triangles), 5.26 (samplers)
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, TRIANGLES = 34962, 34963, 5126, 5125, 4

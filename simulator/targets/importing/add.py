@@ -7,45 +7,50 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.targets.check_target import check_target
-from simulator.targets.convert import content_sha256
-from simulator.targets.glb.read import holds_target, load_glb
-from simulator.targets.importing.propose.keypoints import propose_keypoints
-from simulator.targets.importing.propose.mass import mass_properties_of
-from simulator.targets.importing.propose.occluders import propose_occluders
-from simulator.targets.importing.propose.wireframe import propose_wireframe
-from simulator.targets.importing.read.mesh_file import read_mesh
-from simulator.targets.importing.read.raw_model import unique_names
-from simulator.targets.importing.read.textures import bake_textures
-from simulator.targets.importing.repair.cleanup import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.check_target import check_target
+from flyaround.simulator.targets.convert import content_sha256
+from flyaround.simulator.targets.glb.read import holds_target, load_glb
+from flyaround.simulator.targets.importing.propose.keypoints import propose_keypoints
+from flyaround.simulator.targets.importing.propose.mass import mass_properties_of
+from flyaround.simulator.targets.importing.propose.occluders import propose_occluders
+from flyaround.simulator.targets.importing.propose.wireframe import propose_wireframe
+from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
+from flyaround.simulator.targets.importing.read.raw_model import unique_names
+from flyaround.simulator.targets.importing.read.textures import bake_textures
+from flyaround.simulator.targets.importing.repair.cleanup import (
     RepairCounts,
     check_surface,
     oriented,
     welded_body,
     without_slivers,
 )
-from simulator.targets.importing.repair.coincident_faces import coincidence_lines
-from simulator.targets.importing.repair.decimate import decimate, deviation
-from simulator.targets.importing.repair.holes import cap_solids
-from simulator.targets.importing.repair.materials import plain_where_unwrapped, used_materials
-from simulator.targets.importing.repair.normals import file_normals, normals_fit, parts_of, smooth_normals
-from simulator.targets.importing.repair.placement import (
+from flyaround.simulator.targets.importing.repair.coincident_faces import coincidence_lines
+from flyaround.simulator.targets.importing.repair.decimate import decimate, deviation
+from flyaround.simulator.targets.importing.repair.holes import cap_solids
+from flyaround.simulator.targets.importing.repair.materials import plain_where_unwrapped, used_materials
+from flyaround.simulator.targets.importing.repair.normals import (
+    file_normals,
+    normals_fit,
+    parts_of,
+    smooth_normals,
+)
+from flyaround.simulator.targets.importing.repair.placement import (
     bounds,
     check_count,
     check_numbers,
     check_parts,
     place_model,
 )
-from simulator.targets.model import Target
+from flyaround.simulator.targets.model import Target
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.targets.importing.read.raw_model import RawModel
-    from simulator.targets.importing.repair.topology import MeshBody
-    from simulator.targets.model import Material, Part
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.importing.read.raw_model import RawModel
+    from flyaround.simulator.targets.importing.repair.topology import MeshBody
+    from flyaround.simulator.targets.model import Material, Part
 
 
 @dataclass(frozen=True, kw_only=True)

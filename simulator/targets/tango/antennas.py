@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import merge, unit
-from simulator.targets.builders.solids import lathe
-from simulator.targets.level_of_detail import Detail, facets
-from simulator.targets.tango.dimensions import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import merge, unit
+from flyaround.simulator.targets.builders.solids import lathe
+from flyaround.simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.tango.dimensions import (
     ANTENNA_RADIUS_COLLAR_M,
     ANTENNA_RADIUS_STUB_M,
     ANTENNA_RADIUS_TIP_M,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.solids import box
-from simulator.targets.tango.dimensions import BOTTOM_PLATE_M, SIDE_PLATE_M, SPEED, TangoDimensions
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.solids import box
+from flyaround.simulator.targets.tango.dimensions import BOTTOM_PLATE_M, SIDE_PLATE_M, SPEED, TangoDimensions
 
 SKIN_M = 0.0010
 """Painted face sheets are their own thin bodies, so that plate edges keep their bare grey."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import Mesh, merge, unit
-from simulator.targets.builders.prism import circle, prism
-from simulator.targets.builders.solids import bar, box, rod, truss
-from simulator.targets.level_of_detail import Detail, facets
-from simulator.targets.tango.dimensions import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import Mesh, merge, unit
+from flyaround.simulator.targets.builders.prism import circle, prism
+from flyaround.simulator.targets.builders.solids import bar, box, rod, truss
+from flyaround.simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.tango.dimensions import (
     ANTENNA_COLLAR_M,
     ANTENNA_RADIUS_COLLAR_M,
     ANTENNA_ROOTS,

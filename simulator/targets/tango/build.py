@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from simulator.runtime.arrays import Quat
-from simulator.targets.builders.assembly import Piece, part_of
-from simulator.targets.builders.mass import MassElement, mass_properties
-from simulator.targets.check_target import check_target
-from simulator.targets.convert import content_sha256
-from simulator.targets.level_of_detail import Detail
-from simulator.targets.model import MassProperties, Material, Target
-from simulator.targets.tango.antennas import build_antennas
-from simulator.targets.tango.body import build_body
-from simulator.targets.tango.brackets import build_brackets
-from simulator.targets.tango.dimensions import ANTENNA_ROOTS, ANTENNA_TIPS
-from simulator.targets.tango.fittings import build_fittings
-from simulator.targets.tango.instruments import build_instruments
-from simulator.targets.tango.labels import build_keypoints, build_occluders, build_wireframe
-from simulator.targets.tango.materials import MATERIALS, MLI
-from simulator.targets.tango.mockup import MATERIALS as MOCKUP_MATERIALS
-from simulator.targets.tango.mockup import mockup_pieces
-from simulator.targets.tango.panel import build_panel
+from flyaround.simulator.runtime.arrays import Quat
+from flyaround.simulator.targets.builders.assembly import Piece, part_of
+from flyaround.simulator.targets.builders.mass import MassElement, mass_properties
+from flyaround.simulator.targets.check_target import check_target
+from flyaround.simulator.targets.convert import content_sha256
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import MassProperties, Material, Target
+from flyaround.simulator.targets.tango.antennas import build_antennas
+from flyaround.simulator.targets.tango.body import build_body
+from flyaround.simulator.targets.tango.brackets import build_brackets
+from flyaround.simulator.targets.tango.dimensions import ANTENNA_ROOTS, ANTENNA_TIPS
+from flyaround.simulator.targets.tango.fittings import build_fittings
+from flyaround.simulator.targets.tango.instruments import build_instruments
+from flyaround.simulator.targets.tango.labels import build_keypoints, build_occluders, build_wireframe
+from flyaround.simulator.targets.tango.materials import MATERIALS, MLI
+from flyaround.simulator.targets.tango.mockup import MATERIALS as MOCKUP_MATERIALS
+from flyaround.simulator.targets.tango.mockup import mockup_pieces
+from flyaround.simulator.targets.tango.panel import build_panel
 
 NOTES = (
     "SPEED frame: origin on the bottom plate, z out of the solar panel. Keypoints are the published labels "

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from simulator.runtime.arrays import Vec3
+from flyaround.simulator.runtime.arrays import Vec3
 
 PANEL_X_M = 0.370
 PANEL_Y_M = 0.385

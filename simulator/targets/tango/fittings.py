@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.prism import circle, prism, rectangle
-from simulator.targets.builders.solids import box, dome, rod
-from simulator.targets.level_of_detail import Detail, facets
-from simulator.targets.tango.dimensions import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.prism import circle, prism, rectangle
+from flyaround.simulator.targets.builders.solids import box, dome, rod
+from flyaround.simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.tango.dimensions import (
     BODY_X_M,
     BODY_Y_HIGH_M,
     CONNECTOR_BOTTOM_M,

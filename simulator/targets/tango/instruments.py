@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.prism import circle, prism, rectangle
-from simulator.targets.builders.solids import box, cone, dome, lathe, rod
-from simulator.targets.level_of_detail import Detail, facets
-from simulator.targets.tango.dimensions import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.prism import circle, prism, rectangle
+from flyaround.simulator.targets.builders.solids import box, cone, dome, lathe, rod
+from flyaround.simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.tango.dimensions import (
     BAR_HIGH_M,
     BAR_LOW_M,
     BODY_X_M,

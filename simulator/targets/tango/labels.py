@@ -6,13 +6,13 @@ import itertools
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.targets.builders.labels import welded
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.prism import prism
-from simulator.targets.builders.solids import box, cone, rod
-from simulator.targets.model import Edge, Keypoint, Occluders
-from simulator.targets.tango.dimensions import (
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.targets.builders.labels import welded
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.prism import prism
+from flyaround.simulator.targets.builders.solids import box, cone, rod
+from flyaround.simulator.targets.model import Edge, Keypoint, Occluders
+from flyaround.simulator.targets.tango.dimensions import (
     ANTENNA_COLLAR_M,
     ANTENNA_RADIUS_COLLAR_M,
     ANTENNA_RADIUS_TIP_M,

@@ -6,7 +6,7 @@ sunlight, black ones 0.96: Gilmore, Spacecraft Thermal Control Handbook), cells 
 
 from __future__ import annotations
 
-from simulator.targets.model import Material
+from flyaround.simulator.targets.model import Material
 
 MATERIALS = (
     Material(name="white-paint", base_color=(0.75, 0.75, 0.74), roughness=0.6),

@@ -11,14 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.cells import cell_grid
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.prism import prism, rectangle
-from simulator.targets.level_of_detail import Detail
-from simulator.targets.model import Material
-from simulator.targets.tango.dimensions import SPEED, STRIP_M
-from simulator.targets.tango.panel import CLIP_M, GAP_M, SUBSTRATE_M, TAB_M
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.cells import cell_grid
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.prism import prism, rectangle
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Material
+from flyaround.simulator.targets.tango.dimensions import SPEED, STRIP_M
+from flyaround.simulator.targets.tango.panel import CLIP_M, GAP_M, SUBSTRATE_M, TAB_M
 
 RIM_M = 0.0008
 """By so much the bright rim stands out of the panel's edge."""

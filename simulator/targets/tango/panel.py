@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.cells import cell_grid, clipped_rectangle
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.prism import prism, rectangle
-from simulator.targets.builders.solids import box
-from simulator.targets.level_of_detail import Detail
-from simulator.targets.tango.dimensions import FRAME_X_M, FRAME_Y_M, SPEED, STRIP_M, TangoDimensions
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.cells import cell_grid, clipped_rectangle
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.prism import prism, rectangle
+from flyaround.simulator.targets.builders.solids import box
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.tango.dimensions import FRAME_X_M, FRAME_Y_M, SPEED, STRIP_M, TangoDimensions
 
 BACK_SHEET_M = 0.0020
 GAP_M = 0.0014

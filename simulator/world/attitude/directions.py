@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from simulator.world.constants import DAY_S
-from simulator.world.ephemeris.sun_moon import sun_eci_m
-from simulator.world.frames.rotation import quat_from_matrix
-from simulator.world.frames.vectors import cross, length
+from flyaround.simulator.world.constants import DAY_S
+from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
+from flyaround.simulator.world.frames.rotation import quat_from_matrix
+from flyaround.simulator.world.frames.vectors import cross, length
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from scipy.interpolate import CubicSpline
 
-    from simulator.runtime.arrays import FloatArray, Vec3
-    from simulator.world.ephemeris.bodies import Body
-    from simulator.world.orbit.propagation import OrbitTrack
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray, Vec3
+    from flyaround.simulator.world.ephemeris.bodies import Body
+    from flyaround.simulator.world.orbit.propagation import OrbitTrack
+    from flyaround.simulator.world.time.instant import Instant
 
     Direction = Callable[[float], tuple[FloatArray, FloatArray]]
 

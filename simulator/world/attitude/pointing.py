@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.sections import Degrees, Section
-from simulator.world.attitude.directions import unit_and_rate
-from simulator.world.frames.rotation import (
+from flyaround.simulator.runtime.sections import Degrees, Section
+from flyaround.simulator.world.attitude.directions import unit_and_rate
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
     quat_from_matrix,
     quat_from_rotvec,
     quat_multiply,
 )
-from simulator.world.frames.vectors import cross, length
+from flyaround.simulator.world.frames.vectors import cross, length
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.frames.lvlh import Lvlh
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.frames.lvlh import Lvlh
 
 Down = Literal["nadir", "cross_track", "along_track"]
 
@@ -44,7 +44,7 @@ class Pointing(Section, frozen=True, kw_only=True, dict=True):
     first of nadir, cross_track, along_track that stays clear of the boresight all through the flight.
     """
 
-    # until `simulator.world.flight.build.with_best_down` has chosen, auto is nadir; when the boresight runs along it
+    # until `flyaround.simulator.world.flight.build.with_best_down` has chosen, auto is nadir; when the boresight runs along it
     # the next of the three takes its place for that moment
     down: Literal["auto", "nadir", "cross_track", "along_track"] = "auto"
     right_deg: Annotated[float, Meta(ge=-90, le=90)] = 0.0

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.sections import Degrees, Inertia, Section
-from simulator.world.frames.rotation import (
+from flyaround.simulator.runtime.sections import Degrees, Inertia, Section
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
     quat_from_rotvec,
     quat_multiply,
     quat_normalize,
 )
-from simulator.world.frames.vectors import cross_of
+from flyaround.simulator.world.frames.vectors import cross_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
     Reference = Callable[[float], tuple[FloatArray, FloatArray]]
 

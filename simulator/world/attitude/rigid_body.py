@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from simulator.runtime.arrays import FloatArray
-from simulator.world.frames.rotation import matrix_from_quat, quat_normalize
-from simulator.world.orbit.dense_output import DenseOutput, integrate
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_normalize
+from flyaround.simulator.world.orbit.dense_output import DenseOutput, integrate
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.arrays import FloatArray
-from simulator.runtime.sections import Degrees, DirectionXyz, Rate, Section, TorqueNm
-from simulator.world.attitude.directions import DirectionName, PointingContext, TwoAxisTrack
-from simulator.world.attitude.rigid_body import AttitudeTrack, propagate_attitude
-from simulator.world.attitude.torques import torque_on
-from simulator.world.frames.rotation import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.runtime.sections import Degrees, DirectionXyz, Rate, Section, TorqueNm
+from flyaround.simulator.world.attitude.directions import DirectionName, PointingContext, TwoAxisTrack
+from flyaround.simulator.world.attitude.rigid_body import AttitudeTrack, propagate_attitude
+from flyaround.simulator.world.attitude.torques import torque_on
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_from_matrix,
     quat_from_rotvec,
@@ -24,8 +24,8 @@ from simulator.world.frames.rotation import (
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.world.frames.lvlh import Lvlh
-    from simulator.world.orbit.propagation import OrbitTrack
+    from flyaround.simulator.world.frames.lvlh import Lvlh
+    from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
 _CHECKED_TIMES = 61
 

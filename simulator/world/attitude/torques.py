@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3
-from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.ephemeris.ephemeris_table import EphemerisTable
-from simulator.world.frames.vectors import cross, length
+from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.world.constants import MU_EARTH_M3_S2
+from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
+from flyaround.simulator.world.frames.vectors import cross, length
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.attitude.rigid_body import Torque
-    from simulator.world.orbit.propagation import OrbitTrack
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.attitude.rigid_body import Torque
+    from flyaround.simulator.world.orbit.propagation import OrbitTrack
+    from flyaround.simulator.world.time.instant import Instant
 
 _J2000 = 2451545.0
 _YEAR_DAYS = 365.25

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from simulator.world.constants import EARTH_RADIUS_M, MOON_RADIUS_M, MU_EARTH_M3_S2, MU_MOON_M3_S2
-from simulator.world.ephemeris.sun_moon import moon_geometric_state
+from flyaround.simulator.world.constants import EARTH_RADIUS_M, MOON_RADIUS_M, MU_EARTH_M3_S2, MU_MOON_M3_S2
+from flyaround.simulator.world.ephemeris.sun_moon import moon_geometric_state
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.time.instant import Instant
 
 BodyName = Literal["earth", "moon"]
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import erfa
 import numpy as np
 
-from simulator.world.frames.rotation import quat_from_matrix
-from simulator.world.time.earth_parameters import earth_parameters
+from flyaround.simulator.world.frames.rotation import quat_from_matrix
+from flyaround.simulator.world.time.earth_parameters import earth_parameters
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.time.instant import Instant
 
 
 def R_itrs_from_eci(instant: Instant, *, polar_motion: bool = True) -> FloatArray:

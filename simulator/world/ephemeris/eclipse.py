@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.constants import EARTH_RADIUS_M, FLATTENING, MOON_RADIUS_M, SUN_RADIUS_M
+from flyaround.simulator.world.constants import EARTH_RADIUS_M, FLATTENING, MOON_RADIUS_M, SUN_RADIUS_M
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 GCRS_POLE = (0.0, 0.0, 1.0)
 """The Earth's axis of J2000.0, a sixth of a degree from that of 2026: 60 m of the limb."""

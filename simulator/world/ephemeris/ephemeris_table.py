@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import erfa
 import numpy as np
 
-from simulator.world.constants import DAY_S
-from simulator.world.ephemeris.earth_orientation import celestial_and_polar
-from simulator.world.ephemeris.sun_moon import moon_geometric_m, sun_geometric_m
+from flyaround.simulator.world.constants import DAY_S
+from flyaround.simulator.world.ephemeris.earth_orientation import celestial_and_polar
+from flyaround.simulator.world.ephemeris.sun_moon import moon_geometric_m, sun_geometric_m
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.time.instant import Instant
 
 _STEP_S = 1800.0
 """Half an hour: cubics between such nodes hold the Moon to a millimetre and nutation to 1e-15 rad."""

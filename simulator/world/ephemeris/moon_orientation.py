@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.frames.rotation import quat_from_matrix
+from flyaround.simulator.world.frames.rotation import quat_from_matrix
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.time.instant import Instant
 
 # (start [deg], rate [deg per day]) of the arguments E1 to E13
 _ARGUMENTS = np.array(

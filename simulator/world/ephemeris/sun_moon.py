@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import erfa
 import numpy as np
 
-from simulator.world.constants import AU_M, DAY_S, LIGHT_M_S
-from simulator.world.time.instant import without_year_warning
+from flyaround.simulator.world.constants import AU_M, DAY_S, LIGHT_M_S
+from flyaround.simulator.world.time.instant import without_year_warning
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 _C_AU_DAY = LIGHT_M_S * DAY_S / AU_M
 

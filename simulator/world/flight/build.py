@@ -8,33 +8,33 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.runtime.arrays import vec3
-from simulator.world.attitude.directions import PointingContext
-from simulator.world.attitude.pointing import DOWN_AXES_LVLH
-from simulator.world.attitude.reaction_wheels import fly_wheels
-from simulator.world.attitude.target_attitude import Attitude, SteadyTrack
-from simulator.world.ephemeris.bodies import EARTH, Body
-from simulator.world.ephemeris.earth_orientation import pole_eci
-from simulator.world.flight.flight import Flight
-from simulator.world.frames.lvlh import lvlh_frame
-from simulator.world.frames.rotation import quat_normalize
-from simulator.world.guidance.command_script import CommandScript, fly_script
-from simulator.world.guidance.thruster_control import fly_controlled
-from simulator.world.orbit.followed import CraftPair, follow, followed_craft, refuse_thrust
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import elements_from_state, propagate
-from simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.world.attitude.directions import PointingContext
+from flyaround.simulator.world.attitude.pointing import DOWN_AXES_LVLH
+from flyaround.simulator.world.attitude.reaction_wheels import fly_wheels
+from flyaround.simulator.world.attitude.target_attitude import Attitude, SteadyTrack
+from flyaround.simulator.world.ephemeris.bodies import EARTH, Body
+from flyaround.simulator.world.ephemeris.earth_orientation import pole_eci
+from flyaround.simulator.world.flight.flight import Flight
+from flyaround.simulator.world.frames.lvlh import lvlh_frame
+from flyaround.simulator.world.frames.rotation import quat_normalize
+from flyaround.simulator.world.guidance.command_script import CommandScript, fly_script
+from flyaround.simulator.world.guidance.thruster_control import fly_controlled
+from flyaround.simulator.world.orbit.followed import CraftPair, follow, followed_craft, refuse_thrust
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import elements_from_state, propagate
+from flyaround.simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.world.attitude.reaction_wheels import Wheels
-    from simulator.world.attitude.rigid_body import AttitudeTrack
-    from simulator.world.guidance.chaser import Chaser
-    from simulator.world.orbit.burns import Burn
-    from simulator.world.orbit.followed import Ephemeris
-    from simulator.world.orbit.forces import ForceModel
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.world.attitude.reaction_wheels import Wheels
+    from flyaround.simulator.world.attitude.rigid_body import AttitudeTrack
+    from flyaround.simulator.world.guidance.chaser import Chaser
+    from flyaround.simulator.world.orbit.burns import Burn
+    from flyaround.simulator.world.orbit.followed import Ephemeris
+    from flyaround.simulator.world.orbit.forces import ForceModel
+    from flyaround.simulator.world.time.instant import Instant
 
 
 @dataclass(frozen=True, kw_only=True)

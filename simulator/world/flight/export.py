@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.world.flight.log import FlightLog
-from simulator.world.frames.rotation import quat_conjugate
-from simulator.world.messages.aem import write_aem
-from simulator.world.messages.oem import write_oem
+from flyaround.simulator.world.flight.log import FlightLog
+from flyaround.simulator.world.frames.rotation import quat_conjugate
+from flyaround.simulator.world.messages.aem import write_aem
+from flyaround.simulator.world.messages.oem import write_oem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.flight.flight import Flight
 
 
 _VECTORS = (

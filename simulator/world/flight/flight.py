@@ -7,31 +7,31 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import quat, vec3
-from simulator.world.ephemeris.bodies import EARTH, Body
-from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from simulator.world.ephemeris.moon_orientation import q_moon_from_eci
-from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from simulator.world.flight.recording import Recording
-from simulator.world.flight.world_state import WorldState
-from simulator.world.frames.lvlh import Lvlh, lvlh_frame
-from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.guidance.manual_control import ChaserState
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.world.ephemeris.bodies import EARTH, Body
+from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.ephemeris.moon_orientation import q_moon_from_eci
+from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from flyaround.simulator.world.flight.recording import Recording
+from flyaround.simulator.world.flight.world_state import WorldState
+from flyaround.simulator.world.frames.lvlh import Lvlh, lvlh_frame
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.attitude.pointing import Pointing
-    from simulator.world.attitude.reaction_wheels import WheelTrack
-    from simulator.world.attitude.rigid_body import AttitudeTrack
-    from simulator.world.guidance.chaser import Chaser
-    from simulator.world.guidance.command_script import ScriptedTrack
-    from simulator.world.guidance.thruster_control import ControlledTrack
-    from simulator.world.orbit.burns import Burn
-    from simulator.world.orbit.propagation import OrbitTrack
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.attitude.pointing import Pointing
+    from flyaround.simulator.world.attitude.reaction_wheels import WheelTrack
+    from flyaround.simulator.world.attitude.rigid_body import AttitudeTrack
+    from flyaround.simulator.world.guidance.chaser import Chaser
+    from flyaround.simulator.world.guidance.command_script import ScriptedTrack
+    from flyaround.simulator.world.guidance.thruster_control import ControlledTrack
+    from flyaround.simulator.world.orbit.burns import Burn
+    from flyaround.simulator.world.orbit.propagation import OrbitTrack
+    from flyaround.simulator.world.time.instant import Instant
 
 _EDGE_S = 1e-6
 """Times this far outside the span are taken for rounding."""

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.flight.flight import Flight
-    from simulator.world.guidance.command_script import ScriptedTrack
-    from simulator.world.guidance.thruster_control import ControlledTrack
-    from simulator.world.orbit.burns import Burn
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.guidance.command_script import ScriptedTrack
+    from flyaround.simulator.world.guidance.thruster_control import ControlledTrack
+    from flyaround.simulator.world.orbit.burns import Burn
 
 EventKind = Literal["abort", "retreated", "guarded", "burn", "burn_end", "shadow", "sunlight"]
 

@@ -12,25 +12,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.arrays import quat, vec3
-from simulator.runtime.untrusted_files import decode_text, read_regular
-from simulator.world.ephemeris.bodies import EARTH
-from simulator.world.frames.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
-from simulator.world.guidance.chaser import Chaser
-from simulator.world.guidance.manual_control import ChaserState
-from simulator.world.guidance.paths import Hold
-from simulator.world.orbit.propagation import OrbitTrack
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular
+from flyaround.simulator.world.ephemeris.bodies import EARTH
+from flyaround.simulator.world.frames.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
+from flyaround.simulator.world.guidance.chaser import Chaser
+from flyaround.simulator.world.guidance.manual_control import ChaserState
+from flyaround.simulator.world.guidance.paths import Hold
+from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.attitude.rigid_body import AttitudeTrack
-    from simulator.world.ephemeris.bodies import Body
-    from simulator.world.flight.world_state import WorldState
-    from simulator.world.orbit.forces import ForceModel
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.attitude.rigid_body import AttitudeTrack
+    from flyaround.simulator.world.ephemeris.bodies import Body
+    from flyaround.simulator.world.flight.world_state import WorldState
+    from flyaround.simulator.world.orbit.forces import ForceModel
+    from flyaround.simulator.world.time.instant import Instant
 
 _FIELDS = {
     "t_s": 1,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.runtime.arrays import Quat, Vec3
-from simulator.world.ephemeris.bodies import BODIES, BodyName
+from flyaround.simulator.runtime.arrays import Quat, Vec3
+from flyaround.simulator.world.ephemeris.bodies import BODIES, BodyName
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.frames.vectors import cross, cross_of, dot_of
+from flyaround.simulator.world.frames.vectors import cross, cross_of, dot_of
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,13 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import Quat, Vec3, quat, vec3
-from simulator.world.frames.rotation import matrix_from_quat, quat_conjugate, quat_multiply, quat_normalize
+from flyaround.simulator.runtime.arrays import Quat, Vec3, quat, vec3
+from flyaround.simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_conjugate,
+    quat_multiply,
+    quat_normalize,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True)

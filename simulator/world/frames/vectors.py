@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.runtime.arrays import FloatArray, Vec3
+    from flyaround.simulator.runtime.arrays import FloatArray, Vec3
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from simulator.runtime.sections import Range, Section
-from simulator.world.attitude.pointing import Pointing
-from simulator.world.attitude.reaction_wheels import Wheels
-from simulator.world.guidance.keep_out import KeepOut
-from simulator.world.guidance.thrusters import Thrusters
-from simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s
+from flyaround.simulator.runtime.sections import Range, Section
+from flyaround.simulator.world.attitude.pointing import Pointing
+from flyaround.simulator.world.attitude.reaction_wheels import Wheels
+from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.guidance.thrusters import Thrusters
+from flyaround.simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.orbit.propagation import Elements
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.orbit.propagation import Elements
 
 
 class Chaser(Section, frozen=True, kw_only=True):

@@ -10,15 +10,20 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.arrays import quat, vec3
-from simulator.runtime.sections import MetresXyz, Rate, Seconds, Section, SpeedXyz
-from simulator.world.guidance.chaser import Chaser
-from simulator.world.guidance.manual_control import ChaserState, SteeringCommand, guarded_command, step
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.runtime.sections import MetresXyz, Rate, Seconds, Section, SpeedXyz
+from flyaround.simulator.world.guidance.chaser import Chaser
+from flyaround.simulator.world.guidance.manual_control import (
+    ChaserState,
+    SteeringCommand,
+    guarded_command,
+    step,
+)
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.attitude.pointing import Pointing
-    from simulator.world.orbit.propagation import OrbitTrack
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.attitude.pointing import Pointing
+    from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
 
 class ScriptedCommand(Section, frozen=True, kw_only=True):

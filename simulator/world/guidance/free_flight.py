@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.sections import Degrees, Metres, MetresXyz, Range, SpeedXyz
-from simulator.world.guidance.chaser import Chaser
-from simulator.world.guidance.thrusters import Thrusters
-from simulator.world.relative.clohessy_wiltshire import bounded_ellipse, mean_motion_rad_s
+from flyaround.simulator.runtime.sections import Degrees, Metres, MetresXyz, Range, SpeedXyz
+from flyaround.simulator.world.guidance.chaser import Chaser
+from flyaround.simulator.world.guidance.thrusters import Thrusters
+from flyaround.simulator.world.relative.clohessy_wiltshire import bounded_ellipse, mean_motion_rad_s
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.orbit.propagation import Elements
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.orbit.propagation import Elements
 
 
 class FreeDrift(Chaser, tag_field="mode", tag="drift", frozen=True, kw_only=True):

@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.arrays import FloatArray
-from simulator.runtime.sections import DirectionXyz, Range, Section
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.runtime.sections import DirectionXyz, Range, Section
 
 
 class KeepOut(Section, frozen=True, kw_only=True):

@@ -7,23 +7,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import Quat, Vec3, quat, vec3
-from simulator.world.frames.rotation import (
+from flyaround.simulator.runtime.arrays import Quat, Vec3, quat, vec3
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
     quat_from_rotvec,
     quat_multiply,
     quat_normalize,
 )
-from simulator.world.orbit.propagation import elements_from_state
-from simulator.world.relative.thrusted_step import relative_step
-from simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix
+from flyaround.simulator.world.orbit.propagation import elements_from_state
+from flyaround.simulator.world.relative.thrusted_step import relative_step
+from flyaround.simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.frames.lvlh import Lvlh
-    from simulator.world.guidance.keep_out import KeepOut
-    from simulator.world.orbit.propagation import OrbitTrack
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.frames.lvlh import Lvlh
+    from flyaround.simulator.world.guidance.keep_out import KeepOut
+    from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.arrays import Vec3
-from simulator.runtime.sections import Degrees, Inclination, Metres, MetresXyz, Range, Seconds
-from simulator.world.guidance.chaser import Chaser
+from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.runtime.sections import Degrees, Inclination, Metres, MetresXyz, Range, Seconds
+from flyaround.simulator.world.guidance.chaser import Chaser
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 class Hold(Chaser, tag_field="mode", tag="hold", frozen=True, kw_only=True):

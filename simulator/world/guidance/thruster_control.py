@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.relative.clohessy_wiltshire import transition_matrix
-from simulator.world.relative.thrusted_step import ThrustHold, relative_step
+from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
+from flyaround.simulator.world.relative.thrusted_step import ThrustHold, relative_step
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.guidance.chaser import Chaser
-    from simulator.world.guidance.keep_out import KeepOut
-    from simulator.world.guidance.thrusters import Thrusters
-    from simulator.world.orbit.propagation import OrbitTrack
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.guidance.chaser import Chaser
+    from flyaround.simulator.world.guidance.keep_out import KeepOut
+    from flyaround.simulator.world.guidance.thrusters import Thrusters
+    from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
 _PULL_IN_PERIODS = 10.0
 """An error of position is taken out over this many periods of control."""

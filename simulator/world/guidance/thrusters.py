@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.arrays import FloatArray
-from simulator.runtime.sections import Section
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.runtime.sections import Section
 
 _G0_M_S2 = 9.80665
 CHASER_MASS_KG = 100.0

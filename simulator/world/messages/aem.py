@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.world.frames.rotation import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.frames.rotation import (
     quat_conjugate,
     quat_from_matrix,
     quat_from_rotvec,
     quat_multiply,
     quat_normalize,
 )
-from simulator.world.messages.ccsds import Segment, header, read_segments, stamp
-from simulator.world.messages.ccsds_frames import FRAMES, R_gcrf_from, known_frame
+from flyaround.simulator.world.messages.ccsds import Segment, header, read_segments, stamp
+from flyaround.simulator.world.messages.ccsds_frames import FRAMES, R_gcrf_from, known_frame
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from scipy.spatial.transform import RotationSpline
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.time.instant import Instant
 
 _ROUNDING_S = 1e-6
 _BESIDE = 12

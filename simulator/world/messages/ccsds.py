@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import erfa
 import numpy as np
 
-from simulator.errors import UserError, near_names
-from simulator.world.constants import DAY_S
-from simulator.world.time.instant import Instant, tdb_minus_tt_s, without_year_warning
+from flyaround.simulator.errors import UserError, near_names
+from flyaround.simulator.world.constants import DAY_S
+from flyaround.simulator.world.time.instant import Instant, tdb_minus_tt_s, without_year_warning
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 _TT_AHEAD_OF = {"TAI": 32.184, "TT": 0.0, "GPS": 51.184}
 TIME_SYSTEMS = ("UTC", *_TT_AHEAD_OF, "TDB")

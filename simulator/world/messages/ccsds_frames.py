@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import erfa
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci, celestial_and_polar
-from simulator.world.frames.vectors import cross
-from simulator.world.messages.tle import R_eci_from_teme
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.ephemeris.earth_orientation import R_itrs_from_eci, celestial_and_polar
+from flyaround.simulator.world.frames.vectors import cross
+from flyaround.simulator.world.messages.tle import R_eci_from_teme
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.time.instant import Instant
 
 FRAMES = ("GCRF", "ICRF", "EME2000", "J2000", "TOD", "TEME", "ITRF")
 """What is understood; ITRF with any year. TOD: true equator and equinox of date; TEME: mean equinox."""

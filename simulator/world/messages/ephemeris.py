@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.world.messages.ccsds_frames import motion_in_gcrf
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.messages.ccsds_frames import motion_in_gcrf
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.ephemeris.bodies import Body
-    from simulator.world.messages.ccsds import Segment
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.ephemeris.bodies import Body
+    from flyaround.simulator.world.messages.ccsds import Segment
+    from flyaround.simulator.world.time.instant import Instant
 
 ROUNDING_S = 1e-6
 """Times this far outside a span are taken for rounding."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from xml.parsers import expat
 
-from simulator.errors import UserError
-from simulator.world.messages.ccsds import HEADER_KEYS, META_KEYS, Segment, refuse_unknown_key
-from simulator.world.messages.state_message import COVARIANCE, KEYS
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.messages.ccsds import HEADER_KEYS, META_KEYS, Segment, refuse_unknown_key
+from flyaround.simulator.world.messages.state_message import COVARIANCE, KEYS
 
 KINDS = ("oem", "opm", "omm")
 MOST_BYTES = 50_000_000

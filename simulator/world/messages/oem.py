@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.world.ephemeris.bodies import BODIES
-from simulator.world.messages.ccsds import Segment, header, read_segments, read_time, stamp
-from simulator.world.messages.ccsds_frames import require_frame
-from simulator.world.messages.ephemeris import Ephemeris, Piece
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.ephemeris.bodies import BODIES
+from flyaround.simulator.world.messages.ccsds import Segment, header, read_segments, read_time, stamp
+from flyaround.simulator.world.messages.ccsds_frames import require_frame
+from flyaround.simulator.world.messages.ephemeris import Ephemeris, Piece
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.time.instant import Instant
 
 _DEFAULT_LINES = 8
 """Of a Hermite polynomial where the message names no interpolation."""

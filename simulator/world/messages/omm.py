@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from sgp4.api import WGS72, Satrec
 
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import refuse_deep
-from simulator.world.messages.ccsds import HEADER_KEYS, Segment, read_time, refuse_unknown_key
-from simulator.world.messages.state_message import KEYS, value_of
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import refuse_deep
+from flyaround.simulator.world.messages.ccsds import HEADER_KEYS, Segment, read_time, refuse_unknown_key
+from flyaround.simulator.world.messages.state_message import KEYS, value_of
 
 _CATALOGUE_KEYS = (
     *(

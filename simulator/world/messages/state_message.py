@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.world.messages.ccsds import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.messages.ccsds import (
     HEADER_KEYS,
     TIME_SYSTEMS,
     Segment,
@@ -18,11 +18,11 @@ from simulator.world.messages.ccsds import (
     read_time,
     refuse_unknown_key,
 )
-from simulator.world.messages.ccsds_frames import require_frame
+from flyaround.simulator.world.messages.ccsds_frames import require_frame
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.time.instant import Instant
 
 _AXES = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
 _ELEMENTS = ("SEMI_MAJOR_AXIS", "ECCENTRICITY", "INCLINATION", "RA_OF_ASC_NODE", "ARG_OF_PERICENTER")

@@ -10,15 +10,15 @@ import erfa
 import numpy as np
 from sgp4.api import SGP4_ERRORS, Satrec
 
-from simulator.errors import UserError
-from simulator.world.ephemeris.bodies import EARTH
-from simulator.world.ephemeris.earth_orientation import celestial_and_polar
-from simulator.world.time.instant import Instant, without_year_warning
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.ephemeris.bodies import EARTH
+from flyaround.simulator.world.ephemeris.earth_orientation import celestial_and_polar
+from flyaround.simulator.world.time.instant import Instant, without_year_warning
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 _FAR_DAYS = 30.0
 """SGP4 loses a kilometre or more a day; a month from its epoch an element set says little."""

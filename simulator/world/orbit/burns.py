@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.arrays import Vec3
-from simulator.runtime.sections import Section, SpeedXyz
-from simulator.world.frames.vectors import cross_of
+from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.runtime.sections import Section, SpeedXyz
+from flyaround.simulator.world.frames.vectors import cross_of
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 class Burn(Section, frozen=True, kw_only=True):

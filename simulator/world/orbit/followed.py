@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.world.orbit.dense_output import DenseOutput, integrate
-from simulator.world.orbit.propagation import OrbitTrack, Solution, propagate
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.orbit.dense_output import DenseOutput, integrate
+from flyaround.simulator.world.orbit.propagation import OrbitTrack, Solution, propagate
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.orbit.burns import Burn
-    from simulator.world.orbit.forces import ForceModel
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.orbit.burns import Burn
+    from flyaround.simulator.world.orbit.forces import ForceModel
 
 _LOOK_EVERY_S = 60.0
 _THRUST_M_S2 = 2e-3

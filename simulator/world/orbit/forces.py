@@ -10,10 +10,10 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from simulator.errors import UserError
-from simulator.runtime.arrays import Vec3
-from simulator.runtime.sections import Section
-from simulator.world.constants import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.runtime.sections import Section
+from flyaround.simulator.world.constants import (
     AU_M,
     EARTH_RADIUS_M,
     FLATTENING,
@@ -22,12 +22,12 @@ from simulator.world.constants import (
     MU_SUN_M3_S2,
     SOLAR_PRESSURE_PA,
 )
-from simulator.world.ephemeris.eclipse import sun_visible_fraction
+from flyaround.simulator.world.ephemeris.eclipse import sun_visible_fraction
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.ephemeris.ephemeris_table import EphemerisTable
-    from simulator.world.orbit.spherical_harmonics import HarmonicField
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
+    from flyaround.simulator.world.orbit.spherical_harmonics import HarmonicField
 
 _AIR_LAYERS = (
     (100.0, 5.297e-7, 5.877),
@@ -56,7 +56,7 @@ _BREAK_UP_M = 80e3
 
 
 class ForceModel(Protocol):
-    """What accelerates the two craft; `simulator.world.orbit.gravity.Gravity` is the simplest.
+    """What accelerates the two craft; `flyaround.simulator.world.orbit.gravity.Gravity` is the simplest.
 
     Positions are from the centre of the body that they circle, along GCRS axes.
     """

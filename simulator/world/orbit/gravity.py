@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3
-from simulator.world.constants import EARTH_RADIUS_M, J2_EARTH, MU_EARTH_M3_S2
+from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.world.constants import EARTH_RADIUS_M, J2_EARTH, MU_EARTH_M3_S2
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from simulator.runtime.sections import Degrees, Inclination, Section
-from simulator.world.ephemeris.bodies import BODIES, Body, BodyName
-from simulator.world.orbit.propagation import Elements, elements_from_state, state_from_elements
+from flyaround.simulator.runtime.sections import Degrees, Inclination, Section
+from flyaround.simulator.world.ephemeris.bodies import BODIES, Body, BodyName
+from flyaround.simulator.world.orbit.propagation import Elements, elements_from_state, state_from_elements
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 _LEAST_SINE = 1e-3
 """Of the angle between position and velocity, times the speed's share of the escape's: below it a craft falls."""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.constants import MOON_RADIUS_M, MU_EARTH_M3_S2, MU_MOON_M3_S2, MU_SUN_M3_S2
-from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
-from simulator.world.ephemeris.moon_orientation import R_moon_from_eci
-from simulator.world.orbit.forces import (
+from flyaround.simulator.world.constants import MOON_RADIUS_M, MU_EARTH_M3_S2, MU_MOON_M3_S2, MU_SUN_M3_S2
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
+from flyaround.simulator.world.ephemeris.moon_orientation import R_moon_from_eci
+from flyaround.simulator.world.orbit.forces import (
     GRAVITY_ALONE,
     Forces,
     attraction,
@@ -19,13 +19,13 @@ from simulator.world.orbit.forces import (
     light_pressure,
     third_body,
 )
-from simulator.world.orbit.spherical_harmonics import HarmonicField, harmonic_field
+from flyaround.simulator.world.orbit.spherical_harmonics import HarmonicField, harmonic_field
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.ephemeris.ephemeris_table import EphemerisTable
-    from simulator.world.orbit.forces import Surface
-    from simulator.world.time.instant import Instant
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
+    from flyaround.simulator.world.orbit.forces import Surface
+    from flyaround.simulator.world.time.instant import Instant
 
 MOON_DEGREE = 2
 """The only one that its gravity has here."""

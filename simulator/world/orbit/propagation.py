@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.frames.lvlh import Lvlh, lvlh_frame
-from simulator.world.orbit.burns import Burn, burn_edges_s, eci_from_own_lvlh
-from simulator.world.orbit.dense_output import DenseOutput, integrate
+from flyaround.simulator.world.constants import MU_EARTH_M3_S2
+from flyaround.simulator.world.frames.lvlh import Lvlh, lvlh_frame
+from flyaround.simulator.world.orbit.burns import Burn, burn_edges_s, eci_from_own_lvlh
+from flyaround.simulator.world.orbit.dense_output import DenseOutput, integrate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.orbit.forces import ForceModel
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.orbit.forces import ForceModel
 
 _TARGET_ONLY = 6
 """Width of a state that holds no chaser."""

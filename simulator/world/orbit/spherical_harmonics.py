@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 
@@ -163,7 +163,7 @@ def _coefficients() -> tuple[float, float, FloatArray, FloatArray]:
     mu = radius = 0.0
     C = np.zeros((HIGHEST_DEGREE + 1, HIGHEST_DEGREE + 1))
     S = np.zeros_like(C)
-    text = files("assets").joinpath("gravity", "EGM96_to70.gfc").read_text(encoding="utf-8")
+    text = files("flyaround.assets").joinpath("gravity", "EGM96_to70.gfc").read_text(encoding="utf-8")
     for line in text.splitlines():
         match line.split():
             case ["earth_gravity_constant", value]:

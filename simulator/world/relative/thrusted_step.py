@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.orbit.burns import burn_edges_s, eci_from_own_lvlh
-from simulator.world.orbit.forces import attraction_difference
+from flyaround.simulator.world.orbit.burns import burn_edges_s, eci_from_own_lvlh
+from flyaround.simulator.world.orbit.forces import attraction_difference
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.orbit.propagation import OrbitTrack
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
     Thrust = Callable[[float], list[float]]
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.constants import MU_EARTH_M3_S2
+from flyaround.simulator.world.constants import MU_EARTH_M3_S2
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.orbit.propagation import Elements
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.orbit.propagation import Elements
 
 # the paper's axes (x along-track, y against the orbit normal, z to the Earth) from LVLH, one by one
 _PAPER_FROM_LVLH = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])

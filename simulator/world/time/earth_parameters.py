@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 _ARCSEC_RAD = np.pi / 648_000
 
@@ -57,7 +57,7 @@ class EarthParameters:
 @lru_cache(maxsize=1)
 def earth_parameters() -> EarthParameters:
     """The shipped table: IERS 20 C04 from 1972 on, then Bulletin A's measurements and year of predictions."""
-    source = files("assets").joinpath("earth_orientation", "eop.npz")
+    source = files("flyaround.assets").joinpath("earth_orientation", "eop.npz")
     with source.open("rb") as file, np.load(file) as data:
         return EarthParameters(
             first_mjd=float(data["first_mjd"]),

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import erfa
 
-from simulator.world.constants import DAY_S
-from simulator.world.time.earth_parameters import earth_parameters
+from flyaround.simulator.world.constants import DAY_S
+from flyaround.simulator.world.time.earth_parameters import earth_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -93,7 +93,7 @@ class Instant:
     def ut1(self) -> tuple[float, float]:
         """Two-part Julian date of UT1, from the table of measured Earth rotation.
 
-        Outside the table UT1 - TAI is held at its nearest row (see `simulator.world.time.earth_parameters`).
+        Outside the table UT1 - TAI is held at its nearest row (see `flyaround.simulator.world.time.earth_parameters`).
         """
         tai1, tai2 = erfa.tttai(self.tt1, self.tt2)
         offset_s = earth_parameters().ut1_minus_tai(self.mjd_utc)

@@ -10,18 +10,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from gui.app import command_table, options_of
-from gui.command_table import CommandTable
-from gui.console import Console
-from gui.flight.autopilot import Autopilot
-from gui.flight.session import Session
-from gui.picture.feed import Feed
-from gui.script import Script
-from simulator.runtime.arrays import quat, vec3
-from simulator.scenario.load import load_scenario
-from simulator.scenario.scenario import Scenario
-from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
-from simulator.world.guidance.free_flight import FreeDrift
+from flyaround.gui.app import command_table, options_of
+from flyaround.gui.command_table import CommandTable
+from flyaround.gui.console import Console
+from flyaround.gui.flight.autopilot import Autopilot
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.feed import Feed
+from flyaround.gui.script import Script
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
+from flyaround.simulator.world.guidance.free_flight import FreeDrift
 from tests.harness.no_renderer import NoRenderer
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

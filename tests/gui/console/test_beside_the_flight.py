@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from simulator.dataset.card import read_card
+from flyaround.simulator.dataset.card import read_card
 from tests.harness.screen import virtual_screen
 
 pytestmark = [pytest.mark.gui, pytest.mark.slow]

@@ -11,18 +11,18 @@ from pathlib import Path
 
 import pytest
 
-from gui.legibility import TextRun, faults_of
-from gui.panels.all import PANELS
+from flyaround.gui.legibility import TextRun, faults_of
+from flyaround.gui.panels.all import PANELS
 from tests.harness.screen import virtual_screen
 
 SIZES = ("640x480", "1280x800", "2560x1440")
 EACH_S = 0.8
 
 DRAWN = """
-from gui.canvas import Canvas
-from gui.legibility import drawn_texts, faults_of
-from gui.window import Window
-from gui.widgets import Widgets
+from flyaround.gui.canvas import Canvas
+from flyaround.gui.legibility import drawn_texts, faults_of
+from flyaround.gui.window import Window
+from flyaround.gui.widgets import Widgets
 
 with Window("texts", (640, 480)) as window:
     imgui, w = window.imgui, Widgets(window)

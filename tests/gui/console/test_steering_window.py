@@ -14,8 +14,8 @@ from typing import Any
 import cv2
 import pytest
 
-from gui.app import command_table
-from gui.script import Script
+from flyaround.gui.app import command_table
+from flyaround.gui.script import Script
 from tests.harness.screen import virtual_screen, xdotool
 
 pytestmark = [pytest.mark.gui, pytest.mark.slow, pytest.mark.timeout(600)]

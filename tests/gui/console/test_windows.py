@@ -18,9 +18,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gui.app import command_table
-from gui.panels.all import PANELS
-from simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.gui.app import command_table
+from flyaround.gui.panels.all import PANELS
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
 from tests.gui.test_window import drawing_process
 from tests.harness.screen import virtual_screen, xdotool
 from tests.harness.small_disk import small_disk

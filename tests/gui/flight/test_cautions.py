@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import msgspec
 
-from gui.flight.cautions import CautionWatch
-from gui.flight.session import Session
-from simulator.scenario.load import load_scenario
-from simulator.world.guidance.keep_out import KeepOut
+from flyaround.gui.flight.cautions import CautionWatch
+from flyaround.gui.flight.session import Session
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.world.guidance.keep_out import KeepOut
 
 
 def fly(session: Session, watch: CautionWatch, seconds: float, *held: str) -> list[str]:

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from gui.flight.docking import (
+from flyaround.gui.flight.docking import (
     IDSS,
     PRESETS,
     PROBE_M,
@@ -21,21 +21,27 @@ from gui.flight.docking import (
     judge_contact,
     touches_port,
 )
-from gui.flight.docking_port import approach_axis_lvlh, docking_port, port_along, radius_m, target_from_lvlh
-from gui.flight.docking_watch import Docking
-from gui.flight.hold_points import HoldPoints, not_ready
-from simulator.runtime.arrays import quat, vec3
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import Plan, plan_flight
-from simulator.world.frames.rotation import (
+from flyaround.gui.flight.docking_port import (
+    approach_axis_lvlh,
+    docking_port,
+    port_along,
+    radius_m,
+    target_from_lvlh,
+)
+from flyaround.gui.flight.docking_watch import Docking
+from flyaround.gui.flight.hold_points import HoldPoints, not_ready
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import Plan, plan_flight
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_from_matrix,
     quat_from_rotvec,
     quat_multiply,
 )
-from simulator.world.guidance.keep_out import KeepOut
-from simulator.world.guidance.manual_control import ChaserState
-from simulator.world.guidance.paths import Hold, Waypoints
+from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.guidance.manual_control import ChaserState
+from flyaround.simulator.world.guidance.paths import Hold, Waypoints
 
 REST = DockingFigures(
     t_s=0.0,

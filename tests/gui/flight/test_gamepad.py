@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gui.app import command_table, options_of
-from gui.console import Console
-from gui.flight.gamepad import BUTTONS, Gamepad, share, sticks
-from gui.flight.manual_control import ACCELERATION_M_S2
-from gui.flight.session import Session
-from gui.picture.feed import Feed
-from simulator.scenario.load import load_scenario
+from flyaround.gui.app import command_table, options_of
+from flyaround.gui.console import Console
+from flyaround.gui.flight.gamepad import BUTTONS, Gamepad, share, sticks
+from flyaround.gui.flight.manual_control import ACCELERATION_M_S2
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.feed import Feed
+from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.no_renderer import NoRenderer
 
 FREE = (0.0, 0.0, 0.0, 0.0, -1.0, -1.0)

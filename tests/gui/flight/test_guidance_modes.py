@@ -6,16 +6,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from gui.flight import guidance_modes as modes
-from gui.flight.guidance_modes import Guided, begin_mode, cubic_between
-from gui.flight.jumps import next_event_s, search_s, sun_fraction, sun_height
-from gui.flight.open_end import longer_flight
-from gui.flight.planned_burns import BURN_M_S2, BurnPlan, burn_of
-from gui.flight.session import JUMP_RATE, Session
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
-from simulator.world.guidance.chaser import Chaser
-from simulator.world.guidance.free_flight import FreeDrift
+from flyaround.gui.flight import guidance_modes as modes
+from flyaround.gui.flight.guidance_modes import Guided, begin_mode, cubic_between
+from flyaround.gui.flight.jumps import next_event_s, search_s, sun_fraction, sun_height
+from flyaround.gui.flight.open_end import longer_flight
+from flyaround.gui.flight.planned_burns import BURN_M_S2, BurnPlan, burn_of
+from flyaround.gui.flight.session import JUMP_RATE, Session
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.world.guidance.chaser import Chaser
+from flyaround.simulator.world.guidance.free_flight import FreeDrift
 
 TICK_S = 0.05
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gui.app import command_table, options_of
-from gui.console import Console
-from gui.flight.scenario_draft import ScenarioDraft
-from gui.flight.session import Session
-from gui.picture.feed import Feed
-from gui.script import Script
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
+from flyaround.gui.app import command_table, options_of
+from flyaround.gui.console import Console
+from flyaround.gui.flight.scenario_draft import ScenarioDraft
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.feed import Feed
+from flyaround.gui.script import Script
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.no_renderer import NoRenderer
 
 

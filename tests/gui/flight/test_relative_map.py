@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gui.flight.relative_map import (
+from flyaround.gui.flight.relative_map import (
     IN_PLANE,
     OUT_OF_PLANE,
     MapLook,
@@ -20,10 +20,10 @@ from gui.flight.relative_map import (
     sun_lvlh,
     target_edges_lvlh_m,
 )
-from gui.flight.session import Session
-from gui.views.lvlh_map import planned_burns_lvlh_m, zoomed
-from simulator.scenario.load import load_scenario
-from simulator.world.guidance.keep_out import KeepOut
+from flyaround.gui.flight.session import Session
+from flyaround.gui.views.lvlh_map import planned_burns_lvlh_m, zoomed
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.world.guidance.keep_out import KeepOut
 
 RECTS = [(10.0, 20.0, 330.0, 180.0), (0.0, 0.0, 260.0, 400.0), (5.0, 5.0, 1200.0, 300.0)]
 coordinate = st.floats(-1e4, 1e4)

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from gui.flight.manual_control import (
+from flyaround.gui.flight.manual_control import (
     ACCELERATION_M_S2,
     BRAKE_M_S2,
     COARSE_GAIN,
@@ -19,19 +19,19 @@ from gui.flight.manual_control import (
     THRUST,
     TURN,
 )
-from gui.flight.recorder import FlightRecorder
-from gui.flight.session import FRAME_STEP_S, RATES, STEP_S, Session
-from gui.flight.telemetry import telemetry_of
-from gui.picture.view_settings import ViewSettings, apply_view_settings, reduced_camera
-from gui.views.letterbox import Letterbox
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.scene.state import SceneState
-from simulator.world.flight.recording import Recording, csv_header
-from simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad
-from simulator.world.guidance.keep_out import KeepOut
-from simulator.world.guidance.thrusters import Thrusters
+from flyaround.gui.flight.recorder import FlightRecorder
+from flyaround.gui.flight.session import FRAME_STEP_S, RATES, STEP_S, Session
+from flyaround.gui.flight.telemetry import telemetry_of
+from flyaround.gui.picture.view_settings import ViewSettings, apply_view_settings, reduced_camera
+from flyaround.gui.views.letterbox import Letterbox
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scene.state import SceneState
+from flyaround.simulator.world.flight.recording import Recording, csv_header
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad
+from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.guidance.thrusters import Thrusters
 from tests.harness.small_disk import small_disk
 
 TICK_S = 1 / 50

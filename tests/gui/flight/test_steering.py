@@ -8,19 +8,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from gui.flight.docking import docked_state
-from gui.flight.manual_control import ACCELERATION_M_S2, PULSE_M_S, PULSE_RAD
-from gui.flight.propellant import G0_M_S2, Propellant, plume_strikes
-from gui.flight.session import Session
-from simulator.runtime.arrays import quat, vec3
-from simulator.scenario.load import load_scenario
-from simulator.world.attitude.target_attitude import Attitude
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix, rotation_angle_rad
-from simulator.world.guidance.free_flight import FreeDrift
-from simulator.world.guidance.keep_out import KeepOut
-from simulator.world.guidance.manual_control import ChaserState
-from simulator.world.guidance.thrusters import Thrusters
-from simulator.world.orbit.propagation import propagate
+from flyaround.gui.flight.docking import docked_state
+from flyaround.gui.flight.manual_control import ACCELERATION_M_S2, PULSE_M_S, PULSE_RAD
+from flyaround.gui.flight.propellant import G0_M_S2, Propellant, plume_strikes
+from flyaround.gui.flight.session import Session
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.world.attitude.target_attitude import Attitude
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix, rotation_angle_rad
+from flyaround.simulator.world.guidance.free_flight import FreeDrift
+from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.guidance.manual_control import ChaserState
+from flyaround.simulator.world.guidance.thrusters import Thrusters
+from flyaround.simulator.world.orbit.propagation import propagate
 
 TICK_S = 0.02
 

@@ -6,11 +6,11 @@ from importlib.resources import files
 
 import pytest
 
-from gui.flight.scenario_draft import ScenarioDraft
-from gui.flight.text_lines import line_of
-from simulator.errors import UserError
+from flyaround.gui.flight.scenario_draft import ScenarioDraft
+from flyaround.gui.flight.text_lines import line_of
+from flyaround.simulator.errors import UserError
 
-TEXT = files("assets").joinpath("scenarios", "tango-flyaround.toml").read_text("utf-8")
+TEXT = files("flyaround.assets").joinpath("scenarios", "tango-flyaround.toml").read_text("utf-8")
 
 
 @pytest.mark.parametrize(

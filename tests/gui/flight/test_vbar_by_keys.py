@@ -8,17 +8,17 @@ import msgspec
 import numpy as np
 import pytest
 
-from gui.app import command_table, options_of
-from gui.console import Console
-from gui.flight.manual_control import ACCELERATION_M_S2
-from gui.flight.session import Session
-from gui.picture.feed import Feed
-from gui.script import Script
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.scenario.scenario import Scenario
-from simulator.world.guidance.free_flight import FreeDrift
-from simulator.world.orbit.burns import Burn
+from flyaround.gui.app import command_table, options_of
+from flyaround.gui.console import Console
+from flyaround.gui.flight.manual_control import ACCELERATION_M_S2
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.feed import Feed
+from flyaround.gui.script import Script
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.world.guidance.free_flight import FreeDrift
+from flyaround.simulator.world.orbit.burns import Burn
 from tests.harness.no_renderer import NoRenderer
 
 START_M, MOVED_M = 15.0, -5.0

@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gui.jobs.capture_job import CaptureJob, CaptureRequest, pictures_in, thumbnails
-from gui.jobs.program import ChildProgram, new_folder
-from simulator.errors import UserError
+from flyaround.gui.jobs.capture_job import CaptureJob, CaptureRequest, pictures_in, thumbnails
+from flyaround.gui.jobs.program import ChildProgram, new_folder
+from flyaround.simulator.errors import UserError
 
 WAIT_S = 180.0
 

@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gui.flight.session import Session
-from gui.jobs.hil_session import BIN_EDGES_MS, HilSession, SessionNote
-from gui.jobs.hil_stream import Row
-from hil.host.ledger.frames_csv import LedgerRow
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import RunConfig
-from simulator.errors import UserError
-from simulator.scenario.faults import Drop, GainStep
-from simulator.scenario.load import load_scenario
+from flyaround.gui.flight.session import Session
+from flyaround.gui.jobs.hil_session import BIN_EDGES_MS, HilSession, SessionNote
+from flyaround.gui.jobs.hil_stream import Row
+from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.run import RunConfig
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.faults import Drop, GainStep
+from flyaround.simulator.scenario.load import load_scenario
 
 WAIT_S = 120.0
 

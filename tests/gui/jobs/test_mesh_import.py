@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gui.jobs.mesh_import import Imported, MeshImport, target_name
+from flyaround.gui.jobs.mesh_import import Imported, MeshImport, target_name
 
 
 def ended(job: MeshImport) -> Imported:

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gui.app import options_of
-from gui.flight.session import Session
-from gui.picture.command_line import command_lines
-from simulator.labels.truth import read_truth
-from simulator.scenario.load import load_scenario
+from flyaround.gui.app import options_of
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.command_line import command_lines
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
 

@@ -13,9 +13,9 @@ from typing import Self
 import numpy as np
 import pytest
 
-from gui.flight.session import Session
-from gui.flight.telemetry import telemetry_of
-from gui.picture.estimates import (
+from flyaround.gui.flight.session import Session
+from flyaround.gui.flight.telemetry import telemetry_of
+from flyaround.gui.picture.estimates import (
     MOST_DEATHS,
     Answer,
     ComparedEstimate,
@@ -24,11 +24,11 @@ from gui.picture.estimates import (
     compared,
     known_methods,
 )
-from gui.picture.feed import Picture
-from gui.picture.view_settings import reduced_camera
-from simulator.errors import UserError
-from simulator.frame import NO_RADIANCE, Frame
-from simulator.scenario.load import load_scenario
+from flyaround.gui.picture.feed import Picture
+from flyaround.gui.picture.view_settings import reduced_camera
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import NO_RADIANCE, Frame
+from flyaround.simulator.scenario.load import load_scenario
 
 WAIT_S = 120.0
 NO_WAIT_S = 4.5
@@ -237,7 +237,7 @@ def test_every_method_of_evaluate_is_offered() -> None:
 
 @pytest.mark.slow
 def test_the_estimators_themselves_answer_with_their_stages(session: Session) -> None:
-    from simulator.dataset.single_frames import render_scene
+    from flyaround.simulator.dataset.single_frames import render_scene
 
     scene = replace(session.scene(), camera=reduced_camera(session.plan.camera, 2), quality="draft")
     frame = render_scene(scene, session.plan.target)

@@ -7,14 +7,14 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from gui.flight.session import Session
-from gui.picture.feed import DIVISORS, Feed
-from gui.picture.view_settings import ViewSettings
-from gui.views.camera import shown_passes
-from simulator.frame import Frame
-from simulator.loop import FrameRequest, FramesLostError
-from simulator.scenario.load import load_scenario
-from simulator.scene.state import SceneState
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.feed import DIVISORS, Feed
+from flyaround.gui.picture.view_settings import ViewSettings
+from flyaround.gui.views.camera import shown_passes
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import FrameRequest, FramesLostError
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scene.state import SceneState
 
 
 class FakeRenderer:

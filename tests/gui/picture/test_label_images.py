@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gui.flight.session import Session
-from gui.picture.label_images import (
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.label_images import (
     LABELS,
     OFF_RGB,
     PART_COLOURS,
@@ -20,11 +20,11 @@ from gui.picture.label_images import (
     part_picture,
     round_ticks,
 )
-from gui.picture.view_settings import reduced_camera
-from simulator.frame import Frame, take_frame
-from simulator.labels.part_classes import PART_CLASSES
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
+from flyaround.gui.picture.view_settings import reduced_camera
+from flyaround.simulator.frame import Frame, take_frame
+from flyaround.simulator.labels.part_classes import PART_CLASSES
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gui.flight.session import Session
-from gui.picture.truth_overlay import AXIS_M, Marker
-from gui.picture.view_settings import Overlays
-from simulator.labels.keypoints import label_keypoints
-from simulator.scenario.load import load_scenario
-from simulator.scene.state import SceneState
-from simulator.targets.joined_mesh import JoinedMesh
-from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.truth_overlay import AXIS_M, Marker
+from flyaround.gui.picture.view_settings import Overlays
+from flyaround.simulator.labels.keypoints import label_keypoints
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scene.state import SceneState
+from flyaround.simulator.targets.joined_mesh import JoinedMesh
+from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
 
 ALL = Overlays(keypoints=True, box=True, axes=True, wireframe=True)
 

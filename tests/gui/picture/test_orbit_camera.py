@@ -7,18 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gui.flight.session import Session
-from gui.picture.orbit_camera import (
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.orbit_camera import (
     FARTHEST_M,
     LARGEST_PX,
     NEAREST_M,
     OrbitCamera,
 )
-from gui.picture.orbit_picture import chaser_marks, orbit_scene, seen_from
-from gui.picture.view_settings import ViewSettings
-from simulator.scenario.load import load_scenario
-from simulator.scene.limits import scene_problem
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.gui.picture.orbit_picture import chaser_marks, orbit_scene, seen_from
+from flyaround.gui.picture.view_settings import ViewSettings
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scene.limits import scene_problem
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 
 @pytest.fixture(scope="module")

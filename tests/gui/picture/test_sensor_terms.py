@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gui.app import options_of
-from gui.flight.session import Session
-from gui.picture.sensor_terms import BINS, checked_change, histogram_of, terms_of
-from gui.picture.view_settings import apply_view_settings, changed_sensor
-from simulator.camera.detector.presets import sensor_preset
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
+from flyaround.gui.app import options_of
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.sensor_terms import BINS, checked_change, histogram_of, terms_of
+from flyaround.gui.picture.view_settings import apply_view_settings, changed_sensor
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
 
 
 @pytest.mark.parametrize("preset", ["speed", "imx174"])

@@ -6,10 +6,10 @@ from copy import deepcopy
 
 import pytest
 
-from gui.picture.settings_history import SettingsHistory
-from gui.picture.view_settings import Options, ViewSettings
-from simulator.errors import UserError
-from simulator.scene.environments import Environment
+from flyaround.gui.picture.settings_history import SettingsHistory
+from flyaround.gui.picture.view_settings import Options, ViewSettings
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scene.environments import Environment
 
 
 def change(history: SettingsHistory, options: Options, stops: float, t_ms: int) -> None:

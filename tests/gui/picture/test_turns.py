@@ -8,17 +8,17 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from gui.flight.session import Session
-from gui.picture.feed import Feed, PictureKind
-from gui.picture.turns import Channel, Turns
-from gui.picture.view_settings import ViewSettings, apply_view_settings
-from simulator.errors import UserError
-from simulator.frame import Frame
-from simulator.labels.request import LabelRequest
-from simulator.loop import FrameRequest, FramesLostError
-from simulator.runtime.worker import ProcessDiedError
-from simulator.scenario.load import load_scenario
-from simulator.scene.state import SceneState
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.feed import Feed, PictureKind
+from flyaround.gui.picture.turns import Channel, Turns
+from flyaround.gui.picture.view_settings import ViewSettings, apply_view_settings
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.labels.request import LabelRequest
+from flyaround.simulator.loop import FrameRequest, FramesLostError
+from flyaround.simulator.runtime.worker import ProcessDiedError
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scene.state import SceneState
 
 
 class Slow:

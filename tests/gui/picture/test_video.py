@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gui.picture import video
-from gui.picture.video import Film, eight_bits
-from simulator.errors import UserError
+from flyaround.gui.picture import video
+from flyaround.gui.picture.video import Film, eight_bits
+from flyaround.simulator.errors import UserError
 from tests.harness.small_disk import small_disk
 
 pytest.importorskip("av", reason="the gui extra is not installed")

@@ -6,15 +6,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from gui.app import command_table, options_of
-from gui.console import Console
-from gui.flight.planned_burns import burn_of
-from gui.flight.relative_map import IN_PLANE, OUT_OF_PLANE, MapLook, ports
-from gui.flight.session import Session
-from gui.picture.feed import Feed
-from gui.views.burn_nodes import ARM, FIRST_M_S, PER_M_S, BurnNodes, dragged, handle
-from simulator.scenario.load import load_scenario
-from simulator.world.guidance.free_flight import FreeDrift
+from flyaround.gui.app import command_table, options_of
+from flyaround.gui.console import Console
+from flyaround.gui.flight.planned_burns import burn_of
+from flyaround.gui.flight.relative_map import IN_PLANE, OUT_OF_PLANE, MapLook, ports
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.feed import Feed
+from flyaround.gui.views.burn_nodes import ARM, FIRST_M_S, PER_M_S, BurnNodes, dragged, handle
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.world.guidance.free_flight import FreeDrift
 from tests.harness.no_renderer import NoRenderer
 
 LEFT_DOWN, HELD, RIGHT, NOTHING = (

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from gui.app import command_table, options_of
-from gui.canvas import Canvas
-from gui.console import Console
-from gui.flight.session import Session
-from gui.picture.feed import Feed
-from gui.views import earth_map
-from gui.views.earth_map import EarthMap
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
+from flyaround.gui.app import command_table, options_of
+from flyaround.gui.canvas import Canvas
+from flyaround.gui.console import Console
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.feed import Feed
+from flyaround.gui.views import earth_map
+from flyaround.gui.views.earth_map import EarthMap
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.headless_imgui import HeadlessWindow
 from tests.harness.no_renderer import NoRenderer
 

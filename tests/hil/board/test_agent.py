@@ -17,11 +17,11 @@ from estimators import Instant, Stuck
 from hand_made_host import HandMadeHost, hand_made_host, in_thread, leave_with_a_goodbye
 from hil_loop import Loop, adds_up, board, frames
 
-from hil.board import agent as agent_module
-from hil.board.__main__ import main
-from hil.board.agent import BoardAgent, run_board
-from hil.board.service import ExitCode, ServiceManager, systemd_unit
-from hil.link.packets.messages import Bye, PoseMessage, TimeSyncReply
+from flyaround.hil.board import agent as agent_module
+from flyaround.hil.board.__main__ import main
+from flyaround.hil.board.agent import BoardAgent, run_board
+from flyaround.hil.board.service import ExitCode, ServiceManager, systemd_unit
+from flyaround.hil.link.packets.messages import Bye, PoseMessage, TimeSyncReply
 
 ROOT = Path(__file__).parents[3]
 PATIENCE_S = 60.0
@@ -237,10 +237,10 @@ PROGRAM = f"""
 import sys
 sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
 from estimators import Stuck
-from hil.board import agent
+from flyaround.hil.board import agent
 agent.svd_factory = lambda model, method: (Stuck, "tango", "")
-from hil.board.__main__ import run_and_exit
-run_and_exit("hil.board")
+from flyaround.hil.board.__main__ import run_and_exit
+run_and_exit("flyaround.hil.board")
 """
 
 

@@ -16,7 +16,7 @@ import pytest
 
 import hil
 from flyaround.__main__ import run
-from hil.board.__main__ import main
+from flyaround.hil.board.__main__ import main
 
 ROOT = Path(hil.__path__[0])
 

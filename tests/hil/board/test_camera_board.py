@@ -21,14 +21,19 @@ from camera_kit import ADDRESS, camera, config, images
 from hil_loop import Loop, board, made_frame
 
 from flyaround.__main__ import run
-from hil.board.__main__ import main
-from hil.board.gige import aravis
-from hil.board.gige.camera import CameraSettings, GigeCamera, _BlockCount, grey_image, parse_roi
-from hil.board.gige.camera_board import CameraBoardOptions, camera_of_part, read_camera, run_camera_board
-from hil.link.errors import LinkError
-from hil.link.packets.enums import PixelFormat
-from hil.link.packets.messages import Hello
-from hil.link.packets.pixels import pack_pixels
+from flyaround.hil.board.__main__ import main
+from flyaround.hil.board.gige import aravis
+from flyaround.hil.board.gige.camera import CameraSettings, GigeCamera, _BlockCount, grey_image, parse_roi
+from flyaround.hil.board.gige.camera_board import (
+    CameraBoardOptions,
+    camera_of_part,
+    read_camera,
+    run_camera_board,
+)
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.packets.enums import PixelFormat
+from flyaround.hil.link.packets.messages import Hello
+from flyaround.hil.link.packets.pixels import pack_pixels
 
 SIZE = (96, 128)
 CAMERA = {"width_px": 128, "height_px": 96, "fx_px": 200.0, "fy_px": 200.0, "cx_px": 63.5, "cy_px": 47.5}

@@ -14,7 +14,7 @@ from hand_made_host import hand_made_host, leave_with_a_goodbye
 from hil_loop import CAMERA, Loop, Proxy, adds_up, flip_first, made_frame
 from serial_line import null_modem
 
-from hil.link.packets.packet import PacketType
+from flyaround.hil.link.packets.packet import PacketType
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = ROOT / "examples"

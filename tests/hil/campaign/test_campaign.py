@@ -17,12 +17,12 @@ import pytest
 from lxml import etree
 
 from flyaround.__main__ import run
-from hil.campaign.case_run import RunResult
-from hil.campaign.definitions import read_campaign
-from hil.campaign.junit import junit_xml
-from hil.campaign.quantities import QUANTITIES
-from hil.campaign.verdicts import RunVerdict, Verdict, judge, worst
-from simulator.errors import UserError
+from flyaround.hil.campaign.case_run import RunResult
+from flyaround.hil.campaign.definitions import read_campaign
+from flyaround.hil.campaign.junit import junit_xml
+from flyaround.hil.campaign.quantities import QUANTITIES
+from flyaround.hil.campaign.verdicts import RunVerdict, Verdict, judge, worst
+from flyaround.simulator.errors import UserError
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "campaign.toml"
 SCHEMA = Path(__file__).parents[2] / "harness" / "junit.xsd"

@@ -15,16 +15,16 @@ import pytest
 from scipy.stats import binomtest
 
 from flyaround.__main__ import run
-from hil.campaign.delay_map import chosen_cells, map_delays, settings_for
-from hil.campaign.half_success import falling, half_success, wilson
-from hil.campaign.map_flights import FlownCell
-from hil.campaign.map_results import CellResult
-from hil.host.pose_link import LinkedPoses, PoseLink
-from hil.navigation.measurement import PoseNoise
-from hil.navigation.pose_sources import TruePoses
-from simulator.errors import UserError
-from simulator.runtime.folder_lock import only_writer
-from simulator.scenario.faults import Delay, Drop, Faults, Jitter
+from flyaround.hil.campaign.delay_map import chosen_cells, map_delays, settings_for
+from flyaround.hil.campaign.half_success import falling, half_success, wilson
+from flyaround.hil.campaign.map_flights import FlownCell
+from flyaround.hil.campaign.map_results import CellResult
+from flyaround.hil.host.pose_link import LinkedPoses, PoseLink
+from flyaround.hil.navigation.measurement import PoseNoise
+from flyaround.hil.navigation.pose_sources import TruePoses
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.folder_lock import only_writer
+from flyaround.simulator.scenario.faults import Delay, Drop, Faults, Jitter
 
 SCENARIO = "tango-vbar-closed-loop"
 
@@ -144,7 +144,7 @@ def test_a_map_is_flown_refined_and_the_same_after_a_kill(tmp_path):
 
 def test_a_map_that_is_refused_takes_nothing_away_from_the_one_that_is_flown(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        "hil.campaign.delay_map.flown_cells",
+        "flyaround.hil.campaign.delay_map.flown_cells",
         lambda path, tasks, _w, _p: path.touch() or [FlownCell(t.cell, t.seed, False) for t in tasks],
     )
     one = settings_for(SCENARIO, latencies_s=(2,), jitters_s=(0,), drops=(0,), flights=2, check=1)
@@ -168,7 +168,7 @@ def test_a_range_in_which_nothing_fails_is_extended_or_that_is_said(
     def flown(_path, tasks, _workers, _progress):
         return [FlownCell(t.cell, t.seed, t.cell.latency_s + t.cell.jitter_s < bears_s) for t in tasks]
 
-    monkeypatch.setattr("hil.campaign.delay_map.flown_cells", flown)
+    monkeypatch.setattr("flyaround.hil.campaign.delay_map.flown_cells", flown)
     settings = settings_for(SCENARIO, latencies_s=(2, 4), jitters_s=(0, 1), drops=(0,), flights=20)
     outcome = map_delays(settings, tmp_path / "m", board_command=())
     assert outcome.extended == extended

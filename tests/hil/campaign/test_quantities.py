@@ -12,22 +12,27 @@ import numpy as np
 import pytest
 from hil_loop import CAMERA, Loop, made_frame
 
-from hil.campaign.definitions import Requirement
-from hil.campaign.quantities import QUANTITIES, RunRecord
-from hil.campaign.verdicts import Verdict
-from hil.host.closed_loop import fly_without_pictures, summary_without_pictures, write_steps, write_summary
-from hil.host.ledger.frames_csv import LedgerRow
-from hil.host.ledger.summary import summarise
-from hil.host.pose_link import PoseLink
-from hil.navigation.closed_loop import ClosedLoopConfig
-from simulator.scenario.faults import Drop
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.hil.campaign.definitions import Requirement
+from flyaround.hil.campaign.quantities import QUANTITIES, RunRecord
+from flyaround.hil.campaign.verdicts import Verdict
+from flyaround.hil.host.closed_loop import (
+    fly_without_pictures,
+    summary_without_pictures,
+    write_steps,
+    write_summary,
+)
+from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.ledger.summary import summarise
+from flyaround.hil.host.pose_link import PoseLink
+from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
+from flyaround.simulator.scenario.faults import Drop
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from simulator.frame import Frame
+    from flyaround.simulator.frame import Frame
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 LIES = ("dead", "slow", "off_by_one", "lying", "silent")

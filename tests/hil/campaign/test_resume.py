@@ -8,10 +8,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from hil.campaign import campaign as campaigns
-from hil.campaign.campaign import run_campaign
-from hil.campaign.case_run import RunResult, RunTask, flown_by, inputs_of, read_result
-from hil.host.ledger.summary import Board
+from flyaround.hil.campaign import campaign as campaigns
+from flyaround.hil.campaign.campaign import run_campaign
+from flyaround.hil.campaign.case_run import RunResult, RunTask, flown_by, inputs_of, read_result
+from flyaround.hil.host.ledger.summary import Board
 
 TOML = """
 name = "resumed"

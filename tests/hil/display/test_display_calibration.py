@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from standin_camera import StandInCamera
 
-from hil.corner_code import CodePlace, CornerCode, draw_code, read_code
-from hil.display.calibration import calibrate, read_calibration, write_calibration
-from hil.display.patterns import calibration_patterns
-from hil.display.predistort import Predistorter
-from simulator.errors import UserError
+from flyaround.hil.corner_code import CodePlace, CornerCode, draw_code, read_code
+from flyaround.hil.display.calibration import calibrate, read_calibration, write_calibration
+from flyaround.hil.display.patterns import calibration_patterns
+from flyaround.hil.display.predistort import Predistorter
+from flyaround.simulator.errors import UserError
 
 SCREEN = (1280, 800)
 SQUARES = (10, 7)

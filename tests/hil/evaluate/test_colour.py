@@ -10,12 +10,12 @@ import pytest
 
 import flyaround as fa
 from flyaround.__main__ import run
-from hil.evaluate.greyscale import grey
-from hil.evaluate.metrics import metrics_json_schema
-from simulator.dataset.capture import capture
-from simulator.dataset.formats.native import read_png
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.hil.evaluate.greyscale import grey
+from flyaround.hil.evaluate.metrics import metrics_json_schema
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.formats.native import read_png
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 TIME_S = 3.0
 

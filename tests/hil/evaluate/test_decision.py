@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.evaluate.decision_curves import reliability, trade_off
-from hil.evaluate.pose_errors import frame_record
-from hil.evaluate.result_rows import EvaluatedFrame
+from flyaround.hil.evaluate.decision_curves import reliability, trade_off
+from flyaround.hil.evaluate.pose_errors import frame_record
+from flyaround.hil.evaluate.result_rows import EvaluatedFrame
 
 UPRIGHT, AHEAD_M = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 10.0)
 

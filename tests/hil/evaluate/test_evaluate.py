@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from flyaround.__main__ import run
-from hil.evaluate.evaluation_plots import CAPTIONS
-from hil.evaluate.failure_stage import KINDS
-from hil.evaluate.metrics import metrics_json_schema
-from simulator.dataset.capture import capture
-from simulator.recipes.plan import plan_recipe
+from flyaround.hil.evaluate.evaluation_plots import CAPTIONS
+from flyaround.hil.evaluate.failure_stage import KINDS
+from flyaround.hil.evaluate.metrics import metrics_json_schema
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.recipes.plan import plan_recipe
 
 pytestmark = pytest.mark.gl
 

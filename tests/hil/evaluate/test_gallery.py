@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from drawn_craft import CAMERA, Craft
 
-from hil.evaluate.failure_tiles import BEYOND, ESTIMATED, HEIGHT, WIDTH, failure_tile
+from flyaround.hil.evaluate.failure_tiles import BEYOND, ESTIMATED, HEIGHT, WIDTH, failure_tile
 
 Q = (1.0, 0.0, 0.0, 0.0)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hil.evaluate.metrics import (
+from flyaround.hil.evaluate.metrics import (
     Metrics,
     bootstrap_intervals,
     compose,
@@ -18,7 +18,7 @@ from hil.evaluate.metrics import (
     summarise,
     wilson_interval,
 )
-from hil.evaluate.pose_errors import FrameRecord, frame_errors, frame_record
+from flyaround.hil.evaluate.pose_errors import FrameRecord, frame_errors, frame_record
 
 
 def about_z(deg: float) -> list[float]:

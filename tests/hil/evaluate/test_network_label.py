@@ -1,6 +1,6 @@
 """A network in a report goes by its file's name: files of the report are named so."""
 
-from hil.evaluate.method_choice import MethodChoice
+from flyaround.hil.evaluate.method_choice import MethodChoice
 
 
 def test_a_network_goes_by_its_files_name() -> None:

@@ -8,7 +8,7 @@ from multiprocessing import active_children
 import pytest
 import slow_worker
 
-from hil.evaluate import dataset_evaluation as run
+from flyaround.hil.evaluate import dataset_evaluation as run
 
 
 @pytest.mark.parametrize("how", ["interrupted", "left"])

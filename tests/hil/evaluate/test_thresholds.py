@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.board.svd.image.region import Region
-from hil.evaluate.failure_stage import HELD, TOO_LARGE, _serves
-from hil.evaluate.metrics import summarise
-from hil.evaluate.pose_errors import _nees, frame_record
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.evaluate.failure_stage import HELD, TOO_LARGE, _serves
+from flyaround.hil.evaluate.metrics import summarise
+from flyaround.hil.evaluate.pose_errors import _nees, frame_record
 
 BOX = (100.0, 50.0, 200.0, 90.0)
 

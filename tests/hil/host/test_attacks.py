@@ -11,16 +11,16 @@ import time
 import pytest
 from hil_loop import Instant, Loop, adds_up, board, frames
 
-from hil.host.truth.logger import TruthLogger
-from hil.link.errors import LinkError
-from hil.link.framing.datagrams import OPEN, Kind, datagram, split_datagram
-from hil.link.framing.length_prefix import LengthFraming
-from hil.link.packets.messages import Hello
-from hil.link.packets.packet import HEADER, MAGIC, PROTOCOL_VERSION, Packet, PacketType
-from hil.link.security import prove_to_host
-from hil.link.session import Link, greet_host
-from hil.link.transports.udp import MOST_PEERS
-from hil.link.transports.url import connect, parse_url
+from flyaround.hil.host.truth.logger import TruthLogger
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.framing.datagrams import OPEN, Kind, datagram, split_datagram
+from flyaround.hil.link.framing.length_prefix import LengthFraming
+from flyaround.hil.link.packets.messages import Hello
+from flyaround.hil.link.packets.packet import HEADER, MAGIC, PROTOCOL_VERSION, Packet, PacketType
+from flyaround.hil.link.security import prove_to_host
+from flyaround.hil.link.session import Link, greet_host
+from flyaround.hil.link.transports.udp import MOST_PEERS
+from flyaround.hil.link.transports.url import connect, parse_url
 
 KEY = b"k" * 32
 MANY = 300

@@ -11,13 +11,13 @@ import pytest
 from hil_loop import Loop, adds_up, board, made_frame
 from typer.testing import CliRunner
 
-from flyaround.commands.hil import app
-from hil.host.audit import audit_pictures, pictures_of
-from hil.host.ledger.frames_csv import read_ledger
-from hil.host.recording.ros_log import RosLog
-from hil.host.time_code import with_time_code
-from simulator.errors import UserError
-from simulator.scenario.faults import Faults, RepeatedNumber
+from flyaround.cli.hil import app
+from flyaround.hil.host.audit import audit_pictures, pictures_of
+from flyaround.hil.host.ledger.frames_csv import read_ledger
+from flyaround.hil.host.recording.ros_log import RosLog
+from flyaround.hil.host.time_code import with_time_code
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.faults import Faults, RepeatedNumber
 
 N = 6
 

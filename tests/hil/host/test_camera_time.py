@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 from hil_loop import Instant, Loop, Proxy, adds_up, board, frames, made_frame
 
-from hil.bench.camera_latency import drawn_pictures, measure_latency
-from hil.host.ledger.frames_csv import read_ledger, utc_text
-from hil.host.picture_frames import frames_of_folder
-from hil.host.report import write_report
-from hil.link.packets.messages import decode_message
-from hil.link.packets.packet import PacketType, decode_packet
-from simulator.errors import UserError
-from simulator.scenario.faults import ClockDrift, Faults
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.hil.bench.camera_latency import drawn_pictures, measure_latency
+from flyaround.hil.host.ledger.frames_csv import read_ledger, utc_text
+from flyaround.hil.host.picture_frames import frames_of_folder
+from flyaround.hil.host.report import write_report
+from flyaround.hil.link.packets.messages import decode_message
+from flyaround.hil.link.packets.packet import PacketType, decode_packet
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.faults import ClockDrift, Faults
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 EXPOSURE_MS = 10.0
 LATENCY_S = 0.3

@@ -10,9 +10,9 @@ import sys
 
 import pytest
 
-from hil.host.ledger.frames_csv import read_ledger
-from hil.host.report import write_report
-from simulator.errors import UserError
+from flyaround.hil.host.ledger.frames_csv import read_ledger
+from flyaround.hil.host.report import write_report
+from flyaround.simulator.errors import UserError
 
 FLYAROUND = (sys.executable, "-m", "flyaround")
 

@@ -20,12 +20,12 @@ from hand_made_host import in_thread
 from hil_loop import Instant, Loop, adds_up, frames
 from hil_processes import PATIENCE_S, children_of, echo_board, free_url, host_process, kill_all
 
-from hil.board.agent import BoardAgent, run_board
-from hil.host.ledger.frames_csv import read_ledger
-from hil.link.clock import answer_time_sync, now_ns
-from hil.link.packets.messages import Bye, FrameChunk, Hello, PoseMessage, TimeSyncRequest
-from hil.link.session import Link, greet_host
-from hil.link.transports.url import connect
+from flyaround.hil.board.agent import BoardAgent, run_board
+from flyaround.hil.host.ledger.frames_csv import read_ledger
+from flyaround.hil.link.clock import answer_time_sync, now_ns
+from flyaround.hil.link.packets.messages import Bye, FrameChunk, Hello, PoseMessage, TimeSyncRequest
+from flyaround.hil.link.session import Link, greet_host
+from flyaround.hil.link.transports.url import connect
 
 BUSY_S = 20.0
 
@@ -109,9 +109,9 @@ def test_a_serial_line_that_is_pulled_out_ends_the_session():
     pytest.importorskip("serial")
     from hil_loop import CAMERA
 
-    from hil.link.framing.cobs import CobsFraming
-    from hil.link.packets.messages import HelloAck
-    from hil.link.packets.packet import Packet, PacketType
+    from flyaround.hil.link.framing.cobs import CobsFraming
+    from flyaround.hil.link.packets.messages import HelloAck
+    from flyaround.hil.link.packets.packet import Packet, PacketType
 
     master, slave = pty.openpty()
     url = f"serial://{os.ttyname(slave)}?baud=921600"

@@ -12,14 +12,21 @@ import pytest
 from estimators import PATIENCE_S
 from hil_loop import CAMERA, Instant, Loop, Proxy, adds_up, board, flip_first, frames, refused
 
-from hil.board.agent import run_board
-from hil.host.ledger.frames_csv import read_ledger
-from hil.host.ledger.summary import LedgerSummary
-from hil.link.clock import answer_time_sync, now_ns
-from hil.link.packets.messages import Bye, FrameChunk, FrameHeader, Hello, PoseMessage, TimeSyncRequest
-from hil.link.packets.packet import PacketType, decode_packet
-from hil.link.session import Link, greet_host
-from hil.link.transports.url import connect
+from flyaround.hil.board.agent import run_board
+from flyaround.hil.host.ledger.frames_csv import read_ledger
+from flyaround.hil.host.ledger.summary import LedgerSummary
+from flyaround.hil.link.clock import answer_time_sync, now_ns
+from flyaround.hil.link.packets.messages import (
+    Bye,
+    FrameChunk,
+    FrameHeader,
+    Hello,
+    PoseMessage,
+    TimeSyncRequest,
+)
+from flyaround.hil.link.packets.packet import PacketType, decode_packet
+from flyaround.hil.link.session import Link, greet_host
+from flyaround.hil.link.transports.url import connect
 
 
 @pytest.mark.parametrize("kind", [PacketType.FRAME_CHUNK, PacketType.FRAME_HEADER])
@@ -165,8 +172,8 @@ def test_the_host_goes_away_without_a_goodbye():
             )
         )
         thread.start()
-        from hil.link.packets.messages import HelloAck
-        from hil.link.transports.tcp import TcpTransport
+        from flyaround.hil.link.packets.messages import HelloAck
+        from flyaround.hil.link.transports.tcp import TcpTransport
 
         sock, _ = server.accept()
         link = Link(TcpTransport(sock, "board"), 5)

@@ -12,15 +12,15 @@ from contextlib import contextmanager
 import pytest
 from hil_loop import Loop, adds_up, board, frames
 
-from hil.host.link_process import pending
-from hil.host.link_process.pending import MAX_PENDING, PendingLinks
-from hil.host.truth import endpoint as truth_endpoint
-from hil.host.truth.endpoint import MAX_CLIENTS, TruthEndpoint
-from hil.host.truth.logger import TruthLogger
-from hil.link.clock import answer_time_sync, now_ns
-from hil.link.errors import LinkClosed
-from hil.link.framing.length_prefix import LengthFraming
-from hil.link.packets.messages import (
+from flyaround.hil.host.link_process import pending
+from flyaround.hil.host.link_process.pending import MAX_PENDING, PendingLinks
+from flyaround.hil.host.truth import endpoint as truth_endpoint
+from flyaround.hil.host.truth.endpoint import MAX_CLIENTS, TruthEndpoint
+from flyaround.hil.host.truth.logger import TruthLogger
+from flyaround.hil.link.clock import answer_time_sync, now_ns
+from flyaround.hil.link.errors import LinkClosed
+from flyaround.hil.link.framing.length_prefix import LengthFraming
+from flyaround.hil.link.packets.messages import (
     Bye,
     ErrorCode,
     ErrorMessage,
@@ -31,10 +31,10 @@ from hil.link.packets.messages import (
     TimeSyncRequest,
     TruthMessage,
 )
-from hil.link.packets.packet import Packet, PacketType
-from hil.link.session import Link, greet_host
-from hil.link.transports.tcp import TcpListener, TcpTransport, connect_tcp
-from hil.link.transports.url import connect, parse_url
+from flyaround.hil.link.packets.packet import Packet, PacketType
+from flyaround.hil.link.session import Link, greet_host
+from flyaround.hil.link.transports.tcp import TcpListener, TcpTransport, connect_tcp
+from flyaround.hil.link.transports.url import connect, parse_url
 
 TRUTH = {"note": "x" * 50_000}
 

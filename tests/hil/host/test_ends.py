@@ -15,11 +15,11 @@ from pathlib import Path
 import pytest
 from hil_loop import BOARD, Instant, Loop, board, frames
 
-from hil.host.ledger.frames_csv import read_ledger
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import RunConfig, run_host
-from hil.host.signals import signals_held
-from simulator.errors import UserError
+from flyaround.hil.host.ledger.frames_csv import read_ledger
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.hil.host.signals import signals_held
+from flyaround.simulator.errors import UserError
 
 ROOT = Path(__file__).parents[3]
 # ten times what an idle machine needs, and more
@@ -31,9 +31,9 @@ import resource, sys, time
 from pathlib import Path
 sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
 from hil_loop import frames
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import RunConfig, run_host
-from simulator.errors import UserError
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.simulator.errors import UserError
 log, most_rows = Path(sys.argv[1]), int(sys.argv[2])
 def slowly():
     for frame in frames(500):
@@ -123,7 +123,7 @@ def test_a_full_disk_is_one_sentence_and_the_rows_so_far_are_whole(tmp_path):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 def test_a_disk_that_is_full_from_the_start_leaves_no_ledger(tmp_path, monkeypatch):
-    from hil.host.ledger.frames_csv import LedgerWriter
+    from flyaround.hil.host.ledger.frames_csv import LedgerWriter
 
     plain = Path.open
     monkeypatch.setattr(Path, "open", lambda _, __, **more: plain(Path("/dev/full"), "wb", **more))
@@ -182,7 +182,7 @@ def test_another_board_may_take_the_place_of_a_hung_one():
 
         def patient(url):
             # turned away while the hung one holds the place
-            from hil.link.errors import LinkError
+            from flyaround.hil.link.errors import LinkError
 
             deadline = time.monotonic() + PATIENCE_S
             while time.monotonic() < deadline:

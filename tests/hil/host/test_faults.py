@@ -10,15 +10,15 @@ import pytest
 from hil_loop import Instant, Loop, adds_up, board, made_frame
 from tutorial import blocks
 
-from hil.corner_code import CodePlace, read_code
-from hil.host.faults.camera_faults import HeldExposure, with_camera_faults
-from hil.host.faults.line_faults import FaultJournal, _Pump
-from hil.host.pose_link import PoseLink
-from hil.host.time_code import with_time_code
-from hil.link.packets.messages import PoseMessage, TimeSyncReply, decode_message
-from hil.link.packets.packet import Packet, PacketType
-from simulator.errors import UserError
-from simulator.scenario.faults import (
+from flyaround.hil.corner_code import CodePlace, read_code
+from flyaround.hil.host.faults.camera_faults import HeldExposure, with_camera_faults
+from flyaround.hil.host.faults.line_faults import FaultJournal, _Pump
+from flyaround.hil.host.pose_link import PoseLink
+from flyaround.hil.host.time_code import with_time_code
+from flyaround.hil.link.packets.messages import PoseMessage, TimeSyncReply, decode_message
+from flyaround.hil.link.packets.packet import Packet, PacketType
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.faults import (
     Bandwidth,
     Blinding,
     CameraFault,
@@ -43,7 +43,7 @@ from simulator.scenario.faults import (
     StuckPixels,
     read_faults,
 )
-from simulator.world.time.instant import nanoseconds_utc
+from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 N = 8
 TRIES = 5

@@ -14,13 +14,13 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from small_disk import small_disk as small_file_system
 
-from hil.host.ledger.frames_csv import read_ledger
-from hil.host.ledger.summary import LedgerSummary
-from hil.host.recording.cut_mcap import MAGIC, end_cut_mcap
-from hil.host.recording.ros_log import RosLog
-from hil.host.recording.space_packets import SpacePacketSink
-from hil.host.report import write_report
-from simulator.errors import UserError
+from flyaround.hil.host.ledger.frames_csv import read_ledger
+from flyaround.hil.host.ledger.summary import LedgerSummary
+from flyaround.hil.host.recording.cut_mcap import MAGIC, end_cut_mcap
+from flyaround.hil.host.recording.ros_log import RosLog
+from flyaround.hil.host.recording.space_packets import SpacePacketSink
+from flyaround.hil.host.report import write_report
+from flyaround.simulator.errors import UserError
 
 
 @pytest.fixture

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from hil.host.link_process.in_flight import FramesInFlight
-from hil.host.link_process.ipc import FrameJob
-from hil.link.packets.messages import NO_FRAME, PoseMessage
+from flyaround.hil.host.link_process.in_flight import FramesInFlight
+from flyaround.hil.host.link_process.ipc import FrameJob
+from flyaround.hil.link.packets.messages import NO_FRAME, PoseMessage
 
 SENT_NS = 5_000_000_000
 TIMEOUT_NS = 2_000_000_000

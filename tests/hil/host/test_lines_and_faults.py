@@ -11,8 +11,8 @@ from estimators import Checksum
 from hil_loop import Loop, adds_up, board, made_frame
 from serial_line import null_modem
 
-from hil.link.errors import LinkError
-from simulator.scenario.faults import (
+from flyaround.hil.link.errors import LinkError
+from flyaround.simulator.scenario.faults import (
     Bandwidth,
     Corrupt,
     Delay,

@@ -15,14 +15,14 @@ import msgspec
 import pytest
 from hil_loop import Loop, board, frames, refused
 
-from hil.host.ledger.frames_csv import LedgerRow, LedgerWriter, read_ledger
-from hil.host.ledger.summary import LedgerSummary
-from hil.host.link_process.host_link import HostLink
-from hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, LinkConfig
-from hil.host.link_process.process import LinkServer
-from hil.host.report import write_report
-from hil.link.clock import answer_time_sync, now_ns
-from hil.link.packets.messages import (
+from flyaround.hil.host.ledger.frames_csv import LedgerRow, LedgerWriter, read_ledger
+from flyaround.hil.host.ledger.summary import LedgerSummary
+from flyaround.hil.host.link_process.host_link import HostLink
+from flyaround.hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, LinkConfig
+from flyaround.hil.host.link_process.process import LinkServer
+from flyaround.hil.host.report import write_report
+from flyaround.hil.link.clock import answer_time_sync, now_ns
+from flyaround.hil.link.packets.messages import (
     Bye,
     Credit,
     ErrorCode,
@@ -33,10 +33,10 @@ from hil.link.packets.messages import (
     PoseMessage,
     TimeSyncRequest,
 )
-from hil.link.session import Link, greet_host
-from hil.link.transports.url import connect
-from simulator.errors import UserError
-from simulator.runtime.carrier import open_anonymous_file
+from flyaround.hil.link.session import Link, greet_host
+from flyaround.hil.link.transports.url import connect
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.carrier import open_anonymous_file
 
 
 @contextmanager
@@ -180,7 +180,14 @@ def test_a_renderer_that_fails_leaves_a_ledger_that_adds_up(tmp_path):
 
 def test_the_agent_as_a_program_says_one_sentence(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "hil.board", "tcp://127.0.0.1:1", "--model", str(tmp_path / "none.json")],
+        [
+            sys.executable,
+            "-m",
+            "flyaround.hil.board",
+            "tcp://127.0.0.1:1",
+            "--model",
+            str(tmp_path / "none.json"),
+        ],
         capture_output=True,
         text=True,
         timeout=120,

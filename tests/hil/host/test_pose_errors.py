@@ -5,17 +5,17 @@ import json
 import numpy as np
 import pytest
 
-from hil.evaluate.metrics import summarise
-from hil.evaluate.pose_errors import frame_record
-from hil.host.pose_errors import read_pose_noise
-from hil.navigation.measurement import PoseNoise
-from hil.navigation.pose_sources import PoseErrors
-from simulator.errors import UserError
+from flyaround.hil.evaluate.metrics import summarise
+from flyaround.hil.evaluate.pose_errors import frame_record
+from flyaround.hil.host.pose_errors import read_pose_noise
+from flyaround.hil.navigation.measurement import PoseNoise
+from flyaround.hil.navigation.pose_sources import PoseErrors
+from flyaround.simulator.errors import UserError
 
 
 def records(noise, n, rng):
     """Answers of an estimator with known errors beside the truth."""
-    from hil.navigation.measurement import Snapshot
+    from flyaround.hil.navigation.measurement import Snapshot
 
     errors = PoseErrors(noise, rng)
     for _ in range(n):
@@ -92,10 +92,10 @@ def test_few_poses_have_no_spread_and_other_files_are_refused(tmp_path):
 
 def test_the_filter_is_better_than_the_coarse_poses_that_it_runs_on():
     """Poses as a small network's, 7 degrees and 5 % off: fused over a flight, with their errors told."""
-    from hil.navigation.closed_loop import ClosedLoopConfig, fly_closed_loop
-    from hil.navigation.pose_sources import NoisyPoses
-    from simulator.scenario.load import load_scenario
-    from simulator.scenario.plan import plan_flight
+    from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, fly_closed_loop
+    from flyaround.hil.navigation.pose_sources import NoisyPoses
+    from flyaround.simulator.scenario.load import load_scenario
+    from flyaround.simulator.scenario.plan import plan_flight
 
     noise = PoseNoise(
         across_m=0.0, across_share=0.01, along_share=0.03, tilt_rad=0.12, roll_rad=0.06, remembered=0.2

@@ -13,11 +13,11 @@ from rosbags.highlevel import AnyReader
 from space_packet_parser import SpacePacket, load_xtce  # noqa: F401 - the type that its generator gives
 from space_packet_parser.generators import ccsds_generator
 
-from hil.host.recording.ros_log import RosLog
-from hil.host.recording.space_packets import KINDS, SpacePacketSink, cds_time, xtce_document
-from hil.host.report import write_report
-from simulator.errors import UserError
-from simulator.world.time.instant import nanoseconds_utc
+from flyaround.hil.host.recording.ros_log import RosLog
+from flyaround.hil.host.recording.space_packets import KINDS, SpacePacketSink, cds_time, xtce_document
+from flyaround.hil.host.report import write_report
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 N = 6
 EPOCHS = [f"2026-08-20T09:30:0{k}.{k}23456Z" for k in range(N)]

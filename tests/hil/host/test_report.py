@@ -13,16 +13,25 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.commands.hil_host import listening_text, summary_text
-from hil.host.board_command import board_url
-from hil.host.ledger.frames_csv import COLUMNS, LedgerRow, LedgerWriter, pose_errors, read_ledger
-from hil.host.ledger.run_terms import RUN_JSON, RunTerms
-from hil.host.ledger.summary import summarise, this_machine
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.report import write_report
-from hil.host.report_plots import GREEN, MARKERS, ORANGE, RED, WRONG, kind_of, outcome_colour, plot_errors
-from hil.host.truth_policy import check_access
-from simulator.errors import UserError
+from flyaround.cli.hil_host import listening_text, summary_text
+from flyaround.hil.host.board_command import board_url
+from flyaround.hil.host.ledger.frames_csv import COLUMNS, LedgerRow, LedgerWriter, pose_errors, read_ledger
+from flyaround.hil.host.ledger.run_terms import RUN_JSON, RunTerms
+from flyaround.hil.host.ledger.summary import summarise, this_machine
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.report import write_report
+from flyaround.hil.host.report_plots import (
+    GREEN,
+    MARKERS,
+    ORANGE,
+    RED,
+    WRONG,
+    kind_of,
+    outcome_colour,
+    plot_errors,
+)
+from flyaround.hil.host.truth_policy import check_access
+from flyaround.simulator.errors import UserError
 
 RUN = {
     "started_utc": "2026-01-01T00:00:00+00:00",

@@ -13,10 +13,10 @@ import msgspec
 import pytest
 from hil_loop import BOARD, MARK, Instant, Loop, Proxy, adds_up, board, frames
 
-from hil.host.ledger.frames_csv import COLUMNS, read_ledger
-from hil.host.ledger.summary import LedgerSummary, summary_schema
-from hil.host.truth.logger import TruthLogger
-from hil.link.packets.packet import PacketType
+from flyaround.hil.host.ledger.frames_csv import COLUMNS, read_ledger
+from flyaround.hil.host.ledger.summary import LedgerSummary, summary_schema
+from flyaround.hil.host.truth.logger import TruthLogger
+from flyaround.hil.link.packets.packet import PacketType
 
 
 def test_lockstep_with_the_board_in_another_process(tmp_path):

@@ -12,13 +12,13 @@ import pytest
 from hil_loop import Loop, board, frames
 
 from flyaround.__main__ import run
-from hil.host.board_command import board_command
-from hil.host.ledger.run_terms import FlownRecord, read_terms
-from hil.host.report import write_report
-from simulator.errors import UserError
-from simulator.scenario.faults import Drop, Faults
-from simulator.scenario.load import load_scenario, scenario_source
-from simulator.scenario.plan import plan_flight
+from flyaround.hil.host.board_command import board_command
+from flyaround.hil.host.ledger.run_terms import FlownRecord, read_terms
+from flyaround.hil.host.report import write_report
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.faults import Drop, Faults
+from flyaround.simulator.scenario.load import load_scenario, scenario_source
+from flyaround.simulator.scenario.plan import plan_flight
 
 NAME = "tango-vbar-closed-loop"
 KEY = b"0123456789abcdef-secret"
@@ -86,7 +86,7 @@ def test_a_closed_loop_without_a_board_has_its_record(tmp_path):
     terms = read_terms(log)
     assert terms.command == ("flyaround", *arguments)
     assert terms.seed == 5
-    assert terms.scenario.text == (files("assets.scenarios") / f"{NAME}.toml").read_text()
+    assert terms.scenario.text == (files("flyaround.assets.scenarios") / f"{NAME}.toml").read_text()
     assert terms.scenario.sha256 in write_report(log).read_text()
 
 

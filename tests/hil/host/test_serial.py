@@ -10,10 +10,10 @@ import pytest
 from hil_loop import made_frame
 from serial_line import null_modem
 
-from hil.board.agent import run_board
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import RunConfig, run_host
-from hil.host.serial_time import line_time_s
+from flyaround.hil.board.agent import run_board
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.hil.host.serial_time import line_time_s
 
 
 class Mean:

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from flyaround.__main__ import run
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.serial_time import line_time_s, serial_advice
-from hil.link.framing.cobs import CobsFraming
-from hil.link.packets.images import chunk_count, chunks
-from hil.link.packets.messages import Encoding, FrameHeader, PixelFormat
-from hil.link.packets.packet import Packet
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.serial_time import line_time_s, serial_advice
+from flyaround.hil.link.framing.cobs import CobsFraming
+from flyaround.hil.link.packets.images import chunk_count, chunks
+from flyaround.hil.link.packets.messages import Encoding, FrameHeader, PixelFormat
+from flyaround.hil.link.packets.packet import Packet
 
 DOCS = Path(__file__).parents[3] / "docs"
 

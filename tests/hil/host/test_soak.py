@@ -16,7 +16,7 @@ from datetime import datetime
 import pytest
 from hil_processes import PATIENCE_S, children_of, echo_board, host_process, resident_kib
 
-from hil.host.ledger.frames_csv import read_ledger
+from flyaround.hil.host.ledger.frames_csv import read_ledger
 
 SOAK_S = float(os.environ.get("FLYAROUND_SOAK_S", "180"))
 EVERY_S = 0.1

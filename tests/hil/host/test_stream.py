@@ -11,30 +11,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.host.link_process.host_link import choose_pixel_format
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.plan_frames import frames_of_plan
-from hil.host.run import RunConfig, run_host
-from hil.link.packets.enums import PixelFormat
-from simulator.errors import UserError
-from simulator.frame import Frame
-from simulator.labels.layers import pixel_hash
-from simulator.loop import FrameRequest, draw_request
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.targets.board_model.write import write_board_model
+from flyaround.hil.host.link_process.host_link import choose_pixel_format
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.plan_frames import frames_of_plan
+from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.hil.link.packets.enums import PixelFormat
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.labels.layers import pixel_hash
+from flyaround.simulator.loop import FrameRequest, draw_request
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.targets.board_model.write import write_board_model
 
 pytestmark = pytest.mark.gl
 
 # A board of few lines on the project's own link: the estimator's answer, and what of each frame arrived.
 BOARD = """
 import hashlib, json, sys
-from hil.board.agent import svd_factory
-from hil.link.clock import answer_time_sync, now_ns
-from hil.link.packets.images import FrameAssembler, supported_encodings
-from hil.link.packets.messages import Bye, FrameChunk, FrameHeader, Hello, PoseMessage, TimeSyncRequest
-from hil.link.session import Link, greet_host
-from hil.link.transports.url import connect
+from flyaround.hil.board.agent import svd_factory
+from flyaround.hil.link.clock import answer_time_sync, now_ns
+from flyaround.hil.link.packets.images import FrameAssembler, supported_encodings
+from flyaround.hil.link.packets.messages import Bye, FrameChunk, FrameHeader, Hello, PoseMessage, TimeSyncRequest
+from flyaround.hil.link.session import Link, greet_host
+from flyaround.hil.link.transports.url import connect
 make, name, digest = svd_factory(sys.argv[1], "svd")
 for line in sys.stdin:
     link = Link(connect(line.strip(), 60.0))
@@ -63,7 +63,7 @@ for line in sys.stdin:
 
 def with_sensor(tmp_path, sensor, bands="mono"):
     """A scenario with another sensor."""
-    text = (files("assets.scenarios") / "tango-space-10m.toml").read_text()
+    text = (files("flyaround.assets.scenarios") / "tango-space-10m.toml").read_text()
     path = tmp_path / "deep.toml"
     path.write_text(text.replace('preset = "speed"', sensor).replace('bands = "mono"', f'bands = "{bands}"'))
     return load_scenario(str(path))

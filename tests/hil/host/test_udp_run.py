@@ -15,18 +15,18 @@ from hil_processes import HARNESS, host_process, started
 from lossy_udp import lossy_network
 
 from flyaround.__main__ import run
-from hil.host.ledger.frames_csv import read_ledger
-from hil.link.transports.url import parse_url
+from flyaround.hil.host.ledger.frames_csv import read_ledger
+from flyaround.hil.link.transports.url import parse_url
 
 # A board that tells what came: the picture's checksum, as a place.
 BOARD = f"""
 import sys
 sys.path.insert(0, {str(HARNESS)!r})
 from estimators import Checksum
-from hil.board import agent
+from flyaround.hil.board import agent
 agent.svd_factory = lambda model, method: (Checksum, "", "")
-from hil.board.__main__ import run_and_exit
-run_and_exit("hil.board")
+from flyaround.hil.board.__main__ import run_and_exit
+run_and_exit("flyaround.hil.board")
 """
 SIZE = (300, 400)
 

@@ -16,8 +16,8 @@ import pytest
 from hil_loop import Instant, Loop, adds_up, frames
 from hil_processes import PATIENCE_S, Cable, Plug, UdpPlug, echo_board, host_process
 
-from hil.board.agent import run_board
-from hil.host.ledger.frames_csv import read_ledger
+from flyaround.hil.board.agent import run_board
+from flyaround.hil.host.ledger.frames_csv import read_ledger
 
 # the old ways took 3 s (UDP), 10 s (the board) and 30 s (the host)
 BUSY_S = 2.8

@@ -12,12 +12,12 @@ from cobs import cobs as reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil.link.errors import PacketError
-from hil.link.framing import cobs
-from hil.link.framing.cobs import CobsFraming
-from hil.link.framing.length_prefix import PREFIX, LengthFraming
-from hil.link.packets.messages import Bye
-from hil.link.packets.packet import HEADER, MAGIC, OVERHEAD_BYTES, Packet, PacketType
+from flyaround.hil.link.errors import PacketError
+from flyaround.hil.link.framing import cobs
+from flyaround.hil.link.framing.cobs import CobsFraming
+from flyaround.hil.link.framing.length_prefix import PREFIX, LengthFraming
+from flyaround.hil.link.packets.messages import Bye
+from flyaround.hil.link.packets.packet import HEADER, MAGIC, OVERHEAD_BYTES, Packet, PacketType
 
 FRAMINGS = {"length": LengthFraming, "cobs": CobsFraming, "pure cobs": lambda: CobsFraming(pure=True)}
 each_framing = pytest.mark.parametrize("make", FRAMINGS.values(), ids=FRAMINGS.keys())
@@ -151,7 +151,7 @@ def test_nested_headers_are_read_twice_at_most(step, monkeypatch):
         checked += len(data)
         return really(data, value)
 
-    monkeypatch.setattr("hil.link.packets.packet.zlib.crc32", crc32)
+    monkeypatch.setattr("flyaround.hil.link.packets.packet.zlib.crc32", crc32)
     stream = nested_headers((1 << 22) - 1024)
     assert stream.count(MAGIC) > 149_000
     framing, damage = LengthFraming(), 0

@@ -14,14 +14,14 @@ import pytest
 from hil_loop import CAMERA, Instant
 from hostile import Hostile, line
 
-from hil.board.agent import run_board
-from hil.link.clock import answer_time_sync, now_ns
-from hil.link.errors import LinkClosed, LinkError, PacketError
-from hil.link.framing import cobs
-from hil.link.framing.cobs import CobsFraming
-from hil.link.framing.length_prefix import PREFIX, LengthFraming
-from hil.link.packets.images import chunks
-from hil.link.packets.messages import (
+from flyaround.hil.board.agent import run_board
+from flyaround.hil.link.clock import answer_time_sync, now_ns
+from flyaround.hil.link.errors import LinkClosed, LinkError, PacketError
+from flyaround.hil.link.framing import cobs
+from flyaround.hil.link.framing.cobs import CobsFraming
+from flyaround.hil.link.framing.length_prefix import PREFIX, LengthFraming
+from flyaround.hil.link.packets.images import chunks
+from flyaround.hil.link.packets.messages import (
     Bye,
     Encoding,
     FrameHeader,
@@ -32,10 +32,10 @@ from hil.link.packets.messages import (
     TruthPolicy,
     decode_message,
 )
-from hil.link.packets.packet import PacketType
-from hil.link.session import Link, greet_host
-from hil.link.transports.tcp import TcpListener, connect_tcp
-from hil.link.transports.url import connect, parse_url
+from flyaround.hil.link.packets.packet import PacketType
+from flyaround.hil.link.session import Link, greet_host
+from flyaround.hil.link.transports.tcp import TcpListener, connect_tcp
+from flyaround.hil.link.transports.url import connect, parse_url
 
 ROOT = Path(__file__).parents[3]
 # the issue's bound is 1 GB a process; a host with numpy and scipy takes some 150 MB, a board without OpenCV 50
@@ -47,9 +47,9 @@ HOST = """
 import resource, sys, threading
 sys.path.insert(0, "tests/harness")
 from hil_loop import frames
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import RunConfig, run_host
-from simulator.errors import UserError
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.simulator.errors import UserError
 finish = threading.Event()
 threading.Thread(target=lambda: (sys.stdin.readline(), finish.set()), daemon=True).start()
 def source():
@@ -76,8 +76,8 @@ sys.exit(0 if summary.ended == "completed" else 1)
 # A session for each URL that it is told, one after the other.
 BOARD = """
 import sys
-from hil.board.agent import run_board
-from hil.link.errors import LinkError
+from flyaround.hil.board.agent import run_board
+from flyaround.hil.link.errors import LinkError
 class Oracle:
     accepted, reason, confidence, stages_ms = True, "", 0.5, {}
     q_camera_from_target_wxyz = (1.0, 0.0, 0.0, 0.0)

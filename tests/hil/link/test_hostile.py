@@ -16,16 +16,21 @@ import pytest
 import zstandard
 from hil_loop import Instant
 
-from hil.board.agent import run_board
-from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake
-from hil.link.packets.fields import (
+from flyaround.hil.board.agent import run_board
+from flyaround.hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake
+from flyaround.hil.link.packets.fields import (
     MAX_CAMERA_JSON_BYTES,
     MAX_JSON_DEPTH,
     MAX_TRUTH_JSON_BYTES,
     unpack_json,
 )
-from hil.link.packets.images import MAX_FRAME_BYTES, FrameAssembler, check_terms, supported_encodings
-from hil.link.packets.messages import (
+from flyaround.hil.link.packets.images import (
+    MAX_FRAME_BYTES,
+    FrameAssembler,
+    check_terms,
+    supported_encodings,
+)
+from flyaround.hil.link.packets.messages import (
     Bye,
     Encoding,
     ErrorCode,
@@ -41,10 +46,10 @@ from hil.link.packets.messages import (
     TruthPolicy,
     decode_message,
 )
-from hil.link.packets.packet import Packet, PacketType
-from hil.link.session import HOST_BEFORE_HELLO, HOST_IN_SESSION, MAX_LEFT_OUT, Link, greet_host
-from hil.link.transports.in_process import virtual_pair
-from hil.link.transports.tcp import TcpListener, TcpTransport
+from flyaround.hil.link.packets.packet import Packet, PacketType
+from flyaround.hil.link.session import HOST_BEFORE_HELLO, HOST_IN_SESSION, MAX_LEFT_OUT, Link, greet_host
+from flyaround.hil.link.transports.in_process import virtual_pair
+from flyaround.hil.link.transports.tcp import TcpListener, TcpTransport
 
 DEEP = b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}"
 TERMS = HelloAck({"width_px": 64, "height_px": 48}, 64, 48)
@@ -103,7 +108,9 @@ def test_a_camera_may_take_less_than_a_truth():
 
 def test_a_host_reads_no_truth_and_before_hello_nothing_else(monkeypatch):
     read = []
-    monkeypatch.setattr("hil.link.session.decode_message", lambda packet: read.append(packet.type) or packet)
+    monkeypatch.setattr(
+        "flyaround.hil.link.session.decode_message", lambda packet: read.append(packet.type) or packet
+    )
     board, host = virtual_pair()
     link = Link(host, accepts=HOST_BEFORE_HELLO)
     for kind in PacketType:

@@ -18,12 +18,12 @@ from cobs import cobs as reference
 from line_noise import Noise
 from serial_line import null_modem
 
-from hil.link.errors import PacketError
-from hil.link.framing.cobs import CobsFraming
-from hil.link.framing.length_prefix import LengthFraming
-from hil.link.packets.messages import Bye
-from hil.link.packets.packet import Packet, PacketType, decode_packet, encode_packet
-from hil.link.transports.serial_port import SerialTransport
+from flyaround.hil.link.errors import PacketError
+from flyaround.hil.link.framing.cobs import CobsFraming
+from flyaround.hil.link.framing.length_prefix import LengthFraming
+from flyaround.hil.link.packets.messages import Bye
+from flyaround.hil.link.packets.packet import Packet, PacketType, decode_packet, encode_packet
+from flyaround.hil.link.transports.serial_port import SerialTransport
 
 RATES = [1e-5, 1e-4, 1e-3]
 PATIENCE_S = 60.0

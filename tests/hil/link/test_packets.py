@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from hil.link.errors import PacketError, VersionMismatch
-from hil.link.packets.messages import (
+from flyaround.hil.link.errors import PacketError, VersionMismatch
+from flyaround.hil.link.packets.messages import (
     Bye,
     Credit,
     Encoding,
@@ -31,8 +31,14 @@ from hil.link.packets.messages import (
     TruthPolicy,
     decode_message,
 )
-from hil.link.packets.packet import MAX_PAYLOAD_BYTES, Packet, PacketType, decode_packet, encode_packet
-from hil.link.vectors import EXAMPLES, session_packets, session_text, vectors
+from flyaround.hil.link.packets.packet import (
+    MAX_PAYLOAD_BYTES,
+    Packet,
+    PacketType,
+    decode_packet,
+    encode_packet,
+)
+from flyaround.hil.link.vectors import EXAMPLES, session_packets, session_text, vectors
 
 ROOT = Path(__file__).parents[3]
 

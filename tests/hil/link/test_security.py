@@ -10,12 +10,12 @@ from dataclasses import replace
 import pytest
 from hil_loop import Instant, Loop, adds_up, board, frames
 
-from hil.host.truth.logger import TruthLogger
-from hil.link.errors import LinkClosed, LinkError, PacketError, UnsealedPacket
-from hil.link.framing.length_prefix import LengthFraming
-from hil.link.packets.messages import Bye
-from hil.link.packets.packet import Packet, PacketType
-from hil.link.security import (
+from flyaround.hil.host.truth.logger import TruthLogger
+from flyaround.hil.link.errors import LinkClosed, LinkError, PacketError, UnsealedPacket
+from flyaround.hil.link.framing.length_prefix import LengthFraming
+from flyaround.hil.link.packets.messages import Bye
+from flyaround.hil.link.packets.packet import Packet, PacketType
+from flyaround.hil.link.security import (
     NONCE_BYTES,
     TRAILER_BYTES,
     WINDOW,
@@ -25,11 +25,11 @@ from hil.link.security import (
     prove_to_host,
     read_key,
 )
-from hil.link.session import Link
-from hil.link.transports.in_process import virtual_pair
-from hil.link.transports.tcp import connect_tcp
-from simulator.errors import UserError
-from simulator.scenario.faults import ClockDrift, Faults
+from flyaround.hil.link.session import Link
+from flyaround.hil.link.transports.in_process import virtual_pair
+from flyaround.hil.link.transports.tcp import connect_tcp
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.faults import ClockDrift, Faults
 
 KEY, OTHER = b"0123456789abcdef", b"fedcba9876543210"
 POSE = Packet(PacketType.POSE, b"a pose", session_id=7, sequence=3)

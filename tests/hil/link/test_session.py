@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil.link.clock import ClockFilter
-from hil.link.errors import FormatRefused, LinkError, PacketError
-from hil.link.packets.enums import format_mask
-from hil.link.packets.images import (
+from flyaround.hil.link.clock import ClockFilter
+from flyaround.hil.link.errors import FormatRefused, LinkError, PacketError
+from flyaround.hil.link.packets.enums import format_mask
+from flyaround.hil.link.packets.images import (
     FrameAssembler,
     chunk_count,
     chunks,
@@ -21,10 +21,18 @@ from hil.link.packets.images import (
     encode_image,
     supported_encodings,
 )
-from hil.link.packets.messages import Bye, Encoding, ErrorCode, FrameHeader, Hello, HelloAck, PixelFormat
-from hil.link.packets.packet import Packet, PacketType
-from hil.link.session import Link, answer_hello, greet_host, refuse
-from hil.link.transports.in_process import virtual_pair
+from flyaround.hil.link.packets.messages import (
+    Bye,
+    Encoding,
+    ErrorCode,
+    FrameHeader,
+    Hello,
+    HelloAck,
+    PixelFormat,
+)
+from flyaround.hil.link.packets.packet import Packet, PacketType
+from flyaround.hil.link.session import Link, answer_hello, greet_host, refuse
+from flyaround.hil.link.transports.in_process import virtual_pair
 
 CAMERA = {"width_px": 64, "height_px": 48}
 TERMS = HelloAck(CAMERA, 64, 48, window=4, target_name="tango", target_sha256="ab" * 32)

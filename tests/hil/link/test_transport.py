@@ -11,12 +11,12 @@ import time
 import pytest
 from serial_line import null_modem
 
-from hil.link.errors import LinkClosed, LinkError
-from hil.link.packets.messages import FrameChunk
-from hil.link.packets.packet import Packet
-from hil.link.transports.serial_port import SerialTransport
-from hil.link.transports.tcp import TcpTransport
-from hil.link.transports.url import connect, listen, parse_url, url_options
+from flyaround.hil.link.errors import LinkClosed, LinkError
+from flyaround.hil.link.packets.messages import FrameChunk
+from flyaround.hil.link.packets.packet import Packet
+from flyaround.hil.link.transports.serial_port import SerialTransport
+from flyaround.hil.link.transports.tcp import TcpTransport
+from flyaround.hil.link.transports.url import connect, listen, parse_url, url_options
 
 
 def packet(k: int, data: bytes = b"") -> Packet:

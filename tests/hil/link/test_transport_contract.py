@@ -13,17 +13,30 @@ import pytest
 from lossy_udp import lossy_network
 from serial_line import null_modem
 
-from hil.host.faults.line_faults import FaultJournal, with_line_faults
-from hil.link.errors import LinkClosed, PacketError
-from hil.link.packets.enums import PIXEL_FORMATS
-from hil.link.packets.images import FrameAssembler, chunk_count, chunks, encode_image, supported_encodings
-from hil.link.packets.messages import Bye, Encoding, FrameChunk, FrameHeader, HelloAck, decode_message
-from hil.link.packets.packet import Packet, PacketType
-from hil.link.security import HostTransport, prove_to_host
-from hil.link.transports.in_process import virtual_pair
-from hil.link.transports.serial_port import SerialTransport
-from hil.link.transports.url import connect, listen, parse_url
-from simulator.scenario.faults import (
+from flyaround.hil.host.faults.line_faults import FaultJournal, with_line_faults
+from flyaround.hil.link.errors import LinkClosed, PacketError
+from flyaround.hil.link.packets.enums import PIXEL_FORMATS
+from flyaround.hil.link.packets.images import (
+    FrameAssembler,
+    chunk_count,
+    chunks,
+    encode_image,
+    supported_encodings,
+)
+from flyaround.hil.link.packets.messages import (
+    Bye,
+    Encoding,
+    FrameChunk,
+    FrameHeader,
+    HelloAck,
+    decode_message,
+)
+from flyaround.hil.link.packets.packet import Packet, PacketType
+from flyaround.hil.link.security import HostTransport, prove_to_host
+from flyaround.hil.link.transports.in_process import virtual_pair
+from flyaround.hil.link.transports.serial_port import SerialTransport
+from flyaround.hil.link.transports.url import connect, listen, parse_url
+from flyaround.simulator.scenario.faults import (
     Bandwidth,
     Corrupt,
     Delay,

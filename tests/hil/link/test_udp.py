@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from lossy_udp import lossy_network
 
-from hil.link.errors import LinkClosed, LinkError, PacketError
-from hil.link.framing.datagrams import (
+from flyaround.hil.link.errors import LinkClosed, LinkError, PacketError
+from flyaround.hil.link.framing.datagrams import (
     ACK,
     DATA,
     GIVE_UP_NS,
@@ -27,11 +27,11 @@ from hil.link.framing.datagrams import (
     datagram,
     split_datagram,
 )
-from hil.link.packets.messages import FrameChunk
-from hil.link.packets.packet import Packet
-from hil.link.transports import udp_peer
-from hil.link.transports.udp import MOST_PEERS, UdpListener, connect_udp
-from hil.link.transports.url import connect, listen, parse_url
+from flyaround.hil.link.packets.messages import FrameChunk
+from flyaround.hil.link.packets.packet import Packet
+from flyaround.hil.link.transports import udp_peer
+from flyaround.hil.link.transports.udp import MOST_PEERS, UdpListener, connect_udp
+from flyaround.hil.link.transports.url import connect, listen, parse_url
 
 
 def packet(k: int, data: bytes) -> Packet:

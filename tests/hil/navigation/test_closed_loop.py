@@ -8,16 +8,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hil.navigation.closed_loop import ClosedLoopConfig, ClosedLoopResult, fly_closed_loop
-from hil.navigation.consistency import nees_band
-from hil.navigation.measurement import PoseNoise
-from hil.navigation.pose_sources import NoisyPoses, TruePoses
-from simulator.errors import UserError
-from simulator.scenario.flight import fly
-from simulator.scenario.load import load_scenario
-from simulator.targets.library import load_target
-from simulator.targets.model import Target
-from simulator.world.flight.flight import Flight
+from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, ClosedLoopResult, fly_closed_loop
+from flyaround.hil.navigation.consistency import nees_band
+from flyaround.hil.navigation.measurement import PoseNoise
+from flyaround.hil.navigation.pose_sources import NoisyPoses, TruePoses
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.flight import fly
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import Target
+from flyaround.simulator.world.flight.flight import Flight
 
 STEADY, TUMBLING = "tango-vbar-closed-loop", "tango-vbar-closed-loop-tumble"
 LATENCY_S = 0.3

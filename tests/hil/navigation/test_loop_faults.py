@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.host.closed_loop import STEPS_CSV, figures, write_steps
-from hil.navigation.closed_loop import ClosedLoopConfig, ClosedLoopResult, fly_closed_loop
-from hil.navigation.measurement import PoseMeasurement, PoseNoise
-from hil.navigation.pose_sources import NoisyPoses
-from simulator.scenario.flight import fly
-from simulator.scenario.load import load_scenario
-from simulator.targets.library import load_target
-from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
+from flyaround.hil.host.closed_loop import STEPS_CSV, figures, write_steps
+from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, ClosedLoopResult, fly_closed_loop
+from flyaround.hil.navigation.measurement import PoseMeasurement, PoseNoise
+from flyaround.hil.navigation.pose_sources import NoisyPoses
+from flyaround.simulator.scenario.flight import fly
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
 
 LATENCY_S = 0.3
 CONTRADICT = "poses contradict the estimate"

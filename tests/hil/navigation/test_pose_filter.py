@@ -7,23 +7,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.navigation.attitude_forecast import forecast_errors
-from hil.navigation.consistency import chi_square_quantile, fisher_quantile, nees, nees_band
-from hil.navigation.error_scale import ErrorScale, ScaleSettings
-from hil.navigation.measurement import ErrorMemory, PoseMeasurement, PoseNoise, Snapshot, rotvec_between
-from hil.navigation.pose_filter import FilterSettings, NavigationFilter
-from hil.navigation.pose_sources import PoseErrors
-from hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
-from simulator.world.attitude.rigid_body import propagate_attitude
-from simulator.world.frames.lvlh import Lvlh
-from simulator.world.frames.rotation import (
+from flyaround.hil.navigation.attitude_forecast import forecast_errors
+from flyaround.hil.navigation.consistency import chi_square_quantile, fisher_quantile, nees, nees_band
+from flyaround.hil.navigation.error_scale import ErrorScale, ScaleSettings
+from flyaround.hil.navigation.measurement import (
+    ErrorMemory,
+    PoseMeasurement,
+    PoseNoise,
+    Snapshot,
+    rotvec_between,
+)
+from flyaround.hil.navigation.pose_filter import FilterSettings, NavigationFilter
+from flyaround.hil.navigation.pose_sources import PoseErrors
+from flyaround.hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
+from flyaround.simulator.world.attitude.rigid_body import propagate_attitude
+from flyaround.simulator.world.frames.lvlh import Lvlh
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_from_matrix,
     quat_from_rotvec,
     quat_multiply,
     quat_normalize,
 )
-from simulator.world.relative.clohessy_wiltshire import transition_matrix
+from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
 
 N_RAD_S = 1.06e-3
 J = np.diag([2.1, 2.9, 4.1])

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from hil.board.net.network_camera import NetworkCamera
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.vectors import swing
-from hil.evaluate.mean_predictor import mean_predictor
-from hil.train.pictures import FINER, LabelledPictures, as_they_are, sample
-from hil.train.residual_network import ARCHITECTURES
+from flyaround.hil.board.net.network_camera import NetworkCamera
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.vectors import swing
+from flyaround.hil.evaluate.mean_predictor import mean_predictor
+from flyaround.hil.train.pictures import FINER, LabelledPictures, as_they_are, sample
+from flyaround.hil.train.residual_network import ARCHITECTURES
 
 SMALL = NetworkCamera(64, 40, 100.0)
 
@@ -75,8 +75,8 @@ def test_the_mean_predictor_errs_as_random_rotations_do():
 
 def test_sizes_are_counted_as_they_come_out():
     torch = pytest.importorskip("torch", reason="the extra 'train'")
-    from hil.train.forward import forward
-    from hil.train.layers import trainable
+    from flyaround.hil.train.forward import forward
+    from flyaround.hil.train.layers import trainable
 
     for network in ARCHITECTURES.values():
         weights = trainable(network.start(50, 37, 64, 0))
@@ -86,10 +86,10 @@ def test_sizes_are_counted_as_they_come_out():
 
 def test_the_board_computes_what_was_trained(tmp_path):
     torch = pytest.importorskip("torch", reason="the extra 'train'")
-    from hil.board.net.network_file import HeldOutErrors, NetworkFile
-    from hil.train.forward import folded, forward
-    from hil.train.layers import trainable
-    from hil.train.onnx_file import onnx_bytes, sheet
+    from flyaround.hil.board.net.network_file import HeldOutErrors, NetworkFile
+    from flyaround.hil.train.forward import folded, forward
+    from flyaround.hil.train.layers import trainable
+    from flyaround.hil.train.onnx_file import onnx_bytes, sheet
 
     rng = np.random.default_rng(3)
     network = ARCHITECTURES["small"]
@@ -114,8 +114,8 @@ def test_the_board_computes_what_was_trained(tmp_path):
 
 def test_a_network_learns_where_three_lights_are():
     torch = pytest.importorskip("torch", reason="the extra 'train'")
-    from hil.train.fitting import Budget
-    from hil.train.train import PoseTraining
+    from flyaround.hil.train.fitting import Budget
+    from flyaround.hil.train.train import PoseTraining
 
     # more threads than free processors wait for each other
     torch.set_num_threads(1)

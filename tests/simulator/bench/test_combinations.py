@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from simulator.bench.combinations import CombinationCost, bench_combinations, goals_of
-from simulator.bench.combinations_page import combinations_page
-from simulator.bench.scenes import BenchMachine
-from simulator.errors import UserError
+from flyaround.simulator.bench.combinations import CombinationCost, bench_combinations, goals_of
+from flyaround.simulator.bench.combinations_page import combinations_page
+from flyaround.simulator.bench.scenes import BenchMachine
+from flyaround.simulator.errors import UserError
 
 BASE = CombinationCost(
     scenario="tango-earth-10m",

@@ -5,11 +5,11 @@ import time
 import pytest
 
 from flyaround.__main__ import run
-from simulator.bench import throughput
-from simulator.bench.scenes import bench_views
-from simulator.bench.throughput import bench_throughput, counts_up_to
-from simulator.frame import take_frame
-from simulator.render.renderer import Renderer
+from flyaround.simulator.bench import throughput
+from flyaround.simulator.bench.scenes import bench_views
+from flyaround.simulator.bench.throughput import bench_throughput, counts_up_to
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.render.renderer import Renderer
 
 
 @pytest.mark.parametrize(("most", "counts"), [(1, [1]), (2, [1, 2]), (6, [1, 2, 4, 6]), (8, [1, 2, 4, 8])])

@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.psf import applied_mtf, gaussian_variance_px2, optics_mtf, psf_pyramid
-from simulator.camera.detector.sensor import Sensor
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.psf import (
+    applied_mtf,
+    gaussian_variance_px2,
+    optics_mtf,
+    psf_pyramid,
+)
+from flyaround.simulator.camera.detector.sensor import Sensor
 
 SENSOR = Sensor(preset="t", blur_sigma_px=0.9, pixel_pitch_x_m=5e-6, pixel_pitch_y_m=5e-6)
 FREQUENCY = np.linspace(0, 0.4, 9)

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 import yaml
 
-from simulator.camera.detector.limits import optics_problem, sensor_problem
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.lens.files import parse_camera, read_camera_file
-from simulator.camera.lens.files_native import CameraFile, DistortionSection
-from simulator.camera.lens.formats.registry import WRITTEN, camera_text
-from simulator.camera.sections import OpticsSection
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
+from flyaround.simulator.camera.detector.limits import optics_problem, sensor_problem
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.lens.files import parse_camera, read_camera_file
+from flyaround.simulator.camera.lens.files_native import CameraFile, DistortionSection
+from flyaround.simulator.camera.lens.formats.registry import WRITTEN, camera_text
+from flyaround.simulator.camera.sections import OpticsSection
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
 
 BROWN = CameraFile(
     width_px=1920,

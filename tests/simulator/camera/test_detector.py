@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.camera.detector.electrons import detect, electrons_per_radiance, mosaic
-from simulator.camera.detector.fixed_pattern import fixed_pattern
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.readout import bloom, cosmic_ray_charge
-from simulator.camera.detector.sensor import Detector, Sensor, noiseless
-from simulator.imaging.image_formation import digitise, noise_sigma
+from flyaround.simulator.camera.detector.electrons import detect, electrons_per_radiance, mosaic
+from flyaround.simulator.camera.detector.fixed_pattern import fixed_pattern
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.readout import bloom, cosmic_ray_charge
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor, noiseless
+from flyaround.simulator.imaging.image_formation import digitise, noise_sigma
 
 QUIET = Detector(full_well_e=20_000.0, gain_e_per_dn=5.0, black_level_dn=64.0, read_noise_e=0.0)
 

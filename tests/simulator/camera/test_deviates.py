@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from simulator.camera.detector.deviates import (
+from flyaround.simulator.camera.detector.deviates import (
     add_normal,
     bit_source,
     for_each_band,

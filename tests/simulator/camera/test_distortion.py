@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera, camera_problem
-from simulator.camera.lens.distortion import Distortion
+from flyaround.simulator.camera.lens.camera_model import Camera, camera_problem
+from flyaround.simulator.camera.lens.distortion import Distortion
 
 PINHOLE = Camera(width_px=320, height_px=240, fx_px=300.0, fy_px=310.0, cx_px=155.0, cy_px=122.0)
 LENSES = {

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.detector.image_noise import MIN_THREADED_VALUES, start_noise
-from simulator.camera.detector.presets import sensor_preset
-from simulator.imaging.image_formation import digitise
+from flyaround.simulator.camera.detector.image_noise import MIN_THREADED_VALUES, start_noise
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.imaging.image_formation import digitise
 
 
 @pytest.mark.parametrize("shape", [(300, 512), (200, 300, 3), (40, 50)])

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.detector.limits import optics_problem, sensor_problem
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.detector.limits import optics_problem, sensor_problem
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.presets import sensor_preset
 
 SENSOR = replace(sensor_preset("cmv4000"), bits=16)
 LIMITS = {

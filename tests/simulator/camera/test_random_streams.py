@@ -6,11 +6,11 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from simulator.camera.detector import readout
-from simulator.camera.detector.deviates import NOISE_BANDS, bit_source
-from simulator.camera.detector.electrons import detect
-from simulator.camera.detector.sensor import Detector, Sensor
-from simulator.imaging.image_formation import digitise
+from flyaround.simulator.camera.detector import readout
+from flyaround.simulator.camera.detector.deviates import NOISE_BANDS, bit_source
+from flyaround.simulator.camera.detector.electrons import detect
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+from flyaround.simulator.imaging.image_formation import digitise
 
 SIDE = 192
 QUIET = Detector(

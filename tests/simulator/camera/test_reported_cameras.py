@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mutations import changed_json, changed_text
 
-from simulator.camera.lens.files import parse_camera, read_camera_file
-from simulator.camera.lens.formats.registry import CAMERA_FORMATS, camera_text
-from simulator.errors import UserError
+from flyaround.simulator.camera.lens.files import parse_camera, read_camera_file
+from flyaround.simulator.camera.lens.formats.registry import CAMERA_FORMATS, camera_text
+from flyaround.simulator.errors import UserError
 
 REPORTS = Path(__file__).parents[2] / "data" / "reports"
 EUROC = (752, 480, 458.654, 457.296, 367.215, 248.375)

@@ -4,14 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.camera.detector import psf
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.psf import applied_mtf, blur, optics_mtf, psf_kernel, psf_pyramid
-from simulator.camera.detector.psf_pyramid import fit_pyramid
-from simulator.camera.detector.sensor import Sensor
-from simulator.camera.detector.shading import veiling_glare
-from simulator.camera.lens.camera_model import Camera
-from simulator.imaging.image_formation import expose
+from flyaround.simulator.camera.detector import psf
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.psf import applied_mtf, blur, optics_mtf, psf_kernel, psf_pyramid
+from flyaround.simulator.camera.detector.psf_pyramid import fit_pyramid
+from flyaround.simulator.camera.detector.sensor import Sensor
+from flyaround.simulator.camera.detector.shading import veiling_glare
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.imaging.image_formation import expose
 
 
 def test_glare_follows_its_law_round_the_sun_and_is_never_dark():

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from scenario_text import GOOD, write
 
-from simulator.camera.detector.electrons import detect, electrons_per_radiance, white_balance
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.detector.sensor import Detector, Sensor, noiseless
-from simulator.camera.sections import DetectorSection
-from simulator.errors import UserError
-from simulator.imaging.image_formation import expose
-from simulator.scenario.load import load_scenario
-from simulator.scene.illumination.bands import bands_of, sunlight_balance
+from flyaround.simulator.camera.detector.electrons import detect, electrons_per_radiance, white_balance
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor, noiseless
+from flyaround.simulator.camera.sections import DetectorSection
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.imaging.image_formation import expose
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scene.illumination.bands import bands_of, sunlight_balance
 
 # ASTM E490-00a (2006), zero air mass solar spectral irradiance, mean of each 10 nm from 400 nm [W m-2 nm-1]: another
 # compilation than the one in the code (G173). Its integral over 450 to 750 nm is 0.1 % off ours.

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from flyaround.cli import app
-from simulator.camera.lens.files import load_camera
-from simulator.compare.comparison import Pair, compare_pictures
-from simulator.compare.image_statistics import (
+from flyaround.cli.app import app
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.compare.comparison import Pair, compare_pictures
+from flyaround.simulator.compare.image_statistics import (
     binary_edges,
     edge_threshold,
     histogram_distance_dn,
@@ -21,18 +21,18 @@ from simulator.compare.image_statistics import (
     noise_dn,
     sobel,
 )
-from simulator.compare.page import write_comparison
-from simulator.compare.references import fitted, read_references, read_speed_labels
-from simulator.dataset.single_frames import save_picture
-from simulator.errors import UserError
-from simulator.frame import take_frame
-from simulator.recipes.plan import plan_recipe
-from simulator.targets.library import load_target
+from flyaround.simulator.compare.page import write_comparison
+from flyaround.simulator.compare.references import fitted, read_references, read_speed_labels
+from flyaround.simulator.dataset.single_frames import save_picture
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.render.renderer import Renderer
+    from flyaround.simulator.render.renderer import Renderer
 
 
 def test_the_gradient_of_a_plane_is_its_slope() -> None:

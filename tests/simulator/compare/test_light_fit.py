@@ -10,15 +10,21 @@ import pytest
 from typer.testing import CliRunner
 
 from flyaround.__main__ import run as run_of_command
-from flyaround.cli import app
-from simulator.camera.lens.files import load_camera
-from simulator.compare.fitted_pairs import correlation, fit_pictures, structural_similarity
-from simulator.compare.light_fit import candidate_lights, fit_light, fit_materials, light_basis, scene_at_pose
-from simulator.compare.references import Reference, fitted, read_references
-from simulator.imaging.image_formation import digitise_scene, expose_scene
-from simulator.targets.library import load_target
-from simulator.world.frames.pose import Pose
-from simulator.world.frames.rotation import quat_from_rotvec
+from flyaround.cli.app import app
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.compare.fitted_pairs import correlation, fit_pictures, structural_similarity
+from flyaround.simulator.compare.light_fit import (
+    candidate_lights,
+    fit_light,
+    fit_materials,
+    light_basis,
+    scene_at_pose,
+)
+from flyaround.simulator.compare.references import Reference, fitted, read_references
+from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.rotation import quat_from_rotvec
 
 TARGET = "tango-mockup@low"
 STRONG = {40: 900.0, 33: 400.0}

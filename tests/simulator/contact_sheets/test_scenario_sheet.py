@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.contact_sheets.scenario_sheet import contact_sheet, smaller, write_contact_sheets
-from simulator.dataset.formats.native import read_png
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
+from flyaround.simulator.contact_sheets.scenario_sheet import contact_sheet, smaller, write_contact_sheets
+from flyaround.simulator.dataset.formats.native import read_png
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
 

@@ -11,19 +11,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.capture import capture
-from simulator.dataset.card import card_json_schema
-from simulator.dataset.check.verify import check_dataset
-from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.dataset.single_frames import render_scene, save_picture
-from simulator.dataset.storage.store import FolderStore
-from simulator.errors import UserError
-from simulator.frame import take_frame
-from simulator.labels.truth import read_truth, truth_json_schema
-from simulator.recipes.plan import plan_recipe
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.card import card_json_schema
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.dataset.formats.native import frame_paths, read_png
+from flyaround.simulator.dataset.single_frames import render_scene, save_picture
+from flyaround.simulator.dataset.storage.store import FolderStore
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.labels.truth import read_truth, truth_json_schema
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 from tools.validation.labels.faults import inject_fault
 
 pytestmark = pytest.mark.gl
@@ -102,7 +102,7 @@ def _consistent_wrong_pose(record):
     record["t_camera_from_target_m"][0] += 0.05
     record["scene"]["t_camera_from_target_m"] = record["t_camera_from_target_m"]
     truth_q = np.array(record["q_camera_from_target_wxyz"])
-    from simulator.world.frames.rotation import matrix_from_quat
+    from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
     c = record["camera"]
     for k in record["keypoints"]:
@@ -385,7 +385,7 @@ def test_an_interrupted_capture_is_valid_as_far_as_it_went(tmp_path, plan):
 
 def test_a_frame_whose_labels_disagree_is_kept_apart_and_named_in_the_card(tmp_path, plan, monkeypatch):
     """A mask that is drawn four pixels off in one frame: the picture goes to quarantine, resuming mends it."""
-    import simulator.loop as drawing
+    import flyaround.simulator.loop as drawing
 
     def careless(renderer, scene, target, *, labels):
         frame = take_frame(renderer, scene, target, labels=labels)

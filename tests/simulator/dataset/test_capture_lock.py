@@ -6,18 +6,18 @@ import sys
 
 import pytest
 
-from simulator.dataset import capture as capturing
-from simulator.errors import UserError
-from simulator.recipes.plan import plan_recipe
-from simulator.runtime import folder_lock
-from simulator.runtime.folder_lock import lock_name, only_writer
+from flyaround.simulator.dataset import capture as capturing
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.runtime import folder_lock
+from flyaround.simulator.runtime.folder_lock import lock_name, only_writer
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs locks of files")
 PLAN = plan_recipe("eval-black", 1, target="tango@low")
 HOLD = """
 import sys, time
 from pathlib import Path
-from simulator.runtime.folder_lock import only_writer
+from flyaround.simulator.runtime.folder_lock import only_writer
 with only_writer(Path(sys.argv[1]), "capture"):
     print("locked", flush=True)
     time.sleep(100)
@@ -60,8 +60,8 @@ def test_a_full_disk_is_said_as_one(tmp_path, monkeypatch):
 RACE = """
 import sys, time
 from pathlib import Path
-from simulator.runtime.folder_lock import only_writer
-from simulator.errors import UserError
+from flyaround.simulator.runtime.folder_lock import only_writer
+from flyaround.simulator.errors import UserError
 folder, got, until = Path(sys.argv[1]), 0, time.monotonic() + 20
 while got < 150 and time.monotonic() < until:
     try:

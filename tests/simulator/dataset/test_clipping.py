@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from flyaround.__main__ import run
-from simulator.dataset.clipping import Clipping, summarise_clipping
-from simulator.dataset.formats.native import frame_paths, read_png
+from flyaround.simulator.dataset.clipping import Clipping, summarise_clipping
+from flyaround.simulator.dataset.formats.native import frame_paths, read_png
 
 pytestmark = pytest.mark.gl
 

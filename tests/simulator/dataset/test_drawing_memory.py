@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.frame import Frame
-from simulator.loop import FrameRequest, OpenRenderer, draw_request
-from simulator.runtime.worker import WorkerProcess
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import FrameRequest, OpenRenderer, draw_request
+from flyaround.simulator.runtime.worker import WorkerProcess
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = [
     pytest.mark.gl,

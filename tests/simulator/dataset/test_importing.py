@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from flyaround.__main__ import run
-from simulator.camera.lens.files import load_camera
-from simulator.dataset.card import read_card
-from simulator.dataset.check.verify import check_dataset
-from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.dataset.formats.registry import read_foreign
-from simulator.dataset.silhouette import silhouette
-from simulator.errors import UserError
-from simulator.labels.imported import read_label_record
-from simulator.labels.truth import read_truth
-from simulator.targets.library import load_target
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.dataset.formats.native import frame_paths, read_png
+from flyaround.simulator.dataset.formats.registry import read_foreign
+from flyaround.simulator.dataset.silhouette import silhouette
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.imported import read_label_record
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.pose import Pose
 
 POSES = [((0.6, 0.2, -0.3, 0.71), (0.1, -0.2, 6.0)), ((0.1, 0.9, -0.3, 0.2), (0.9, 0.1, 4.0))]
 
@@ -162,7 +162,7 @@ def test_evaluate_says_how_to_take_a_foreign_folder(lightbox, tmp_path, capsys):
 
 def test_colour_and_grey_pictures_stay_what_they_are(lightbox):
     path = lightbox / "images" / "img000001.jpg"
-    from simulator.dataset.importing import read_picture
+    from flyaround.simulator.dataset.importing import read_picture
 
     assert read_picture(path).ndim == 2
     grey = cv2.imread(str(path))
@@ -179,8 +179,8 @@ def test_colour_and_grey_pictures_stay_what_they_are(lightbox):
 @pytest.mark.parametrize("pose", POSES)
 def test_the_silhouette_is_the_one_that_checks_fill(pose):
     """Inside it everything surely covered, outside nothing that is not touched."""
-    from simulator.dataset.check.geometry import filled_silhouette
-    from simulator.targets.joined_mesh import mesh_of
+    from flyaround.simulator.dataset.check.geometry import filled_silhouette
+    from flyaround.simulator.targets.joined_mesh import mesh_of
 
     camera, target = load_camera("speed"), load_target("tango@low")
     at = Pose.of("camera", "target", *pose)

@@ -10,10 +10,10 @@ import pytest
 
 import flyaround as fa
 from flyaround.__main__ import run
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.capture import capture
-from simulator.dataset.formats.registry import read_foreign
-from simulator.errors import UserError
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.formats.registry import read_foreign
+from flyaround.simulator.errors import UserError
 
 POSE = {"q_vbs2tango": [1.0, 0.0, 0.0, 0.0], "r_Vo2To_vbs_true": [0.0, 0.0, 5.0]}
 PLUS = {"q_vbs2tango_true": [1.0, 0.0, 0.0, 0.0], "r_Vo2To_vbs_true": [0.0, 0.0, 5.0]}

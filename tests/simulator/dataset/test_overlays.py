@@ -8,10 +8,10 @@ import pytest
 
 import flyaround as fa
 from flyaround.__main__ import run
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.capture import capture
-from simulator.labels.overlay import AXES
-from simulator.recipes.plan import plan_recipe
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.labels.overlay import AXES
+from flyaround.simulator.recipes.plan import plan_recipe
 
 pytestmark = pytest.mark.gl
 

@@ -7,13 +7,13 @@ import socket
 import msgspec
 import pytest
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset import ray_frames
-from simulator.dataset.capture import capture
-from simulator.dataset.ray_frames import RayCluster
-from simulator.errors import UserError
-from simulator.recipes.plan import plan_recipe
-from simulator.scene.second_camera import SecondCamera
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset import ray_frames
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.ray_frames import RayCluster
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scene.second_camera import SecondCamera
 
 pytestmark = pytest.mark.gl
 

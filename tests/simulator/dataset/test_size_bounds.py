@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.dataset.formats import exr
-from simulator.dataset.formats.exr import encode_exr, read_exr
-from simulator.dataset.formats.native import encode_png, read_png
-from simulator.errors import UserError
+from flyaround.simulator.dataset.formats import exr
+from flyaround.simulator.dataset.formats.exr import encode_exr, read_exr
+from flyaround.simulator.dataset.formats.native import encode_png, read_png
+from flyaround.simulator.errors import UserError
 
 
 def png_that_says(width, height):

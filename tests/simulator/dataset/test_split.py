@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.dataset.card import DatasetCard
-from simulator.dataset.record_fields import RECORD_FIELDS
-from simulator.dataset.split import SplitAssigner, lowest_terms, parse_split
-from simulator.errors import UserError
-from simulator.labels.imported import ImportedTruth
-from simulator.labels.truth import Truth
+from flyaround.simulator.dataset.card import DatasetCard
+from flyaround.simulator.dataset.record_fields import RECORD_FIELDS
+from flyaround.simulator.dataset.split import SplitAssigner, lowest_terms, parse_split
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.imported import ImportedTruth
+from flyaround.simulator.labels.truth import Truth
 
 
 def frame(number, range_m, **sample):

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from flyaround.__main__ import run
-from simulator.dataset.capture import capture
-from simulator.dataset.check.verify import check_dataset
-from simulator.errors import UserError
-from simulator.labels.truth import read_truth
-from simulator.recipes.load import load_recipe
-from simulator.recipes.plan import plan_recipe
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.scene.illumination.lamp import Lamp
-from simulator.scene.second_camera import SecondCamera, seen_by_second
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.recipes.load import load_recipe
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scene.illumination.lamp import Lamp
+from flyaround.simulator.scene.second_camera import SecondCamera, seen_by_second
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 RECIPE = """
 schema = "flyaround.recipe"

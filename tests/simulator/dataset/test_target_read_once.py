@@ -4,13 +4,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from simulator.dataset import writer
-from simulator.errors import UserError
-from simulator.frame import Frame
-from simulator.loop import FrameRequest, draw_request
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.targets import library
+from flyaround.simulator.dataset import writer
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import FrameRequest, draw_request
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.targets import library
 
 NAME = "cubesat-1u"
 

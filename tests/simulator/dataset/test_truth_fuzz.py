@@ -10,14 +10,14 @@ import pytest
 from mutations import changed_json
 from peak_memory import peak_bytes
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.errors import UserError
-from simulator.frame import take_frame
-from simulator.labels.truth import read_truth
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.targets.library import load_target
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.targets.library import load_target
 
 pytestmark = pytest.mark.gl
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from simulator.camera.sections import DetectorSection
-from simulator.errors import UserError
-from simulator.imaging.auto_exposure import AutoExposure, ExposureTrack
-from simulator.imaging.image_formation import expose
-from simulator.imaging.metering import metered_radiance_w_m2_sr
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.camera.sections import DetectorSection
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.imaging.auto_exposure import AutoExposure, ExposureTrack
+from flyaround.simulator.imaging.image_formation import expose
+from flyaround.simulator.imaging.metering import metered_radiance_w_m2_sr
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 
 def test_a_step_is_followed_with_the_lag():
@@ -89,8 +89,8 @@ def test_limits_the_wrong_way_round_are_refused():
 def test_the_picture_has_the_level_that_was_asked_for(renderer):
     from dataclasses import replace
 
-    from simulator.contact_sheets.scenario_sheet import smaller
-    from simulator.frame import take_frame
+    from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+    from flyaround.simulator.frame import take_frame
 
     for name in ("tango-limb", "tango-flyaround"):
         plan = plan_flight(_with_auto(load_scenario(name), share=0.9), n=3, quality="draft")

@@ -5,16 +5,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.lens.files_native import DistortionSection
-from simulator.camera.lens.intrinsics import LensFile
-from simulator.camera.sections import DetectorSection
-from simulator.dataset.capture import capture
-from simulator.dataset.check.verify import check_dataset
-from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.dataset.single_frames import render_scene
-from simulator.labels.truth import read_truth
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.camera.lens.files_native import DistortionSection
+from flyaround.simulator.camera.lens.intrinsics import LensFile
+from flyaround.simulator.camera.sections import DetectorSection
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.dataset.formats.native import frame_paths, read_png
+from flyaround.simulator.dataset.single_frames import render_scene
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 

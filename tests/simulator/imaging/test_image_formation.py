@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from simulator.camera.detector.presets import sensor_preset
-from simulator.imaging.image_formation import digitise, expose, noise_sigma
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.imaging.image_formation import digitise, expose, noise_sigma
 
 
 def test_point_source_keeps_its_energy_through_the_psf():

@@ -6,14 +6,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.imaging.exposure import GAUSS_PX, INSTANT_PX, add_times, instants_of
-from simulator.imaging.image_motion import background_px
-from simulator.imaging.motion_blur import motion_blur, motion_blur_kernels
-from simulator.recipes.plan import plan_recipe
-from simulator.runtime.arrays import quat, vec3
-from simulator.world.constants import EARTH_RADIUS_M
-from simulator.world.frames.rotation import quat_from_matrix
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.imaging.exposure import GAUSS_PX, INSTANT_PX, add_times, instants_of
+from flyaround.simulator.imaging.image_motion import background_px
+from flyaround.simulator.imaging.motion_blur import motion_blur, motion_blur_kernels
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.world.constants import EARTH_RADIUS_M
+from flyaround.simulator.world.frames.rotation import quat_from_matrix
 
 
 def test_a_kernel_has_the_moments_of_its_way():

@@ -7,23 +7,23 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.detector.shutter import Shutter
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.capture import capture
-from simulator.dataset.check.verify import check_dataset
-from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.dataset.single_frames import render_scene
-from simulator.imaging.exposure import MAX_INSTANTS, instants, integrate
-from simulator.imaging.image_motion import image_motion_px, motion_bound_px
-from simulator.imaging.rolling_shutter import row_bands
-from simulator.labels.truth import read_truth
-from simulator.render.sky.star_pass import stars_in_view
-from simulator.render.view import build_view
-from simulator.runtime.arrays import vec3
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.scene.motion import propagated_scene
-from simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad
+from flyaround.simulator.camera.detector.shutter import Shutter
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.dataset.formats.native import frame_paths, read_png
+from flyaround.simulator.dataset.single_frames import render_scene
+from flyaround.simulator.imaging.exposure import MAX_INSTANTS, instants, integrate
+from flyaround.simulator.imaging.image_motion import image_motion_px, motion_bound_px
+from flyaround.simulator.imaging.rolling_shutter import row_bands
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.render.sky.star_pass import stars_in_view
+from flyaround.simulator.render.view import build_view
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scene.motion import propagated_scene
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad
 
 pytestmark = pytest.mark.gl
 

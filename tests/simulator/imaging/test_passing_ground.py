@@ -6,16 +6,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.lens.files import load_camera
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.imaging import image_motion
-from simulator.imaging.exposure import drawings_of_ground, integrate
-from simulator.imaging.image_formation import expose_scene
-from simulator.imaging.image_motion import image_motion_px
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.scene.motion import propagated_scene
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.imaging import image_motion
+from flyaround.simulator.imaging.exposure import drawings_of_ground, integrate
+from flyaround.simulator.imaging.image_formation import expose_scene
+from flyaround.simulator.imaging.image_motion import image_motion_px
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scene.motion import propagated_scene
 
 pytestmark = pytest.mark.gl
 

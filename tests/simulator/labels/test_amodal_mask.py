@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.labels.layers import amodal_mask, visible_mask
-from simulator.labels.surfaces import surfaces
+from flyaround.simulator.labels.layers import amodal_mask, visible_mask
+from flyaround.simulator.labels.surfaces import surfaces
 
 pytestmark = pytest.mark.gl
 MARGIN_PX = 120

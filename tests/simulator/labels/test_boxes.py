@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simulator.labels.boxes import mask_box
+from flyaround.simulator.labels.boxes import mask_box
 
 
 def test_one_pixel_mask_has_the_box_of_the_contract():

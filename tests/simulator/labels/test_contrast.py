@@ -8,13 +8,13 @@ from itertools import product
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera, Distortion
-from simulator.imaging.image_formation import noise_sigma
-from simulator.labels.feasible import wireframe_step_share
-from simulator.labels.keypoints import _radiometric_state
-from simulator.labels.wireframe import ProjectedEdge
-from simulator.recipes.plan import plan_recipe
-from simulator.targets.model import Edge
+from flyaround.simulator.camera.lens.camera_model import Camera, Distortion
+from flyaround.simulator.imaging.image_formation import noise_sigma
+from flyaround.simulator.labels.feasible import wireframe_step_share
+from flyaround.simulator.labels.keypoints import _radiometric_state
+from flyaround.simulator.labels.wireframe import ProjectedEdge
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.targets.model import Edge
 
 HEIGHT, WIDTH, LEVEL = 40, 60, 0.3
 CAMERA = Camera(width_px=WIDTH, height_px=HEIGHT, fx_px=80.0, fy_px=80.0, cx_px=29.5, cy_px=19.5)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.camera.lens.files import load_camera
-from simulator.labels.wireframe import view_edges
-from simulator.targets.joined_mesh import JoinedMesh
-from simulator.targets.library import load_target
-from simulator.targets.model import Edge
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.labels.wireframe import view_edges
+from flyaround.simulator.targets.joined_mesh import JoinedMesh
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import Edge
+from flyaround.simulator.world.frames.pose import Pose
 
 CAMERA = load_camera("speed")
 

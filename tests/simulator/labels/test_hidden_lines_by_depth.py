@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from simulator.labels.wireframe import view_edges
-from simulator.recipes.plan import plan_recipe
-from simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.labels.wireframe import view_edges
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.targets.joined_mesh import mesh_of
 
 pytestmark = pytest.mark.gl
 

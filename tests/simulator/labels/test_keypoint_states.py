@@ -7,16 +7,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.check.verify import check_frame
-from simulator.frame import take_frame
-from simulator.labels.request import LabelRequest
-from simulator.labels.truth import KeypointState
-from simulator.runtime.arrays import vec3
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.check.verify import check_frame
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.labels.request import LabelRequest
+from flyaround.simulator.labels.truth import KeypointState
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from tools.validation.labels.report import dataset_card
 
 pytestmark = pytest.mark.gl

@@ -9,17 +9,17 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.capture import capture
-from simulator.dataset.card import read_card
-from simulator.dataset.check.verify import check_dataset, check_frame
-from simulator.dataset.formats.native import frame_paths, layer_path, read_layer, read_png
-from simulator.dataset.single_frames import render_scene, save_picture
-from simulator.labels.layers import layer_hash
-from simulator.labels.request import LAYERS, LabelRequest, parse_labels
-from simulator.labels.truth import Truth, read_truth
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.check.verify import check_dataset, check_frame
+from flyaround.simulator.dataset.formats.native import frame_paths, layer_path, read_layer, read_png
+from flyaround.simulator.dataset.single_frames import render_scene, save_picture
+from flyaround.simulator.labels.layers import layer_hash
+from flyaround.simulator.labels.request import LAYERS, LabelRequest, parse_labels
+from flyaround.simulator.labels.truth import Truth, read_truth
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 

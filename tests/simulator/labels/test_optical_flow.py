@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Distortion
-from simulator.labels.layers import optical_flow
-from simulator.labels.truth import FlowLabel
-from simulator.world.frames.rotation import (
+from flyaround.simulator.camera.lens.camera_model import Distortion
+from flyaround.simulator.labels.layers import optical_flow
+from flyaround.simulator.labels.truth import FlowLabel
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
     quat_from_rotvec,

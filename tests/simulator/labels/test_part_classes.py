@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from simulator.errors import UserError
-from simulator.labels.part_classes import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.part_classes import (
     PART_CLASSES,
     class_lines,
     classes_from,
@@ -13,9 +13,9 @@ from simulator.labels.part_classes import (
     part_class,
     target_classes,
 )
-from simulator.targets.glb.read import load_glb
-from simulator.targets.glb.write import write_glb
-from simulator.targets.library import load_target
+from flyaround.simulator.targets.glb.read import load_glb
+from flyaround.simulator.targets.glb.write import write_glb
+from flyaround.simulator.targets.library import load_target
 
 
 @pytest.mark.parametrize(

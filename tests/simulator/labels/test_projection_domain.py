@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import flyaround as fa
-from simulator.dataset.check.geometry import in_lens
+from flyaround.simulator.dataset.check.geometry import in_lens
 
 CAMERAS = ("speed", "speedplus", "fisheye-140")
 

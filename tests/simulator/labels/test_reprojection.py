@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.lens.files import load_camera
-from simulator.dataset.single_frames import save_picture
-from simulator.frame import take_frame
-from simulator.targets.model import Keypoint, Material
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.dataset.single_frames import save_picture
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.targets.model import Keypoint, Material
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 

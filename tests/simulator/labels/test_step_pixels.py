@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from simulator.labels.feasible import wireframe_step_share
-from simulator.labels.keypoints import label_keypoints
-from simulator.labels.wireframe import ProjectedEdge
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.targets.joined_mesh import mesh_of
-from simulator.targets.model import Edge
+from flyaround.simulator.labels.feasible import wireframe_step_share
+from flyaround.simulator.labels.keypoints import label_keypoints
+from flyaround.simulator.labels.wireframe import ProjectedEdge
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.model import Edge
 
 RADIUS_PX, REACH_PX = 2, 2.0  # as labels have them, and not taken from there
 GREY, BRIGHT = 0.3, 0.6

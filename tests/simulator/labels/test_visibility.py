@@ -9,13 +9,13 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simulator.camera.lens.files import load_camera
-from simulator.labels.visibility import hidden_from_direction, occluded_from_camera
-from simulator.labels.wireframe import view_edges
-from simulator.targets.joined_mesh import JoinedMesh
-from simulator.targets.library import load_target
-from simulator.targets.model import Part
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.labels.visibility import hidden_from_direction, occluded_from_camera
+from flyaround.simulator.labels.wireframe import view_edges
+from flyaround.simulator.targets.joined_mesh import JoinedMesh
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import Part
+from flyaround.simulator.world.frames.pose import Pose
 
 CUBE = trimesh.creation.box(extents=(1, 1, 1))
 MESH = JoinedMesh(np.asarray(CUBE.vertices, float), np.asarray(CUBE.faces, np.int64))

@@ -10,18 +10,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flyaround.__main__ import run
-from simulator.errors import UserError
-from simulator.frame import take_frame
-from simulator.recipes.backgrounds import draw_view, without_target
-from simulator.recipes.clearance import is_clear
-from simulator.recipes.euler_poses import from_left_handed, quat_from_euler
-from simulator.recipes.load import list_recipes, load_recipe, recipe_text, show_recipe
-from simulator.recipes.plan import plan_recipe
-from simulator.recipes.poses import draw_pose
-from simulator.render.renderer import Renderer
-from simulator.targets.library import load_target
-from simulator.world.frames.pose import Pose
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.recipes.backgrounds import draw_view, without_target
+from flyaround.simulator.recipes.clearance import is_clear
+from flyaround.simulator.recipes.euler_poses import from_left_handed, quat_from_euler
+from flyaround.simulator.recipes.load import list_recipes, load_recipe, recipe_text, show_recipe
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.recipes.poses import draw_pose
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 HEAD = 'schema = "flyaround.recipe"\nversion = 1\ntitle = "mine"\n'
 

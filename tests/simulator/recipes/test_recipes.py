@@ -6,15 +6,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Distortion
-from simulator.errors import UserError
-from simulator.recipes.file import UniformRange
-from simulator.recipes.load import list_recipes, load_recipe
-from simulator.recipes.plan import plan_recipe
-from simulator.recipes.poses import draw_pose, scaled_range_m
-from simulator.targets.library import list_targets, load_target
-from simulator.world.constants import EARTH_RADIUS_M
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.camera.lens.camera_model import Distortion
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.recipes.file import UniformRange
+from flyaround.simulator.recipes.load import list_recipes, load_recipe
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.recipes.poses import draw_pose, scaled_range_m
+from flyaround.simulator.targets.library import list_targets, load_target
+from flyaround.simulator.world.constants import EARTH_RADIUS_M
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 N = 400
 

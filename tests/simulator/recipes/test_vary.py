@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from flyaround.__main__ import run
-from simulator.dataset.check.geometry import check_keypoints
-from simulator.errors import UserError
-from simulator.labels.truth import read_truth
-from simulator.recipes.plan import plan_recipe, varied_plan
-from simulator.recipes.vary_file import load_vary
-from simulator.scene.limits import scene_problem
-from simulator.scene.state import SceneState
-from simulator.targets.library import load_target
+from flyaround.simulator.dataset.check.geometry import check_keypoints
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.recipes.plan import plan_recipe, varied_plan
+from flyaround.simulator.recipes.vary_file import load_vary
+from flyaround.simulator.scene.limits import scene_problem
+from flyaround.simulator.scene.state import SceneState
+from flyaround.simulator.targets.library import load_target
 
 RANGES = """
 [craft]
@@ -117,7 +117,7 @@ def test_a_varied_set_is_checked_as_it_was_drawn(tmp_path, vary):
     truth = read_truth(out / "images" / "000001.json")
     assert truth.scene.sample.varied.craft == 0
     # the labels are of the craft, not of the model
-    from simulator.dataset.card import read_card
+    from flyaround.simulator.dataset.card import read_card
 
     card = read_card(out)
     assert check_keypoints(truth, card) == []

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.render.projection import PixelRect
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 

@@ -9,25 +9,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.runtime.cache import cache_folder
+from flyaround.simulator.runtime.cache import cache_folder
 
 pytestmark = pytest.mark.gl
 SMALL = 4_000_000  # bytes: larger ones take seconds to make, and are the same to who reads them
 PICTURE = """
 import hashlib, json
 from dataclasses import replace
-from simulator.runtime import cache
-from simulator.runtime import cached_arrays as arrays
-from simulator.targets import library
+from flyaround.simulator.runtime import cache
+from flyaround.simulator.runtime import cached_arrays as arrays
+from flyaround.simulator.targets import library
 read, check = [], cache.map_checked
 def watched(path):
     read.append(str(path))
     return check(path)
 cache.map_checked = arrays.map_checked = watched
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.scenario.plan import plan_flight
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
 scenario = load_scenario("tango-earth-10m-1024")
 plan = plan_flight(scenario, n=1)
 scene = replace(plan.scene(0), camera=smaller(scenario.camera_model, 128))

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.bench import start
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.render.earth.earth_pass import EarthPass
-from simulator.render.earth.map_textures import prefetch_earth_maps
-from simulator.render.renderer import Renderer
-from simulator.render.software.smooth_earth import SmoothEarthPass
-from simulator.runtime.cache import cache_folder
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.bench import start
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.render.earth.earth_pass import EarthPass
+from flyaround.simulator.render.earth.map_textures import prefetch_earth_maps
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.render.software.smooth_earth import SmoothEarthPass
+from flyaround.simulator.runtime.cache import cache_folder
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 
@@ -68,10 +68,10 @@ def test_the_bench_starts_a_program_that_draws():
 
 FRAME = """
 import hashlib
-from simulator.scenario.plan import plan_flight
-from simulator.render.renderer import Renderer
-from simulator.render.software.smooth_earth import SmoothEarthPass
-from simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.render.software.smooth_earth import SmoothEarthPass
+from flyaround.simulator.scenario.load import load_scenario
 plan = plan_flight(load_scenario("tango-earth-10m-1024"), n=1)
 with Renderer() as renderer:
     print(hashlib.sha256(renderer.render(plan.scene(0), plan.target).radiance.tobytes()).hexdigest())

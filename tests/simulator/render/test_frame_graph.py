@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from simulator.render.frame_graph import FrameGraph, FrameGraphError, FrameResources, Pass, Resource
+from flyaround.simulator.render.frame_graph import FrameGraph, FrameGraphError, FrameResources, Pass, Resource
 
 DEPTH: Resource[list[str]] = Resource("depth")
 COLOR: Resource[list[str]] = Resource("color")

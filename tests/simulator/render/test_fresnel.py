@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from simulator.render.gl.programs import read_source
-from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.targets.model import Material
+from flyaround.simulator.render.gl.programs import read_source
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.targets.model import Material
 
 pytestmark = pytest.mark.gl
 COSINES = np.linspace(0.05, 1.0, 64)

@@ -11,15 +11,15 @@ import moderngl
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Distortion
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.frame import take_frame
-from simulator.render.earth.terrain_detail import terrain_texture
-from simulator.render.gl.context import create_context
-from simulator.render.renderer import Renderer
-from simulator.render.target.resident_targets import MOST_LOADED
-from simulator.scene.environments import Environment
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.camera.lens.camera_model import Distortion
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.render.earth.terrain_detail import terrain_texture
+from flyaround.simulator.render.gl.context import create_context
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.render.target.resident_targets import MOST_LOADED
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 

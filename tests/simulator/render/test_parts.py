@@ -3,20 +3,24 @@
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.render.earth.detail_noise import detail_texture
-from simulator.render.earth.earth_view import earth_view
-from simulator.render.gl.programs import ProgramLibrary, read_source
-from simulator.render.gl.shared_blocks import EARTH, FRAME, MATERIALS, TARGET
-from simulator.render.gl.uniform_block import Field, UniformBlock
-from simulator.render.projection import PixelRect
-from simulator.render.software import tiles
-from simulator.render.target.viewport_fit import PATTERNS as PRESETS
-from simulator.render.target.viewport_fit import TINY_PATTERN, all_tiles
-from simulator.render.view import build_view
-from simulator.runtime import cached_arrays as cache
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.atmosphere import earth_atmosphere, ground_irradiance, optical_depth_to_top
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.render.earth.detail_noise import detail_texture
+from flyaround.simulator.render.earth.earth_view import earth_view
+from flyaround.simulator.render.gl.programs import ProgramLibrary, read_source
+from flyaround.simulator.render.gl.shared_blocks import EARTH, FRAME, MATERIALS, TARGET
+from flyaround.simulator.render.gl.uniform_block import Field, UniformBlock
+from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.render.software import tiles
+from flyaround.simulator.render.target.viewport_fit import PATTERNS as PRESETS
+from flyaround.simulator.render.target.viewport_fit import TINY_PATTERN, all_tiles
+from flyaround.simulator.render.view import build_view
+from flyaround.simulator.runtime import cached_arrays as cache
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.atmosphere import (
+    earth_atmosphere,
+    ground_irradiance,
+    optical_depth_to_top,
+)
 
 PATTERNS = {lattice for choices in PRESETS.values() for lattice, _ in choices} | {TINY_PATTERN}
 SOFTWARE_PATH = True

@@ -4,12 +4,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from simulator.render.drawing import Drawing
-from simulator.render.drawing_path import PlainPath
-from simulator.render.frame_graph import FrameGraph, FrameGraphError
-from simulator.render.frame_resources import GIVEN_IRRADIANCE, MODEL, SCENE, TARGET
-from simulator.render.renderer import frame_passes
-from simulator.render.software.software_path import SoftwarePath
+from flyaround.simulator.render.drawing import Drawing
+from flyaround.simulator.render.drawing_path import PlainPath
+from flyaround.simulator.render.frame_graph import FrameGraph, FrameGraphError
+from flyaround.simulator.render.frame_resources import GIVEN_IRRADIANCE, MODEL, SCENE, TARGET
+from flyaround.simulator.render.renderer import frame_passes
+from flyaround.simulator.render.software.software_path import SoftwarePath
 
 GIVEN = (SCENE, MODEL, GIVEN_IRRADIANCE)
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.runtime.arrays import quat, vec3
-from simulator.scene.environments import Environment
-from simulator.scene.state import TargetRef
-from simulator.scene.viewpoint import scene_above
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix, quat_from_rotvec
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.state import TargetRef
+from flyaround.simulator.scene.viewpoint import scene_above
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix, quat_from_rotvec
 
 pytestmark = pytest.mark.gl
 CAMERA = Camera(width_px=160, height_px=120, fx_px=300.0, fy_px=300.0, cx_px=79.5, cy_px=59.5)

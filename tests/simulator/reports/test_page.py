@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulator.reports.markup import VOID, Markup, element, markup
-from simulator.reports.page import Page, gallery, key_figures, link, note, picture, plot, table
-from simulator.reports.pictures import jpeg
-from simulator.reports.plots import figure_with_axes, png
+from flyaround.simulator.reports.markup import VOID, Markup, element, markup
+from flyaround.simulator.reports.page import Page, gallery, key_figures, link, note, picture, plot, table
+from flyaround.simulator.reports.pictures import jpeg
+from flyaround.simulator.reports.plots import figure_with_axes, png
 
 HOSTILE = "<script>alert('\"&')</script>"
 

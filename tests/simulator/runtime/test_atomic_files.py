@@ -2,8 +2,8 @@
 
 import pytest
 
-from simulator.errors import UserError
-from simulator.runtime.files import write_atomic, write_json
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic, write_json
 
 
 def test_nothing_is_left_when_the_parent_is_a_file(tmp_path):
@@ -29,7 +29,7 @@ def test_a_full_disk_is_said_as_one(tmp_path):
     import os
     from pathlib import Path
 
-    from simulator.errors import machine_sentence, write_error
+    from flyaround.simulator.errors import machine_sentence, write_error
 
     handle = os.open("/dev/full", os.O_WRONLY)
     with pytest.raises(OSError, match="No space left") as full:

@@ -4,21 +4,21 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.lens.files import read_camera_file
-from simulator.camera.lens.formats.registry import camera_text
-from simulator.camera.sections import OpticsSection
-from simulator.dataset.card import decode_card
-from simulator.dataset.formats.posed_pictures import read_csv, read_json
-from simulator.dataset.split import read_split
-from simulator.errors import UserError
-from simulator.labels.truth import read_record_bytes
-from simulator.recipes.load import load_recipe, recipe_text
-from simulator.recipes.vary_file import load_vary
-from simulator.runtime.untrusted_files import decode_text
-from simulator.scenario.faults import read_faults
-from simulator.scenario.load import load_scenario
-from simulator.scenario.poses import read_poses
-from simulator.scenario.show import show_scenario
+from flyaround.simulator.camera.lens.files import read_camera_file
+from flyaround.simulator.camera.lens.formats.registry import camera_text
+from flyaround.simulator.camera.sections import OpticsSection
+from flyaround.simulator.dataset.card import decode_card
+from flyaround.simulator.dataset.formats.posed_pictures import read_csv, read_json
+from flyaround.simulator.dataset.split import read_split
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import read_record_bytes
+from flyaround.simulator.recipes.load import load_recipe, recipe_text
+from flyaround.simulator.recipes.vary_file import load_vary
+from flyaround.simulator.runtime.untrusted_files import decode_text
+from flyaround.simulator.scenario.faults import read_faults
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.poses import read_poses
+from flyaround.simulator.scenario.show import show_scenario
 
 CAMERA = read_camera_file("speed")
 TEXTS = {

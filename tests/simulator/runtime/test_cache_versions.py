@@ -17,14 +17,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.render.bake import geometry, radiance_transfer
-from simulator.render.earth import detail_noise, maps, sea_ice, seasons, terrain_detail
-from simulator.render.gl import mipmaps
-from simulator.render.moon import craters, moon_pass
-from simulator.render.target.mesh import prepared
-from simulator.runtime.prebuilt import without_prebuilt
-from simulator.targets.board_model import write
-from simulator.targets.library import ENTRIES, FILE_VERSION, load_target
+from flyaround.simulator.render.bake import geometry, radiance_transfer
+from flyaround.simulator.render.earth import detail_noise, maps, sea_ice, seasons, terrain_detail
+from flyaround.simulator.render.gl import mipmaps
+from flyaround.simulator.render.moon import craters, moon_pass
+from flyaround.simulator.render.target.mesh import prepared
+from flyaround.simulator.runtime.prebuilt import without_prebuilt
+from flyaround.simulator.targets.board_model import write
+from flyaround.simulator.targets.library import ENTRIES, FILE_VERSION, load_target
 
 FILE = Path(__file__).with_name("cache_versions.json")
 SMALL = "cubesat-1u@low"

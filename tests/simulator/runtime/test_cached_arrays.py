@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.runtime.cached_arrays import (
+from flyaround.simulator.runtime.cached_arrays import (
     KEPT_DAYS,
     cache_bytes,
     cached_array,
@@ -72,7 +72,7 @@ def test_what_is_being_made_is_waited_for_and_not_made_twice(folder):
 
 def test_two_programs_make_it_once_and_a_killed_one_is_not_waited_for(folder):
     code = (
-        "import sys, time; import numpy as np; from simulator.runtime.cached_arrays import cached_array\n"
+        "import sys, time; import numpy as np; from flyaround.simulator.runtime.cached_arrays import cached_array\n"
         "def make(): print('made', flush=True); time.sleep(float(sys.argv[1])); return np.arange(6)\n"
         "cached_array('a', make)"
     )

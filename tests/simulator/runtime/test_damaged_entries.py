@@ -10,12 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.runtime import cache
-from simulator.runtime.cache import DamagedError, cache_folder, map_checked, read_checked, store_checked
-from simulator.runtime.cached_arrays import cached_array, entry_of
-from simulator.targets import library
-from simulator.targets.board_model import write as board_model
-from simulator.targets.library import load_target
+from flyaround.simulator.runtime import cache
+from flyaround.simulator.runtime.cache import (
+    DamagedError,
+    cache_folder,
+    map_checked,
+    read_checked,
+    store_checked,
+)
+from flyaround.simulator.runtime.cached_arrays import cached_array, entry_of
+from flyaround.simulator.targets import library
+from flyaround.simulator.targets.board_model import write as board_model
+from flyaround.simulator.targets.library import load_target
 
 CONTENTS = bytes(range(256)) * 20
 
@@ -162,8 +168,8 @@ def test_a_disk_that_takes_nothing_costs_time_alone(folder, monkeypatch, caplog,
 FULL = """
 import resource, signal, sys
 import numpy as np
-from simulator.runtime.cached_arrays import cached_array
-from simulator.targets.library import load_target
+from flyaround.simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.targets.library import load_target
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # a write beyond it fails halfway, as on a full disk
 assert len(cached_array("large", lambda: np.arange(5000.0))) == 5000
 assert len(cached_array("small", lambda: np.arange(5.0))) == 5

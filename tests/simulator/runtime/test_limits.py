@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from simulator.errors import machine_sentence
-from simulator.runtime.limits import LEAST_FILES, limits_problem
+from flyaround.simulator.errors import machine_sentence
+from flyaround.simulator.runtime.limits import LEAST_FILES, limits_problem
 
 GB = 2**30
 

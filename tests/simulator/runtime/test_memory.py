@@ -8,12 +8,12 @@ import weakref
 import numpy as np
 import pytest
 
-from simulator.runtime.memory import cached_per_object
+from flyaround.simulator.runtime.memory import cached_per_object
 
 FAULTS = """
 import resource, sys
 import numpy as np
-from simulator.runtime.memory import keep_freed_memory
+from flyaround.simulator.runtime.memory import keep_freed_memory
 if sys.argv[1] == "kept" and not keep_freed_memory():
     print(-1)
     raise SystemExit

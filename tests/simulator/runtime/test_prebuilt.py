@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import zstandard
 
-from simulator.render.bake.geometry import _PACKED, _unpacked
-from simulator.runtime import prebuilt as shipped
-from simulator.runtime.cached_arrays import cached_array, is_cached
-from simulator.runtime.serialisation import _described
-from simulator.targets import library
-from simulator.targets.glb.read import load_glb
+from flyaround.simulator.render.bake.geometry import _PACKED, _unpacked
+from flyaround.simulator.runtime import prebuilt as shipped
+from flyaround.simulator.runtime.cached_arrays import cached_array, is_cached
+from flyaround.simulator.runtime.serialisation import _described
+from flyaround.simulator.targets import library
+from flyaround.simulator.targets.glb.read import load_glb
 from tools import prebuilt as ship
 
 

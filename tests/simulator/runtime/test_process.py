@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.loop import OpenRenderer
-from simulator.runtime import worker
-from simulator.runtime.worker import WorkerProcess
-from simulator.targets.model import Target
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.loop import OpenRenderer
+from flyaround.simulator.runtime import worker
+from flyaround.simulator.runtime.worker import WorkerProcess
+from flyaround.simulator.targets.model import Target
 
 pytestmark = pytest.mark.gl
 
@@ -162,9 +162,9 @@ PARENT = """
 import pickle, sys, time
 sys.path.insert(0, sys.argv[1])
 import test_process as here
-from simulator.loop import OpenRenderer
-from simulator.runtime import worker
-from simulator.runtime.worker import WorkerProcess
+from flyaround.simulator.loop import OpenRenderer
+from flyaround.simulator.runtime import worker
+from flyaround.simulator.runtime.worker import WorkerProcess
 if __name__ == "__main__":
     scene = pickle.loads(open(sys.argv[2], "rb").read())
     with WorkerProcess(here.hold, open_resource=OpenRenderer()) as process:
@@ -198,7 +198,7 @@ def test_a_renderer_does_not_outlive_who_made_it(draw_kit, target, tmp_path):
 ENDS = """
 import os, signal, sys
 import numpy as np
-from simulator.runtime.worker import WorkerProcess
+from flyaround.simulator.runtime.worker import WorkerProcess
 
 class Nothing:
     info = "open"

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.loop import OpenRenderer
-from simulator.runtime.threads import usable_processors
-from simulator.runtime.worker_pool import WorkerPool
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.loop import OpenRenderer
+from flyaround.simulator.runtime.threads import usable_processors
+from flyaround.simulator.runtime.worker_pool import WorkerPool
 
 pytestmark = pytest.mark.gl
 COUNT = 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from simulator.runtime.table_text import table_text, text_of_table
+from flyaround.simulator.runtime.table_text import table_text, text_of_table
 
 
 @pytest.mark.parametrize(

@@ -13,22 +13,28 @@ import numpy as np
 import pytest
 from mutations import changed_json, changed_text
 
-from hil.board.svd import CameraIntrinsics
-from simulator.camera.lens.files import list_cameras, parse_camera, read_camera_file
-from simulator.camera.lens.formats import document
-from simulator.camera.lens.formats.registry import WRITTEN, camera_text
-from simulator.dataset import card as cards
-from simulator.dataset.card import CardTarget, DatasetCard, card_to_json, describe_machine, read_card
-from simulator.errors import UserError
-from simulator.labels import truth as truths
-from simulator.labels.labelling import truth_record
-from simulator.labels.truth import Software, read_truth, truth_to_json
-from simulator.runtime import toml_file
-from simulator.runtime.untrusted_files import TOML_TEXT, read_regular, refuse_deep
-from simulator.scenario.load import list_scenarios, load_scenario
-from simulator.scenario.messages import read_message
-from simulator.scenario.plan import plan_flight
-from simulator.scenario.poses import read_poses
+from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.simulator.camera.lens.files import list_cameras, parse_camera, read_camera_file
+from flyaround.simulator.camera.lens.formats import document
+from flyaround.simulator.camera.lens.formats.registry import WRITTEN, camera_text
+from flyaround.simulator.dataset import card as cards
+from flyaround.simulator.dataset.card import (
+    CardTarget,
+    DatasetCard,
+    card_to_json,
+    describe_machine,
+    read_card,
+)
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels import truth as truths
+from flyaround.simulator.labels.labelling import truth_record
+from flyaround.simulator.labels.truth import Software, read_truth, truth_to_json
+from flyaround.simulator.runtime import toml_file
+from flyaround.simulator.runtime.untrusted_files import TOML_TEXT, read_regular, refuse_deep
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.simulator.scenario.messages import read_message
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scenario.poses import read_poses
 
 LONGEST_S = 20.0  # for one file: a thousand times what it takes
 
@@ -91,7 +97,10 @@ def card(plan):
 
 def test_scenarios(tmp_path):
     rng, path = np.random.default_rng(1), tmp_path / "a.toml"
-    texts = [files("assets").joinpath("scenarios", f"{name}.toml").read_bytes() for name in list_scenarios()]
+    texts = [
+        files("flyaround.assets").joinpath("scenarios", f"{name}.toml").read_bytes()
+        for name in list_scenarios()
+    ]
     done = []
     for _ in range(120):
         data = changed_text(texts[int(rng.integers(len(texts)))], rng)
@@ -108,7 +117,7 @@ def as_estimate_takes_it(data):
 def camera_texts():
     for name in list_cameras():
         camera = read_camera_file(name)
-        yield files("assets").joinpath("cameras", f"{name}.json").read_bytes()
+        yield files("flyaround.assets").joinpath("cameras", f"{name}.json").read_bytes()
         for form in WRITTEN:
             try:
                 yield camera_text(camera, form, name).encode()
@@ -158,11 +167,11 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from peak_memory import peak_bytes
-from simulator.camera.lens.files import load_camera
-from simulator.dataset.card import read_card
-from simulator.errors import UserError
-from simulator.labels.truth import read_truth
-from simulator.scenario.load import load_scenario
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.scenario.load import load_scenario
 before = peak_bytes()
 aliases = [b"a0: &a0 [1, 1]"]
 for k in range(1, 20):

@@ -2,8 +2,8 @@
 
 import os
 
-from simulator.runtime import threads
-from simulator.runtime.threads import share_processors, use_one_for_matrices
+from flyaround.simulator.runtime import threads
+from flyaround.simulator.runtime.threads import share_processors, use_one_for_matrices
 
 NAME = "OPENBLAS_NUM_THREADS"
 DRIVER = "LP_NUM_THREADS"

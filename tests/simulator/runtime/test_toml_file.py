@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from hil.campaign.definitions import read_campaign
-from simulator.errors import UserError
-from simulator.recipes.load import load_recipe
-from simulator.recipes.vary_file import load_vary
-from simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
-from simulator.scenario.faults import read_faults
-from simulator.scenario.load import load_scenario
+from flyaround.hil.campaign.definitions import read_campaign
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.recipes.load import load_recipe
+from flyaround.simulator.recipes.vary_file import load_vary
+from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
+from flyaround.simulator.scenario.faults import read_faults
+from flyaround.simulator.scenario.load import load_scenario
 
 READERS = [load_scenario, load_recipe, load_vary, read_faults, read_campaign]
 HOSTILE = [

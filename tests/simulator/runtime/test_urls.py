@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from simulator.runtime.urls import without_secrets
+from flyaround.simulator.runtime.urls import without_secrets
 
 
 @pytest.mark.parametrize(

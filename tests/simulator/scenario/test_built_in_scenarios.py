@@ -14,17 +14,17 @@ import numpy as np
 import pytest
 from scenario_text import GOOD, write
 
-from simulator.camera.detector.presets import list_sensor_presets, sensor_preset
-from simulator.camera.lens.files import list_cameras, load_camera
-from simulator.errors import UserError
-from simulator.scenario.flight import fly, frame_times
-from simulator.scenario.load import list_scenarios, load_scenario, scenario_json_schema
-from simulator.scenario.scenario import Scenario, SensorSection
-from simulator.scene.environments import ENVIRONMENTS, Environment, environment_section
-from simulator.targets.model import MassProperties, Target
-from simulator.world.constants import EARTH_RADIUS_M
-from simulator.world.flight.world_state import WorldState
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.camera.detector.presets import list_sensor_presets, sensor_preset
+from flyaround.simulator.camera.lens.files import list_cameras, load_camera
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.flight import fly, frame_times
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario, scenario_json_schema
+from flyaround.simulator.scenario.scenario import Scenario, SensorSection
+from flyaround.simulator.scene.environments import ENVIRONMENTS, Environment, environment_section
+from flyaround.simulator.targets.model import MassProperties, Target
+from flyaround.simulator.world.constants import EARTH_RADIUS_M
+from flyaround.simulator.world.flight.world_state import WorldState
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 BOX = Target(
     name="tango",
@@ -209,7 +209,7 @@ def test_sensor_overrides_and_camera_tables(tmp_path: Path) -> None:
 
 
 def test_camera_file_is_found_beside_the_scenario(tmp_path: Path) -> None:
-    content = json.loads(files("assets").joinpath("cameras", "paper.json").read_text())
+    content = json.loads(files("flyaround.assets").joinpath("cameras", "paper.json").read_text())
     (tmp_path / "lens.json").write_text(json.dumps({**content, "name": ""}), encoding="utf-8")
     scenario = load_scenario(write(tmp_path, GOOD.replace('"speed"', '"lens.json"', 1)))
     assert scenario.camera_model == load_camera("paper")
@@ -262,7 +262,7 @@ def test_schema_accepts_the_built_in_files_and_refuses_a_stranger() -> None:
     validator = jsonschema.Draft202012Validator(scenario_json_schema())
     validator.check_schema(scenario_json_schema())
     for name in list_scenarios():
-        raw = tomllib.loads(files("assets").joinpath("scenarios", f"{name}.toml").read_text())
+        raw = tomllib.loads(files("flyaround.assets").joinpath("scenarios", f"{name}.toml").read_text())
         raw["epoch_utc"] = raw["epoch_utc"].isoformat()
         validator.validate(raw)
     with pytest.raises(jsonschema.ValidationError):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from simulator.camera.detector.optics import Optics
-from simulator.camera.sections import OpticsSection
-from simulator.scene.environments import Environment
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.sections import OpticsSection
+from flyaround.simulator.scene.environments import Environment
 
 
 def test_everything_that_is_drawn_is_drawn_unless_said_otherwise() -> None:

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.scenario.flight import fly
-from simulator.scenario.load import load_scenario
-from simulator.targets.library import load_target
-from simulator.world.flight.flight import Flight
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
-from simulator.world.messages.aem import write_aem
-from simulator.world.time.instant import Instant
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.flight import fly
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.flight.flight import Flight
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
+from flyaround.simulator.world.messages.aem import write_aem
+from flyaround.simulator.world.time.instant import Instant
 
 TANGO = load_target("tango")
 HEAD = """

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from scenario_text import GOOD, write
 
-from simulator.camera.lens.files import load_camera
-from simulator.errors import UserError, near_names
-from simulator.scenario.load import load_scenario
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.errors import UserError, near_names
+from flyaround.simulator.scenario.load import load_scenario
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_mistakes_about_thrusters(section: str, sentence: str, tmp_path: Path) -
 def test_a_wrong_camera_file_is_one_sentence(
     change: dict[str, object] | None, words: list[str], tmp_path: Path
 ) -> None:
-    content = json.loads(files("assets").joinpath("cameras", "speed.json").read_text())
+    content = json.loads(files("flyaround.assets").joinpath("cameras", "speed.json").read_text())
     path = tmp_path / "cam.json"
     path.write_text("{" if change is None else json.dumps({**content, **change}), encoding="utf-8")
     with pytest.raises(UserError) as caught:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
-from simulator.scenario.orbit_files import read_orbit_file
-from simulator.scenario.plan import plan_flight
-from simulator.world.flight.export import flight_messages
-from simulator.world.messages.tle import state_from_tle
-from simulator.world.time.instant import Instant
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.orbit_files import read_orbit_file
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.world.flight.export import flight_messages
+from flyaround.simulator.world.messages.tle import state_from_tle
+from flyaround.simulator.world.time.instant import Instant
 
 REPORTS = Path(__file__).parents[2] / "data" / "reports"
 EPOCH = Instant.from_utc("2026-03-20T12:00:00Z")

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from scenario_text import write
 
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 BASE = "epoch_utc = 2026-03-20T12:00:00Z\nduration_s = {duration}\n[orbit]\n{orbit}\n[chaser]\n{chaser}\n"
 HOLD = 'mode = "hold"\nposition_lvlh_m = [0.0, -9.0, 0.0]'

@@ -8,12 +8,12 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from flyaround.commands import hil_host
-from simulator.errors import UserError
-from simulator.scenario.faults import Delay, Disconnect, Faults, StuckPixels
-from simulator.scenario.load import load_scenario
-from simulator.scenario.scenario import Scenario
-from simulator.scenario.write import to_toml
+from flyaround.cli import hil_host
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.faults import Delay, Disconnect, Faults, StuckPixels
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scenario.write import to_toml
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "faulty_flight.toml"
 

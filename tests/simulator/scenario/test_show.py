@@ -10,10 +10,10 @@ import msgspec
 import pytest
 
 from flyaround.__main__ import run
-from simulator.errors import UserError
-from simulator.scenario.load import list_scenarios, load_scenario
-from simulator.scenario.scenario import Scenario
-from simulator.scenario.show import show_scenario
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scenario.show import show_scenario
 
 _KEY = re.compile(r"# (\w+ = )(?!\.\.\.)(.*?) +# ")
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.scene.illumination.atmosphere import (
+from flyaround.simulator.scene.illumination.atmosphere import (
     earth_atmosphere,
     ground_irradiance,
     path_light,
     rayleigh_phase,
 )
-from simulator.scene.illumination.multiple_scattering import multiple_scattering
+from flyaround.simulator.scene.illumination.multiple_scattering import multiple_scattering
 
 
 def test_what_enters_conservative_air_leaves_it_or_reaches_the_ground():

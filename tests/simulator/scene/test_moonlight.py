@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from simulator.render.irradiance import moon_plate_irradiance
-from simulator.scene.illumination.moonlight import moonlight_share
+from flyaround.simulator.render.irradiance import moon_plate_irradiance
+from flyaround.simulator.scene.illumination.moonlight import moonlight_share
 
 SUN = np.array([1.0, 0.0, 0.0])
 # full Moon over the Sun: -12.73 and -26.74 (Allen 2000), at the mean distance of 384,400 km

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.recipes.plan import plan_recipe
-from simulator.scene.motion import propagated_scene
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import propagate
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scene.motion import propagated_scene
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import propagate
 
 
 @pytest.mark.parametrize("dt_s", [-2.0, 0.5, 2.0])

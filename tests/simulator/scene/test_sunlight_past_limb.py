@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.scene.illumination.atmosphere import earth_atmosphere
-from simulator.scene.illumination.refraction import (
+from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere
+from flyaround.simulator.scene.illumination.refraction import (
     _HEIGHTS_M,
     LIMB_DARKENING,
     SUN_RADIUS_M,

@@ -4,14 +4,14 @@ import numpy as np
 import pygltflib as gl
 import pytest
 
-from simulator.errors import UserError
-from simulator.targets.check_target import check_grain
-from simulator.targets.glb.read import load_glb
-from simulator.targets.glb.write import write_glb
-from simulator.targets.importing.add import ImportOptions, import_mesh
-from simulator.targets.importing.read.brushed import common_grain
-from simulator.targets.library import load_target
-from simulator.targets.model import Material
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.check_target import check_grain
+from flyaround.simulator.targets.glb.read import load_glb
+from flyaround.simulator.targets.glb.write import write_glb
+from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh
+from flyaround.simulator.targets.importing.read.brushed import common_grain
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import Material
 
 SHEET = ImportOptions(keep_holes=True)
 

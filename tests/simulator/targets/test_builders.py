@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.targets.builders.cells import cell_grid, clipped_rectangle
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.prism import circle, prism, rectangle, triangulate
-from simulator.targets.builders.solids import bar, box, cone, dome, lathe, rod, truss
+from flyaround.simulator.targets.builders.cells import cell_grid, clipped_rectangle
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.prism import circle, prism, rectangle, triangulate
+from flyaround.simulator.targets.builders.solids import bar, box, cone, dome, lathe, rod, truss
 
 N = 96
 RING_AREA = N / 2 * np.sin(2 * np.pi / N)  # of a regular polygon in the unit circle

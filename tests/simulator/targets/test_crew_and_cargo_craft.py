@@ -15,19 +15,19 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from simulator.runtime.arrays import FloatArray
-from simulator.targets.convert import board_model
-from simulator.targets.craft.dragon.cargo import build_dragon_cargo
-from simulator.targets.craft.dragon.cargo_shape import CAP_HEIGHT_M
-from simulator.targets.craft.dragon.crew import build_dragon, dragon_pieces
-from simulator.targets.craft.level import Detail, Level
-from simulator.targets.craft.soyuz.soyuz_ms import build_soyuz_ms
-from simulator.targets.craft.tianzhou.tianzhou import build_tianzhou
-from simulator.targets.glb.read import load_glb
-from simulator.targets.glb.write import write_glb
-from simulator.targets.library import list_targets
-from simulator.targets.model import Part, Target
-from simulator.targets.records import BoardModelRecord
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.targets.convert import board_model
+from flyaround.simulator.targets.craft.dragon.cargo import build_dragon_cargo
+from flyaround.simulator.targets.craft.dragon.cargo_shape import CAP_HEIGHT_M
+from flyaround.simulator.targets.craft.dragon.crew import build_dragon, dragon_pieces
+from flyaround.simulator.targets.craft.level import Detail, Level
+from flyaround.simulator.targets.craft.soyuz.soyuz_ms import build_soyuz_ms
+from flyaround.simulator.targets.craft.tianzhou.tianzhou import build_tianzhou
+from flyaround.simulator.targets.glb.read import load_glb
+from flyaround.simulator.targets.glb.write import write_glb
+from flyaround.simulator.targets.library import list_targets
+from flyaround.simulator.targets.model import Part, Target
+from flyaround.simulator.targets.records import BoardModelRecord
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.targets.builders.creased import copies, creased
-from simulator.targets.builders.labels import plate_edges, rim_edges
-from simulator.targets.builders.mass import mass_properties
-from simulator.targets.builders.mesh import Mesh
-from simulator.targets.builders.solids import box
-from simulator.targets.builders.wing import Wing, wing_cells, wing_panels, wing_ribs, wing_yoke
-from simulator.targets.builders.wrapped import Revolved, pad, sector, tiled
-from simulator.targets.craft.level import Level
-from simulator.targets.craft.parts import bell, dish
-from simulator.targets.craft.round_mass import Tube
+from flyaround.simulator.targets.builders.creased import copies, creased
+from flyaround.simulator.targets.builders.labels import plate_edges, rim_edges
+from flyaround.simulator.targets.builders.mass import mass_properties
+from flyaround.simulator.targets.builders.mesh import Mesh
+from flyaround.simulator.targets.builders.solids import box
+from flyaround.simulator.targets.builders.wing import Wing, wing_cells, wing_panels, wing_ribs, wing_yoke
+from flyaround.simulator.targets.builders.wrapped import Revolved, pad, sector, tiled
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.craft.parts import bell, dish
+from flyaround.simulator.targets.craft.round_mass import Tube
 
 CYLINDER = Revolved.of([(2.0, -3.0), (2.0, 3.0)])
 CONE = Revolved.of([(2.0, 0.0), (1.0, 2.0)])

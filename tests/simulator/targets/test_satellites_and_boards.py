@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.errors import UserError
-from simulator.runtime.arrays import FloatArray
-from simulator.targets.convert import board_model
-from simulator.targets.glb.read import load_glb
-from simulator.targets.glb.write import write_glb
-from simulator.targets.level_of_detail import DETAILS, facets, level_name, split_level
-from simulator.targets.library import ENTRIES, load_target
-from simulator.targets.model import Part, Target
-from simulator.targets.tango.build import build_tango
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.targets.convert import board_model
+from flyaround.simulator.targets.glb.read import load_glb
+from flyaround.simulator.targets.glb.write import write_glb
+from flyaround.simulator.targets.level_of_detail import DETAILS, facets, level_name, split_level
+from flyaround.simulator.targets.library import ENTRIES, load_target
+from flyaround.simulator.targets.model import Part, Target
+from flyaround.simulator.targets.tango.build import build_tango
 
 
 @dataclass(frozen=True, kw_only=True)

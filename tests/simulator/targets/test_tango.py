@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.runtime.arrays import FloatArray
-from simulator.targets.model import Part, Target
-from simulator.targets.tango.build import build_tango, build_tango_mli
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.targets.model import Part, Target
+from flyaround.simulator.targets.tango.build import build_tango, build_tango_mli
 
 # Keypoints of the SPEED data set as published with its pose estimation baselines [m]
 SPEED = {

@@ -17,15 +17,15 @@ import pygltflib
 import pytest
 import trimesh
 
-from simulator.errors import UserError
-from simulator.targets.board_model.write import write_board_model
-from simulator.targets.craft.charuco import build_calibration_board
-from simulator.targets.glb.read import load_glb
-from simulator.targets.glb.write import write_glb
-from simulator.targets.library import list_targets, load_target
-from simulator.targets.model import MassProperties, Target
-from simulator.targets.records import board_json_schema, target_json_schema
-from simulator.targets.tango.build import build_tango, build_tango_mli
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.board_model.write import write_board_model
+from flyaround.simulator.targets.craft.charuco import build_calibration_board
+from flyaround.simulator.targets.glb.read import load_glb
+from flyaround.simulator.targets.glb.write import write_glb
+from flyaround.simulator.targets.library import list_targets, load_target
+from flyaround.simulator.targets.model import MassProperties, Target
+from flyaround.simulator.targets.records import board_json_schema, target_json_schema
+from flyaround.simulator.targets.tango.build import build_tango, build_tango_mli
 
 
 @pytest.fixture(scope="module")

@@ -7,13 +7,13 @@ from pathlib import Path
 import erfa
 import numpy as np
 
-from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
-from simulator.world.ephemeris.ephemeris_table import EphemerisTable
-from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from simulator.world.orbit.forces import EarthForces, Forces
-from simulator.world.orbit.propagation import propagate
-from simulator.world.orbit.spherical_harmonics import egm96
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
+from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
+from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from flyaround.simulator.world.orbit.forces import EarthForces, Forces
+from flyaround.simulator.world.orbit.propagation import propagate
+from flyaround.simulator.world.orbit.spherical_harmonics import egm96
+from flyaround.simulator.world.time.instant import Instant
 
 HERE = Path(__file__).parents[2] / "reference"
 SKYFIELD = np.genfromtxt(HERE / "skyfield.csv", delimiter=",", skip_header=1)

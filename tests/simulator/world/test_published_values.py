@@ -6,14 +6,19 @@ import erfa
 import numpy as np
 import pytest
 
-from simulator.world.attitude.rigid_body import propagate_attitude
-from simulator.world.constants import AU_M, EARTH_RADIUS_M, J2_EARTH, MU_EARTH_M3_S2
-from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
-from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply, rotation_angle_rad
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import Elements, elements_from_state, propagate, state_from_elements
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.attitude.rigid_body import propagate_attitude
+from flyaround.simulator.world.constants import AU_M, EARTH_RADIUS_M, J2_EARTH, MU_EARTH_M3_S2
+from flyaround.simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
+from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply, rotation_angle_rad
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import (
+    Elements,
+    elements_from_state,
+    propagate,
+    state_from_elements,
+)
+from flyaround.simulator.world.time.instant import Instant
 
 
 @pytest.mark.parametrize(

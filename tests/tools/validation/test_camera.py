@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.detector.presets import sensor_preset
 from tools.validation.camera.counts import electron_chance, reading_chance
 from tools.validation.camera.emva1288 import (
     READOUT_MODES,

@@ -7,10 +7,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.recipes.plan import plan_recipe
-from simulator.scene.environments import NOTHING
-from simulator.targets.library import load_target
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scene.environments import NOTHING
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 from tools.validation.bare_scene import bare_scene, square_camera
 from tools.validation.camera.calibration import LENSES, calibrate
 from tools.validation.camera.mtf import CASES, compare, drawn_edge

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 from tools.validation.dynamics.independent import against_astropy, against_sgp4
 from tools.validation.dynamics.physics import axisymmetric_errors
 from tools.validation.dynamics.report import main, measure

@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 
-from simulator.frame import take_frame
+from flyaround.simulator.frame import take_frame
 from tools.validation.labels.faults import FAULTS, inject_fault
 from tools.validation.labels.frames import cached_target, random_frame
 from tools.validation.labels.report import _check, check_one, dataset_card, newest, page, summary

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.targets.library import load_target
+from flyaround.simulator.targets.library import load_target
 from tools.validation.outline import SIDES, fit_outline, main
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from simulator.errors import UserError
+from flyaround.simulator.errors import UserError
 from tools.validation.rendering import craft as rendering_craft
 from tools.validation.rendering import path_traced as mitsuba_craft
 

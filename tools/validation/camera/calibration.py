@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.lens.camera_model import Camera
-from simulator.camera.lens.distortion import Distortion
-from simulator.imaging.image_formation import digitise_scene, expose_scene
-from simulator.recipes.plan import plan_recipe
-from simulator.targets.craft.chessboard import COLUMNS, ROWS, SQUARE_M
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.camera.lens.distortion import Distortion
+from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.targets.craft.chessboard import COLUMNS, ROWS, SQUARE_M
 
 if TYPE_CHECKING:
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import ByteArray, FloatArray
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 BOARDS = 20
 LENSES: dict[str, Camera] = {

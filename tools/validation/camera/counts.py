@@ -8,15 +8,15 @@ import numpy as np
 from scipy.stats import chi2, norm
 from scipy.stats import poisson as poisson_law
 
-from simulator.camera.detector.deviates import bit_source
-from simulator.camera.detector.electrons import detect
-from simulator.camera.detector.poisson import poisson
+from flyaround.simulator.camera.detector.deviates import bit_source
+from flyaround.simulator.camera.detector.electrons import detect
+from flyaround.simulator.camera.detector.poisson import poisson
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 SAMPLES = 100_000
 SHAPE = (250, 400)

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector.electrons import detect, white_balance
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.presets import sensor_preset
-from simulator.scene.illumination.bands import sunlight_balance
+from flyaround.simulator.camera.detector.electrons import detect, white_balance
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.scene.illumination.bands import sunlight_balance
 
 if TYPE_CHECKING:
-    from simulator.camera.detector.sensor import Detector, Sensor
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 SHAPE = (600, 800)
 FRAMES = 40

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.psf import applied_mtf, optics_mtf
-from simulator.camera.detector.sensor import Sensor
-from simulator.imaging.image_formation import expose
-from simulator.targets.model import Material
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.psf import applied_mtf, optics_mtf
+from flyaround.simulator.camera.detector.sensor import Sensor
+from flyaround.simulator.imaging.image_formation import expose
+from flyaround.simulator.targets.model import Material
 from tools.validation.bare_scene import bare_scene, bare_target, flat_plate, square_camera
 
 if TYPE_CHECKING:
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import Quality
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import Quality
 
 SIZE = 256
 SLANT = np.tan(np.radians(5.0))

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector.image_noise import start_noise
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.presets import list_sensor_presets, sensor_preset
-from simulator.camera.detector.sensor import Detector
-from simulator.imaging.image_formation import digitise, expose
-from simulator.render.renderer import Renderer
-from simulator.runtime.files import write_atomic
+from flyaround.simulator.camera.detector.image_noise import start_noise
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.presets import list_sensor_presets, sensor_preset
+from flyaround.simulator.camera.detector.sensor import Detector
+from flyaround.simulator.imaging.image_formation import digitise, expose
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.files import write_atomic
 from tools.validation.camera.calibration import LENSES, calibrate
 from tools.validation.camera.counts import electron_chance, reading_chance
 from tools.validation.camera.emva1288 import READOUT_MODES, measure, measure_colours, without_nonuniformity
@@ -29,8 +29,8 @@ from tools.validation.camera.mtf import CASES, FREQUENCIES, compare, drawn_edge
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.camera.detector.sensor import Sensor
-    from simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.runtime.arrays import Float32Array
 
 PAGE = Path("docs/validation/camera.md")
 GOALS = {"system gain [DN/e]": 0.01, "read noise [e]": 0.03}

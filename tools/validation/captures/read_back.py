@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.dataset.formats.registry import read_foreign
-from simulator.dataset.labelled_dataset import open_dataset
+from flyaround.simulator.dataset.formats.registry import read_foreign
+from flyaround.simulator.dataset.labelled_dataset import open_dataset
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
     Frames = dict[int, LabelledFrame]
 

@@ -15,9 +15,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.recipes.load import list_recipes, load_recipe
-from simulator.recipes.plan import plan_recipe
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.recipes.load import list_recipes, load_recipe
+from flyaround.simulator.recipes.plan import plan_recipe
 from tools.validation.captures.read_back import FORMATS, read_back
 
 _REFUSED = re.compile(r"format (\w+) cannot hold this data set: (.*)", re.DOTALL)

@@ -15,14 +15,14 @@ import numpy as np
 import trimesh
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
-from simulator.targets.glb.write import glb_bytes
+from flyaround.simulator.targets.glb.write import glb_bytes
 from tools.validation.datasets.rounded_raster import shown_parts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.labels.truth import Truth
-    from simulator.targets.model import Target
+    from flyaround.simulator.labels.truth import Truth
+    from flyaround.simulator.targets.model import Target
 
 _TURNED_BACK = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From a glTF viewer's y up to the model's z up."""

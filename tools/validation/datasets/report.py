@@ -13,20 +13,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.capture import capture_card
-from simulator.dataset.check.verify import check_frame
-from simulator.labels.request import LabelRequest
-from simulator.loop import FrameRequest, open_frames, whole_frame
-from simulator.recipes.load import list_recipes, load_recipe
-from simulator.recipes.plan import plan_recipe
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.capture import capture_card
+from flyaround.simulator.dataset.check.verify import check_frame
+from flyaround.simulator.labels.request import LabelRequest
+from flyaround.simulator.loop import FrameRequest, open_frames, whole_frame
+from flyaround.simulator.recipes.load import list_recipes, load_recipe
+from flyaround.simulator.recipes.plan import plan_recipe
 from tools.validation.datasets.ray_cast import ExportedMesh, compare
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from simulator.recipes.plan import RecipePlan
-    from simulator.targets.model import Target
+    from flyaround.simulator.recipes.plan import RecipePlan
+    from flyaround.simulator.targets.model import Target
 
 # what stands for several crafts' poses, each tried under its own name
 _LABELS = ("parts", "amodal", "clean")

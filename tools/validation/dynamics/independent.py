@@ -10,23 +10,23 @@ import erfa
 import numpy as np
 from sgp4.api import Satrec
 
-from simulator.errors import UserError
-from simulator.world.constants import DAY_S
-from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
-from simulator.world.ephemeris.ephemeris_table import EphemerisTable
-from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from simulator.world.messages.tle import R_eci_from_teme, state_from_tle
-from simulator.world.orbit.forces import EarthForces, ForceModel, Forces
-from simulator.world.orbit.moon_forces import MoonForces
-from simulator.world.orbit.propagation import propagate
-from simulator.world.orbit.spherical_harmonics import egm96
-from simulator.world.time.instant import Instant
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.constants import DAY_S
+from flyaround.simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
+from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
+from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from flyaround.simulator.world.messages.tle import R_eci_from_teme, state_from_tle
+from flyaround.simulator.world.orbit.forces import EarthForces, ForceModel, Forces
+from flyaround.simulator.world.orbit.moon_forces import MoonForces
+from flyaround.simulator.world.orbit.propagation import propagate
+from flyaround.simulator.world.orbit.spherical_harmonics import egm96
+from flyaround.simulator.world.time.instant import Instant
 from tools.validation.rows import Row, arcsec, read_table, require_reference
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 EARTH_EPOCH = "2025-03-21T06:00:00Z"
 MOON_EPOCH = "2024-06-06T05:00:00Z"

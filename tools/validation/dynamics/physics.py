@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.attitude.rigid_body import propagate_attitude
-from simulator.world.constants import DAY_S, MU_EARTH_M3_S2
-from simulator.world.frames.lvlh import lvlh_frame
-from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
-from simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s, transition_matrix
-from simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix
+from flyaround.simulator.world.attitude.rigid_body import propagate_attitude
+from flyaround.simulator.world.constants import DAY_S, MU_EARTH_M3_S2
+from flyaround.simulator.world.frames.lvlh import lvlh_frame
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from flyaround.simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s, transition_matrix
+from flyaround.simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix
 from tools.validation.rows import Row
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.world.orbit.propagation import OrbitTrack
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
 
 def physics() -> list[Row]:

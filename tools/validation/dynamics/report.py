@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.files import write_atomic
 from tools.validation.dynamics.independent import independent
 from tools.validation.dynamics.physics import physics
 from tools.validation.rows import Row

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from simulator.frame import Frame
-from simulator.labels.boxes import mask_box
-from simulator.labels.layers import layer_hash, pixel_hash
-from simulator.labels.truth import Truth
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.labels.boxes import mask_box
+from flyaround.simulator.labels.layers import layer_hash, pixel_hash
+from flyaround.simulator.labels.truth import Truth
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -9,27 +9,27 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.camera.detector.presets import list_sensor_presets
-from simulator.camera.detector.shutter import Shutter
-from simulator.camera.lens.camera_model import Camera, Distortion, camera_problem
-from simulator.labels.request import LAYERS, LabelRequest
-from simulator.labels.truth import FlowLabel
-from simulator.recipes.file import Recipe, Sky, UniformRange
-from simulator.recipes.plan import RecipePlan
-from simulator.runtime.arrays import vec3
-from simulator.scenario.scenario import SensorSection
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
-from simulator.scene.motion import propagated_scene
-from simulator.targets.library import list_targets, load_target
-from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.camera.detector.presets import list_sensor_presets
+from flyaround.simulator.camera.detector.shutter import Shutter
+from flyaround.simulator.camera.lens.camera_model import Camera, Distortion, camera_problem
+from flyaround.simulator.labels.request import LAYERS, LabelRequest
+from flyaround.simulator.labels.truth import FlowLabel
+from flyaround.simulator.recipes.file import Recipe, Sky, UniformRange
+from flyaround.simulator.recipes.plan import RecipePlan
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.scenario.scenario import SensorSection
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
+from flyaround.simulator.scene.motion import propagated_scene
+from flyaround.simulator.targets.library import list_targets, load_target
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
 
 BLACK = Environment(earth=False, stars=False, sun=False, moon=False, earthshine=False)
 FLOW_S = 1.0

@@ -28,13 +28,13 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from simulator.dataset.card import CardMachine, CardTarget, DatasetCard, describe_machine
-from simulator.dataset.check.verify import check_frame
-from simulator.dataset.formats.native import frame_paths, read_layer, read_png, write_frame
-from simulator.frame import Frame, take_frame
-from simulator.labels.truth import read_truth
-from simulator.render.renderer import Renderer
-from simulator.runtime.files import write_atomic
+from flyaround.simulator.dataset.card import CardMachine, CardTarget, DatasetCard, describe_machine
+from flyaround.simulator.dataset.check.verify import check_frame
+from flyaround.simulator.dataset.formats.native import frame_paths, read_layer, read_png, write_frame
+from flyaround.simulator.frame import Frame, take_frame
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.files import write_atomic
 from tools.validation.labels.faults import FAULTS, inject_fault
 from tools.validation.labels.frames import cached_target, random_frame
 

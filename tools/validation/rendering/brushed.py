@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.irradiance import spherical_fibonacci
-from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.targets.model import Material
+from flyaround.simulator.render.irradiance import spherical_fibonacci
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.targets.model import Material
 from tools.validation.bare_scene import bare_scene, bare_target, flat_plate, square_camera
 from tools.validation.rendering.lit_ball import draw_lit_ball
 from tools.validation.rows import Row
 
 if TYPE_CHECKING:
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 BRUSHED = Material(
     name="m", base_color=(0.9,) * 3, metallic=1.0, roughness=0.35, anisotropy=0.7, grain=(0.2, 1.0, 0.1)

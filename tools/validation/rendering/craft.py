@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.lens.distortion import Distortion
-from simulator.dataset.check.geometry import project_with_opencv
-from simulator.render.irradiance import basis, field_of_samples, spherical_fibonacci, uniform_field
-from simulator.render.view import SUN_RADIUS_M
-from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
-from simulator.targets.library import load_target
-from simulator.targets.model import Material
+from flyaround.simulator.camera.lens.distortion import Distortion
+from flyaround.simulator.dataset.check.geometry import project_with_opencv
+from flyaround.simulator.render.irradiance import basis, field_of_samples, spherical_fibonacci, uniform_field
+from flyaround.simulator.render.view import SUN_RADIUS_M
+from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import Material
 from tools.validation.bare_scene import ball, bare_scene, bare_target, flat_plate, square_camera
 from tools.validation.rendering import brushed as rendering_brushed
 from tools.validation.rendering import lamp as rendering_lamp
@@ -25,10 +25,10 @@ from tools.validation.rows import Row
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import BoolArray, FloatArray
-    from simulator.scene.state import Quality
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
+    from flyaround.simulator.scene.state import Quality
 
 SUN_RAD = SUN_RADIUS_M / ASTRONOMICAL_UNIT_M
 EDGE_ANGLES_DEG = tuple(2.5 * k for k in range(-36, 36))

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.render.earth.air_tables import air_tables
-from simulator.render.sky.star_catalogue import star_irradiance_w_m2
-from simulator.runtime.arrays import quat, vec3
-from simulator.scene.environments import NOTHING, Environment
-from simulator.scene.illumination.atmosphere import (
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.render.earth.air_tables import air_tables
+from flyaround.simulator.render.sky.star_catalogue import star_irradiance_w_m2
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scene.environments import NOTHING, Environment
+from flyaround.simulator.scene.illumination.atmosphere import (
     MultipleScattering,
     earth_atmosphere,
     ground_irradiance,
@@ -21,20 +21,20 @@ from simulator.scene.illumination.atmosphere import (
     path_light,
     rayleigh_phase,
 )
-from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
-from simulator.scene.illumination.moonlight import disc_phase
-from simulator.scene.illumination.refraction import shadow_profile, sunlight_past_earth
-from simulator.scene.state import TargetRef
-from simulator.scene.viewpoint import EQUATOR_M, POLE_M, scene_above
-from simulator.targets.library import load_target
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.moonlight import disc_phase
+from flyaround.simulator.scene.illumination.refraction import shadow_profile, sunlight_past_earth
+from flyaround.simulator.scene.state import TargetRef
+from flyaround.simulator.scene.viewpoint import EQUATOR_M, POLE_M, scene_above
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 from tools.validation.rows import Row
 
 if TYPE_CHECKING:
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.illumination.bands import Bands
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.state import SceneState
 
 SIZE, FIELD_RAD = 128, 0.046
 WIDE = 300e3  # height from which the whole Earth is seen [km]

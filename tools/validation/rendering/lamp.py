@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from simulator.scene.illumination.lamp import Lamp, Profile
-from simulator.targets.model import Material
+from flyaround.simulator.scene.illumination.lamp import Lamp, Profile
+from flyaround.simulator.targets.model import Material
 from tools.validation.bare_scene import bare_scene, bare_target, flat_plate, square_camera
 from tools.validation.rows import Row
 
 if TYPE_CHECKING:
-    from simulator.render.renderer import Renderer
+    from flyaround.simulator.render.renderer import Renderer
 
 
 def rows(renderer: Renderer) -> list[Row]:

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.irradiance import spherical_fibonacci
-from simulator.render.view import SUN_RADIUS_M
-from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from flyaround.simulator.render.irradiance import spherical_fibonacci
+from flyaround.simulator.render.view import SUN_RADIUS_M
+from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
 from tools.validation.bare_scene import ball, bare_scene, bare_target, square_camera
 
 if TYPE_CHECKING:
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import Float32Array, FloatArray
-    from simulator.scene.state import Quality
-    from simulator.targets.model import Material
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.scene.state import Quality
+    from flyaround.simulator.targets.model import Material
 
 _RADIUS_M, _RANGE_M = 0.5, 5.0
 _LIT, _FACING = 0.06, 0.15  # cosines: nearer to the terminator and the limb facets and shadow texels decide

@@ -19,18 +19,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.render.irradiance import spherical_fibonacci
-from simulator.render.view import SUN_RADIUS_M
-from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array
-from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, reflectance, sun_irradiance_w_m2
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.render.irradiance import spherical_fibonacci
+from flyaround.simulator.render.view import SUN_RADIUS_M
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, reflectance, sun_irradiance_w_m2
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import SceneState
-    from simulator.targets.model import Material, Target
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Material, Target
 
 SUN_POINTS = 32
 DEPTH = 6

@@ -9,9 +9,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
-from simulator.render.renderer import Renderer
-from simulator.runtime.files import write_atomic
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.files import write_atomic
 from tools.validation.rendering import (
     craft as rendering_craft,
 )

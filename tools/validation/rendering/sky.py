@@ -8,29 +8,29 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.camera.detector.electrons import electrons_per_radiance
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.sensor import Detector, Sensor
-from simulator.render.sky.star_catalogue import stars
-from simulator.runtime.arrays import quat, vec3
-from simulator.scene.environments import NOTHING
-from simulator.scene.illumination.moonlight import moonlight_share
-from simulator.scene.illumination.planets import earth_velocity_c
-from simulator.scene.state import TargetRef
-from simulator.scene.viewpoint import EQUATOR_M, POLE_M, scene_above
-from simulator.targets.library import load_target
-from simulator.world.constants import AU_M, EARTH_RADIUS_M, FLATTENING, SUN_RADIUS_M
-from simulator.world.ephemeris.eclipse import sun_visible_fraction
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from flyaround.simulator.camera.detector.electrons import electrons_per_radiance
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+from flyaround.simulator.render.sky.star_catalogue import stars
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scene.environments import NOTHING
+from flyaround.simulator.scene.illumination.moonlight import moonlight_share
+from flyaround.simulator.scene.illumination.planets import earth_velocity_c
+from flyaround.simulator.scene.state import TargetRef
+from flyaround.simulator.scene.viewpoint import EQUATOR_M, POLE_M, scene_above
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.constants import AU_M, EARTH_RADIUS_M, FLATTENING, SUN_RADIUS_M
+from flyaround.simulator.world.ephemeris.eclipse import sun_visible_fraction
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 from tools.validation.bare_scene import square_camera
 from tools.validation.rows import Row
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.camera_model import Camera
-    from simulator.render.renderer import Renderer
-    from simulator.runtime.arrays import FloatArray
-    from simulator.scene.environments import Environment
-    from simulator.scene.state import SceneState
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.environments import Environment
+    from flyaround.simulator.scene.state import SceneState
 
 LIGHT_M_S, PLANCK_J_S = 299_792_458.0, 6.62607015e-34
 NOTES = """

@@ -7,10 +7,10 @@ from typing import Any, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.model.visibility import hidden, occluders
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.model.visibility import hidden, occluders
 
 Array = np.ndarray
 

@@ -8,15 +8,15 @@ from typing import Any, Dict, List, Tuple, Union
 import cv2
 import numpy as np
 
-from hil.board.svd.base import PoseResult
-from hil.board.svd.debug.overlay import draw_segments, draw_wireframe, grey, label
-from hil.board.svd.debug.synthetic_views import drawn_picture, learned_proposal_picture
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.image.noise import noise_sigma
-from hil.board.svd.image.observation import Trace
-from hil.board.svd.image.weak_gradients import WeakGradientElimination
-from hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.base import PoseResult
+from flyaround.hil.board.svd.debug.overlay import draw_segments, draw_wireframe, grey, label
+from flyaround.hil.board.svd.debug.synthetic_views import drawn_picture, learned_proposal_picture
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.image.noise import noise_sigma
+from flyaround.hil.board.svd.image.observation import Trace
+from flyaround.hil.board.svd.image.weak_gradients import WeakGradientElimination
+from flyaround.hil.board.svd.model.target_model import BoardModel
 
 Array = np.ndarray
 

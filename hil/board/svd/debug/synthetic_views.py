@@ -7,14 +7,14 @@ from typing import List, Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.debug.overlay import draw_wireframe, grey, label
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.propose.learned.learned_proposal import LearnedProposal
-from hil.board.svd.propose.learned.network import INPUT_FILL
-from hil.board.svd.propose.learned.network_input import crop_image, network_inputs
-from hil.board.svd.refine.synthetic_view import Drawn
+from flyaround.hil.board.svd.debug.overlay import draw_wireframe, grey, label
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.propose.learned.learned_proposal import LearnedProposal
+from flyaround.hil.board.svd.propose.learned.network import INPUT_FILL
+from flyaround.hil.board.svd.propose.learned.network_input import crop_image, network_inputs
+from flyaround.hil.board.svd.refine.synthetic_view import Drawn
 
 Array = np.ndarray
 

@@ -7,15 +7,15 @@ from typing import Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.decide.selection import Selection, select
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.hypothesis import Hypothesis
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.model.view_tables import curved
-from hil.board.svd.refine.final import NO_WORSE, refine_to_end
-from hil.board.svd.refine.shadows import search_sun
+from flyaround.hil.board.svd.decide.selection import Selection, select
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.model.view_tables import curved
+from flyaround.hil.board.svd.refine.final import NO_WORSE, refine_to_end
+from flyaround.hil.board.svd.refine.shadows import search_sun
 
 Array = np.ndarray
 

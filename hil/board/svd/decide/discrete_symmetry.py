@@ -7,17 +7,17 @@ from typing import Callable, List, Optional
 
 import numpy as np
 
-from hil.board.svd.decide.selection import Selection, select
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD, alternatives, same_end
-from hil.board.svd.hypotheses.hypothesis import Hypothesis
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.face_gains import OPTICS_PX, blurred
-from hil.board.svd.model.image_patch import Box, cut_patch, target_box
-from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
-from hil.board.svd.refine.final import refine_to_end
-from hil.board.svd.refine.shadows import LitView, search_sun, sharpen_shadows
+from flyaround.hil.board.svd.decide.selection import Selection, select
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD, alternatives, same_end
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.face_gains import OPTICS_PX, blurred
+from flyaround.hil.board.svd.model.image_patch import Box, cut_patch, target_box
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.svd.refine.final import refine_to_end
+from flyaround.hil.board.svd.refine.shadows import LitView, search_sun, sharpen_shadows
 
 Array = np.ndarray
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.board.svd.decide.selection import FINAL_LEAD, Selection, select
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.refine.close import refine_symmetries, refine_tilts
-from hil.board.svd.refine.final import refine_to_end
-from hil.board.svd.refine.parallel import Pruning
+from flyaround.hil.board.svd.decide.selection import FINAL_LEAD, Selection, select
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.refine.close import refine_symmetries, refine_tilts
+from flyaround.hil.board.svd.refine.final import refine_to_end
+from flyaround.hil.board.svd.refine.parallel import Pruning
 
 # Blur of each step of the tilts, who goes on with it, and how far from the end another pose must be [rad].
 CHECK_BLURS, CHECK_PRUNINGS = (

@@ -7,10 +7,10 @@ from typing import List, Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.decide.confidence import Evidence, least_margin
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.hypotheses.ambiguity import (
+from flyaround.hil.board.svd.decide.confidence import Evidence, least_margin
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.geometry.shading import Shading
+from flyaround.hil.board.svd.hypotheses.ambiguity import (
     Alternative,
     alternatives,
     differs,
@@ -19,13 +19,13 @@ from hil.board.svd.hypotheses.ambiguity import (
     was_refined,
     without_duplicates,
 )
-from hil.board.svd.hypotheses.edge_support import Support, support
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
-from hil.board.svd.refine.final import ROUNDS, refine_to_end
-from hil.board.svd.refine.photometric import burnt_share, likeness, photo_draw
-from hil.board.svd.refine.shadows import search_sun
+from flyaround.hil.board.svd.hypotheses.edge_support import Support, support
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.svd.refine.final import ROUNDS, refine_to_end
+from flyaround.hil.board.svd.refine.photometric import burnt_share, likeness, photo_draw
+from flyaround.hil.board.svd.refine.shadows import search_sun
 
 # How many are refined to the end, and with what share of the best score; and where a first round did not settle it.
 FINALS, FINAL_LEAD = 2, 0.85

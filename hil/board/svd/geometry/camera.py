@@ -8,7 +8,7 @@ from typing import Any, Dict, Tuple
 
 import numpy as np
 
-from hil.board.errors import BoardModelError
+from flyaround.hil.board.errors import BoardModelError
 
 Array = np.ndarray
 _COEFFICIENT_COUNTS: Dict[str, Tuple[int, ...]] = {

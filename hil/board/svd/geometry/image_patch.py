@@ -9,8 +9,8 @@ from typing import Any, Dict, Tuple, Union
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.response import Response
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.response import Response
 
 Array = np.ndarray
 

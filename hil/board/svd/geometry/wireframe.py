@@ -8,8 +8,8 @@ from typing import Any, Dict, Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.vectors import cross
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.vectors import cross
 
 Array = np.ndarray
 

@@ -7,8 +7,8 @@ from typing import List, Sequence, Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
 
 Array = np.ndarray
 

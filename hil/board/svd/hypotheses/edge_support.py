@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles, Projection, project
-from hil.board.svd.image.edge_field import EdgeField
-from hil.board.svd.model.silhouette import inward_sign, silhouette
-from hil.board.svd.model.view_tables import ViewTable
-from hil.board.svd.model.visibility import visible_samples
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles, Projection, project
+from flyaround.hil.board.svd.image.edge_field import EdgeField
+from flyaround.hil.board.svd.model.silhouette import inward_sign, silhouette
+from flyaround.hil.board.svd.model.view_tables import ViewTable
+from flyaround.hil.board.svd.model.visibility import visible_samples
 
 Array = np.ndarray
 

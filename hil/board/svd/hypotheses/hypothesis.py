@@ -7,11 +7,11 @@ from typing import Optional
 
 import numpy as np
 
-from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.hypotheses.edge_support import Support
-from hil.board.svd.image.edge_field import EdgeField
-from hil.board.svd.image.region import Region
-from hil.board.svd.model.shadow_map import ShadowMap
+from flyaround.hil.board.svd.geometry.shading import Shading
+from flyaround.hil.board.svd.hypotheses.edge_support import Support
+from flyaround.hil.board.svd.image.edge_field import EdgeField
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.model.shadow_map import ShadowMap
 
 Array = np.ndarray
 

@@ -9,8 +9,8 @@ from typing import Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.images.image_functions import area_average, readable
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.images.image_functions import area_average, readable
 
 Array = np.ndarray
 

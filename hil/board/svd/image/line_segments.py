@@ -5,9 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.images.image_functions import detect_segments
+from flyaround.hil.board.svd.image.weak_gradients import eliminate_weak_gradients
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.images.image_functions import detect_segments
 
 Array = np.ndarray
 

@@ -7,8 +7,8 @@ from typing import Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.images.image_functions import noise_medians, readable
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.images.image_functions import noise_medians, readable
 
 Array = np.ndarray
 

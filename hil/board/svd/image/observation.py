@@ -8,7 +8,7 @@ from typing import Any, Dict, Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.image.noise import clipped_noise
+from flyaround.hil.board.svd.image.noise import clipped_noise
 
 Array = np.ndarray
 

@@ -8,12 +8,12 @@ from typing import Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.photometric import face_gains as native
-from hil.board.svd.native.photometric.image_formation import LEAST_BLUR_PX, blur_reach
+from flyaround.hil.board.svd.geometry.faces import Faces
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.geometry.shading import Shading
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.photometric import face_gains as native
+from flyaround.hil.board.svd.native.photometric.image_formation import LEAST_BLUR_PX, blur_reach
 
 Array = np.ndarray
 

@@ -7,12 +7,12 @@ from typing import Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.image.edge_field import shrink
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.image.edge_field import shrink
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
 
 Array = np.ndarray
 Box = Tuple[int, int, int, int]

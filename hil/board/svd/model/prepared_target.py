@@ -7,13 +7,13 @@ from typing import Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.faces import ROUND_STEPS, Faces
-from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles
-from hil.board.svd.model.shadow_map import ShadowMapTable
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.model.view_tables import ViewTable, build_views, is_round, with_outlines
-from hil.board.svd.model.visibility import occluders, sample_edges
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.faces import ROUND_STEPS, Faces
+from flyaround.hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles
+from flyaround.hil.board.svd.model.shadow_map import ShadowMapTable
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.model.view_tables import ViewTable, build_views, is_round, with_outlines
+from flyaround.hil.board.svd.model.visibility import occluders, sample_edges
 
 Array = np.ndarray
 

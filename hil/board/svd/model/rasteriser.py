@@ -13,12 +13,12 @@ import cv2
 import numpy as np
 
 if TYPE_CHECKING:
-    from hil.board.svd.geometry.camera import CameraIntrinsics
+    from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
 
-from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.raster import rasteriser as native
+from flyaround.hil.board.svd.geometry.faces import Faces
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.raster import rasteriser as native
 
 Array = np.ndarray
 

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.geometry.vectors import cross, length
-from hil.board.svd.model.rasteriser import fill_faces, order_faces
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.raster import shadow_map as native
+from flyaround.hil.board.svd.geometry.faces import Faces
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.geometry.shading import Shading
+from flyaround.hil.board.svd.geometry.vectors import cross, length
+from flyaround.hil.board.svd.model.rasteriser import fill_faces, order_faces
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.raster import shadow_map as native
 
 if TYPE_CHECKING:
-    from hil.board.svd.geometry.camera import CameraIntrinsics
+    from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
 
 Array = np.ndarray
 

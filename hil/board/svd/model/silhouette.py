@@ -7,8 +7,8 @@ from typing import Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.wireframe import OccludingTriangles
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.wireframe import OccludingTriangles
 
 Array = np.ndarray
 

@@ -10,10 +10,10 @@ from typing import Any, Dict, Optional, Tuple, Union
 
 import numpy as np
 
-from hil.board.errors import BoardModelError
-from hil.board.files import read_bounded
-from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.model.occluding_contours import Outlines
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.files import read_bounded
+from flyaround.hil.board.svd.geometry.faces import Faces
+from flyaround.hil.board.svd.model.occluding_contours import Outlines
 
 Array = np.ndarray
 

@@ -10,11 +10,11 @@ from typing import Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles, project
-from hil.board.svd.model.occluding_contours import Outlines
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.model.visibility import visible_samples
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles, project
+from flyaround.hil.board.svd.model.occluding_contours import Outlines
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.model.visibility import visible_samples
 
 Array = np.ndarray
 

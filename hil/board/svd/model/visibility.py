@@ -6,11 +6,11 @@ from typing import Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry.vectors import cross
-from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.raster import visibility as native
+from flyaround.hil.board.svd.geometry.vectors import cross
+from flyaround.hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.raster import visibility as native
 
 Array = np.ndarray
 

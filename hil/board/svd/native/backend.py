@@ -12,8 +12,8 @@ import os
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, Optional, Tuple, TypeVar, cast
 
-from hil.board.errors import KernelError
-from hil.board.svd.native.compiler import compiled_library
+from flyaround.hil.board.errors import KernelError
+from flyaround.hil.board.svd.native.compiler import compiled_library
 
 # Environment variable that chooses: auto (C where it can be had), numpy, native (C, or refuse to run).
 BACKEND_VARIABLE = "FLYAROUND_KERNELS"

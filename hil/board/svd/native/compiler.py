@@ -13,8 +13,8 @@ import tempfile
 from pathlib import Path
 from typing import Tuple
 
-from hil.board.errors import KernelError
-from hil.board.svd.native.library_cache import load_cached, own_folder, store
+from flyaround.hil.board.errors import KernelError
+from flyaround.hil.board.svd.native.library_cache import load_cached, own_folder, store
 
 # Headers first. They travel in the wheel and in the board's bundle as text.
 SOURCES = (
@@ -97,7 +97,7 @@ def compiled_library() -> ctypes.CDLL:
     compiler = shutil.which(os.environ.get("CC", "") or "cc")
     if compiler is None:
         raise KernelError("no C compiler was found (cc, or what CC names)")
-    texts = {name: pkgutil.get_data("hil.board.svd.native", name) or b"" for name in SOURCES}
+    texts = {name: pkgutil.get_data("flyaround.hil.board.svd.native", name) or b"" for name in SOURCES}
     version = run_compiler((compiler, "--version"))
     flags = (*FLAGS, *_simd_flags())
     key = hashlib.sha256(repr((sorted(texts.items()), flags, version, platform.machine())).encode())

@@ -6,12 +6,12 @@ from typing import Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
-from hil.board.svd.image.edge_field import EdgeField
-from hil.board.svd.image.region import Region
-from hil.board.svd.propose.perceptual_groups import Chains
-from hil.board.svd.propose.pnp import plane_poses
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
+from flyaround.hil.board.svd.image.edge_field import EdgeField
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.propose.perceptual_groups import Chains
+from flyaround.hil.board.svd.propose.pnp import plane_poses
 
 Array = np.ndarray
 

@@ -11,18 +11,18 @@ from typing import Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.hypotheses.edge_support import quick_cost
-from hil.board.svd.image.edge_field import EdgeField, edge_field, shrink
-from hil.board.svd.image.line_segments import cleaned_stream, lsd_stream, wge_stream
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.region import Region
-from hil.board.svd.image.segment_merging import merge_segments
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.model.view_tables import ViewTable
-from hil.board.svd.propose.correspondences import pose_hypotheses, stretch_arms
-from hil.board.svd.propose.perceptual_groups import Chains, Lines, image_triads, proximity_pairs
-from hil.board.svd.propose.templates import match_views
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.hypotheses.edge_support import quick_cost
+from flyaround.hil.board.svd.image.edge_field import EdgeField, edge_field, shrink
+from flyaround.hil.board.svd.image.line_segments import cleaned_stream, lsd_stream, wge_stream
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.image.segment_merging import merge_segments
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.model.view_tables import ViewTable
+from flyaround.hil.board.svd.propose.correspondences import pose_hypotheses, stretch_arms
+from flyaround.hil.board.svd.propose.perceptual_groups import Chains, Lines, image_triads, proximity_pairs
+from flyaround.hil.board.svd.propose.templates import match_views
 
 Array = np.ndarray
 

@@ -13,13 +13,13 @@ from typing import List, Optional, Sequence, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
-from hil.board.svd.image.edge_field import edge_field
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.propose.learned.learned_proposal import LearnedProposal, LearnedProposer
-from hil.board.svd.propose.learned.network_input import ImageCrop
-from hil.board.svd.propose.regions import REDUCTION
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
+from flyaround.hil.board.svd.image.edge_field import edge_field
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.propose.learned.learned_proposal import LearnedProposal, LearnedProposer
+from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop
+from flyaround.hil.board.svd.propose.regions import REDUCTION
 
 Array = np.ndarray
 

@@ -11,7 +11,7 @@ from typing import Dict, List, Tuple
 
 import numpy as np
 
-from hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.model.target_model import BoardModel
 
 Array = np.ndarray
 

@@ -7,7 +7,7 @@ from typing import Callable, List, Sequence, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry import quaternion as quat
 
 Array = np.ndarray
 

@@ -7,10 +7,16 @@ from typing import List, Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.image.edge_field import drop_specks, gradient, gradient_noise, thin_edges
-from hil.board.svd.image.region import Region, overlap
-from hil.board.svd.image.weak_gradients import WeakGradientElimination, marginal_interval
-from hil.board.svd.propose.saliency import CELL_PX, boxes, saliency_map, shipped_weights, straight_segments
+from flyaround.hil.board.svd.image.edge_field import drop_specks, gradient, gradient_noise, thin_edges
+from flyaround.hil.board.svd.image.region import Region, overlap
+from flyaround.hil.board.svd.image.weak_gradients import WeakGradientElimination, marginal_interval
+from flyaround.hil.board.svd.propose.saliency import (
+    CELL_PX,
+    boxes,
+    saliency_map,
+    shipped_weights,
+    straight_segments,
+)
 
 Array = np.ndarray
 

@@ -15,8 +15,8 @@ from typing import BinaryIO, List, Optional, Tuple, Union
 import cv2
 import numpy as np
 
-from hil.board.svd.image.edge_field import gradient, gradient_noise
-from hil.board.svd.image.line_segments import lsd_stream
+from flyaround.hil.board.svd.image.edge_field import gradient, gradient_noise
+from flyaround.hil.board.svd.image.line_segments import lsd_stream
 
 Array = np.ndarray
 
@@ -62,7 +62,7 @@ class SaliencyWeights:
 def shipped_weights() -> Optional[SaliencyWeights]:
     """The weights of this package, None where they were left out of an installation."""
     # a bundle is a zip file: its members are read through the importer
-    data = pkgutil.get_data("hil.board.svd.propose", WEIGHTS)
+    data = pkgutil.get_data("flyaround.hil.board.svd.propose", WEIGHTS)
     return None if data is None else SaliencyWeights.read(io.BytesIO(data))
 
 

@@ -10,11 +10,11 @@ from typing import Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.image.edge_field import CHANNELS, EdgeField
-from hil.board.svd.image.region import Region
-from hil.board.svd.model.view_tables import TURNS, ViewTable
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.image.edge_field import CHANNELS, EdgeField
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.model.view_tables import TURNS, ViewTable
 
 Array = np.ndarray
 

@@ -6,7 +6,7 @@ from typing import Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry import quaternion as quat
 
 Array = np.ndarray
 

@@ -7,13 +7,13 @@ from typing import List
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.hypotheses.hypothesis import Hypothesis
-from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
-from hil.board.svd.model.rasteriser import draw_faces, order_faces
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.raster import shadow_map as native
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.raster import shadow_map as native
 
 Array = np.ndarray
 

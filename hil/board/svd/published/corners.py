@@ -8,11 +8,11 @@ from typing import List, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.image.region import Region
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.refine.edges import apply_step, gauss_newton_step, parameter_scale
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.refine.edges import apply_step, gauss_newton_step, parameter_scale
 
 Array = np.ndarray
 

@@ -6,11 +6,11 @@ from typing import Any, Iterator, List, Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
-from hil.board.svd.propose.pnp import from_rotvecs, point_solver
-from hil.board.svd.propose.three_points import three_point_poses
-from hil.board.svd.published.point_groups import PointGroups
-from hil.board.svd.published.settings import PublishedConfig
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
+from flyaround.hil.board.svd.propose.pnp import from_rotvecs, point_solver
+from flyaround.hil.board.svd.propose.three_points import three_point_poses
+from flyaround.hil.board.svd.published.point_groups import PointGroups
+from flyaround.hil.board.svd.published.settings import PublishedConfig
 
 Array = np.ndarray
 Pairs = Tuple[Array, Array]

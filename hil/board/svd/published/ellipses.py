@@ -8,9 +8,9 @@ from typing import List, Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
-from hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
+from flyaround.hil.board.svd.model.target_model import BoardModel
 
 Array = np.ndarray
 

@@ -8,13 +8,20 @@ from typing import Dict, Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.image.edge_field import drop_specks
-from hil.board.svd.image.line_segments import SH_GAP, SH_LENGTH, WGE_GAP, WGE_LENGTH, hough, lsd_stream
-from hil.board.svd.image.region import Region
-from hil.board.svd.image.segment_merging import merge_segments
-from hil.board.svd.image.weak_gradients import WeakGradientElimination, marginal_interval, prewitt
-from hil.board.svd.published.ellipses import EllipseFit, hough_ellipses
-from hil.board.svd.published.settings import PublishedConfig
+from flyaround.hil.board.svd.image.edge_field import drop_specks
+from flyaround.hil.board.svd.image.line_segments import (
+    SH_GAP,
+    SH_LENGTH,
+    WGE_GAP,
+    WGE_LENGTH,
+    hough,
+    lsd_stream,
+)
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.image.segment_merging import merge_segments
+from flyaround.hil.board.svd.image.weak_gradients import WeakGradientElimination, marginal_interval, prewitt
+from flyaround.hil.board.svd.published.ellipses import EllipseFit, hough_ellipses
+from flyaround.hil.board.svd.published.settings import PublishedConfig
 
 Array = np.ndarray
 

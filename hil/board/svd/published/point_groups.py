@@ -7,8 +7,8 @@ from typing import Dict, List
 
 import numpy as np
 
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.propose.perceptual_groups import (
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.propose.perceptual_groups import (
     Chains,
     Lines,
     antennas,

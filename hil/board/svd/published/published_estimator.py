@@ -6,23 +6,23 @@ from typing import List, NamedTuple, Tuple
 
 import numpy as np
 
-from hil.board.svd.base import Estimator, PoseResult, decided
-from hil.board.svd.decide.selection import select_by_edges
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.hypotheses.ambiguity import alternatives, differs
-from hil.board.svd.hypotheses.edge_support import quick_cost, support
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
-from hil.board.svd.image.edge_field import edge_field, shrink
-from hil.board.svd.image.noise import noise_sigma
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.region import Region
-from hil.board.svd.image.weak_gradients import WeakGradientElimination, eliminate_weak_gradients
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.propose.edge_search import FINE_PX, MARGIN, views_for
-from hil.board.svd.propose.regions import REDUCTION, propose_regions
-from hil.board.svd.published.corners import (
+from flyaround.hil.board.svd.base import Estimator, PoseResult, decided
+from flyaround.hil.board.svd.decide.selection import select_by_edges
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.hypotheses.ambiguity import alternatives, differs
+from flyaround.hil.board.svd.hypotheses.edge_support import quick_cost, support
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
+from flyaround.hil.board.svd.image.edge_field import edge_field, shrink
+from flyaround.hil.board.svd.image.noise import noise_sigma
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.image.weak_gradients import WeakGradientElimination, eliminate_weak_gradients
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.propose.edge_search import FINE_PX, MARGIN, views_for
+from flyaround.hil.board.svd.propose.regions import REDUCTION, propose_regions
+from flyaround.hil.board.svd.published.corners import (
     CornerMap,
     corner_map,
     model_corners,
@@ -30,12 +30,12 @@ from hil.board.svd.published.corners import (
     refine_on_corners,
     reprojection,
 )
-from hil.board.svd.published.correspondence_search import solve_all
-from hil.board.svd.published.ellipses import circle_poses, model_circles
-from hil.board.svd.published.line_streams import Streams, cdf_box, find_streams
-from hil.board.svd.published.point_groups import PointGroups, image_point_groups, model_point_groups
-from hil.board.svd.published.settings import PublishedConfig
-from hil.board.svd.refine.final_edges import refine_on_edges
+from flyaround.hil.board.svd.published.correspondence_search import solve_all
+from flyaround.hil.board.svd.published.ellipses import circle_poses, model_circles
+from flyaround.hil.board.svd.published.line_streams import Streams, cdf_box, find_streams
+from flyaround.hil.board.svd.published.point_groups import PointGroups, image_point_groups, model_point_groups
+from flyaround.hil.board.svd.published.settings import PublishedConfig
+from flyaround.hil.board.svd.refine.final_edges import refine_on_edges
 
 Array = np.ndarray
 

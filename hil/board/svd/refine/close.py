@@ -6,15 +6,15 @@ from typing import List, Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD, SPREAD_RAD, without_duplicates
-from hil.board.svd.hypotheses.hypothesis import Hypothesis
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.image_patch import Box, cut_patch, target_box
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.propose.variants import TILT_RAD, near_symmetries, over_its_image, tilts
-from hil.board.svd.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD, SPREAD_RAD, without_duplicates
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.image_patch import Box, cut_patch, target_box
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.propose.variants import TILT_RAD, near_symmetries, over_its_image, tilts
+from flyaround.hil.board.svd.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
 
 # How many are compared with the winner, and where those of a first round did not settle it.
 RIVALS, ALL_RIVALS = 3, 7

@@ -6,15 +6,15 @@ from typing import List, Sequence
 
 import numpy as np
 
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.hypotheses.ambiguity import spread_in_attitude
-from hil.board.svd.hypotheses.hypothesis import Hypothesis
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.image_patch import cut_patch, pinhole_box
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.propose.edge_search import MARGIN
-from hil.board.svd.propose.learned.network_input import ImageCrop
-from hil.board.svd.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.hypotheses.ambiguity import spread_in_attitude
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.image_patch import cut_patch, pinhole_box
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.propose.edge_search import MARGIN
+from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop
+from flyaround.hil.board.svd.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
 
 # Hypotheses of a region looked at at first and where those did not settle it, and those refined of them. Before empty
 # space eight of a learned proposal's sixteen led as far as all; before the Earth three of 266 development frames were

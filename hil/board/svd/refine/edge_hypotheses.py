@@ -9,15 +9,15 @@ from typing import List, Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.edge_support import quick_cost, support
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
-from hil.board.svd.image.edge_field import EdgeField
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.propose.edge_search import RegionEdges
-from hil.board.svd.propose.variants import near_symmetries, neighbours
-from hil.board.svd.refine.edges import align_to_field
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.hypotheses.edge_support import quick_cost, support
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
+from flyaround.hil.board.svd.image.edge_field import EdgeField
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.propose.edge_search import RegionEdges
+from flyaround.hil.board.svd.propose.variants import near_symmetries, neighbours
+from flyaround.hil.board.svd.refine.edges import align_to_field
 
 Array = np.ndarray
 

@@ -9,14 +9,14 @@ from typing import Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles, jacobian, project
-from hil.board.svd.hypotheses.hypothesis import EdgeFit, PoseFit
-from hil.board.svd.image.edge_field import EdgeField
-from hil.board.svd.model.silhouette import inward_sign, silhouette
-from hil.board.svd.model.view_tables import ViewTable
-from hil.board.svd.refine.robust import geman_mcclure, tukey
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles, jacobian, project
+from flyaround.hil.board.svd.hypotheses.hypothesis import EdgeFit, PoseFit
+from flyaround.hil.board.svd.image.edge_field import EdgeField
+from flyaround.hil.board.svd.model.silhouette import inward_sign, silhouette
+from flyaround.hil.board.svd.model.view_tables import ViewTable
+from flyaround.hil.board.svd.refine.robust import geman_mcclure, tukey
 
 Array = np.ndarray
 

@@ -6,17 +6,17 @@ from typing import Dict, List
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.edge_support import support
-from hil.board.svd.hypotheses.hypothesis import Hypothesis
-from hil.board.svd.image.edge_field import gradient, gradient_noise, shrink
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.region import Region
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.model.visibility import visible_samples
-from hil.board.svd.propose.edge_search import MARGIN
-from hil.board.svd.propose.variants import near_symmetries, neighbours
-from hil.board.svd.refine.edges import Gradients, fine_align
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.hypotheses.edge_support import support
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis
+from flyaround.hil.board.svd.image.edge_field import gradient, gradient_noise, shrink
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.model.visibility import visible_samples
+from flyaround.hil.board.svd.propose.edge_search import MARGIN
+from flyaround.hil.board.svd.propose.variants import near_symmetries, neighbours
+from flyaround.hil.board.svd.refine.edges import Gradients, fine_align
 
 # Leaders refined, and how far behind the first they may be in total support.
 LEADERS, LEAD = 6, 0.1

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.photometric import normal_equations as native
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.faces import Faces
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.geometry.shading import Shading
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.photometric import normal_equations as native
 
 Array = np.ndarray
 

@@ -11,12 +11,12 @@ from typing import Any, Callable, Dict, List, Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.hypotheses.ambiguity import converges_elsewhere
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, drawn
-from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
-from hil.board.svd.refine.photometric import explained, photo_draw, photo_step
-from hil.board.svd.refine.shadows import search_sun
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.hypotheses.ambiguity import converges_elsewhere
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, drawn
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.svd.refine.photometric import explained, photo_draw, photo_step
+from flyaround.hil.board.svd.refine.shadows import search_sun
 
 # An alignment that leaves the size it started from by more has gone astray: logarithm of the range.
 ASTRAY = 0.3

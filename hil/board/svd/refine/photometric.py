@@ -7,20 +7,20 @@ from typing import Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.hypotheses.hypothesis import PoseFit
-from hil.board.svd.model.face_gains import OPTICS_PX, blurred, coverage, shade
-from hil.board.svd.model.rasteriser import draw_faces, order_faces
-from hil.board.svd.model.shadow_map import ShadowMap
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.photometric import face_gains as native_gains
-from hil.board.svd.native.photometric import normal_equations as native_step
-from hil.board.svd.refine.edges import limit_one_step, parameter_scale
-from hil.board.svd.refine.motion_images import motion_images
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.faces import Faces
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.geometry.shading import Shading
+from flyaround.hil.board.svd.hypotheses.hypothesis import PoseFit
+from flyaround.hil.board.svd.model.face_gains import OPTICS_PX, blurred, coverage, shade
+from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
+from flyaround.hil.board.svd.model.shadow_map import ShadowMap
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.photometric import face_gains as native_gains
+from flyaround.hil.board.svd.native.photometric import normal_equations as native_step
+from flyaround.hil.board.svd.refine.edges import limit_one_step, parameter_scale
+from flyaround.hil.board.svd.refine.motion_images import motion_images
 
 Array = np.ndarray
 

@@ -7,15 +7,21 @@ from typing import List, Optional
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.image_patch import cut_patch, target_box
-from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
-from hil.board.svd.model.shadow_map import ShadowMap
-from hil.board.svd.refine.final import FAR_RAD, FINAL_PX, ROUND_FINAL_PX
-from hil.board.svd.refine.photometric import JOINT_AT_END, explained, photo_draw, photo_shade, photo_step
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.svd.model.shadow_map import ShadowMap
+from flyaround.hil.board.svd.refine.final import FAR_RAD, FINAL_PX, ROUND_FINAL_PX
+from flyaround.hil.board.svd.refine.photometric import (
+    JOINT_AT_END,
+    explained,
+    photo_draw,
+    photo_shade,
+    photo_step,
+)
 
 # What shadows must explain beyond the target without them, and the side of their picture from the Sun [px]. Below that
 # any Sun does, another one for each rounding of the sums, and each pulls the pose its way: of 60 frames by the C and by

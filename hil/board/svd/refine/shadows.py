@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Optional
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.model.shadow_map import ShadowMap
-from hil.board.svd.refine.photometric import explained, photo_draw, photo_shade
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.shading import Shading
+from flyaround.hil.board.svd.model.shadow_map import ShadowMap
+from flyaround.hil.board.svd.refine.photometric import explained, photo_draw, photo_shade
 
 if TYPE_CHECKING:
-    from hil.board.svd.geometry.faces import Faces
-    from hil.board.svd.geometry.image_patch import ImagePatch
-    from hil.board.svd.model.prepared_target import PreparedTarget
+    from flyaround.hil.board.svd.geometry.faces import Faces
+    from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+    from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
 
 Array = np.ndarray
 

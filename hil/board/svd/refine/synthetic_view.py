@@ -7,13 +7,13 @@ from typing import Optional
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.face_gains import OPTICS_PX, blurred
-from hil.board.svd.model.image_patch import cut_patch, target_box
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.refine.photometric import photo_draw
-from hil.board.svd.refine.shadows import search_sun
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.face_gains import OPTICS_PX, blurred
+from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.refine.photometric import photo_draw
+from flyaround.hil.board.svd.refine.shadows import search_sun
 
 Array = np.ndarray
 

@@ -8,13 +8,13 @@ from typing import Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.vectors import cross
-from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles, jacobian, project
-from hil.board.svd.model.visibility import visible_samples
-from hil.board.svd.refine.edges import gauss_newton_step, parameter_scale
-from hil.board.svd.refine.robust import tukey
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.vectors import cross
+from flyaround.hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles, jacobian, project
+from flyaround.hil.board.svd.model.visibility import visible_samples
+from flyaround.hil.board.svd.refine.edges import gauss_newton_step, parameter_scale
+from flyaround.hil.board.svd.refine.robust import tukey
 
 Array = np.ndarray
 

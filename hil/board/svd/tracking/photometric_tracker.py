@@ -7,16 +7,16 @@ from typing import Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.hypotheses.hypothesis import PoseFit
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.image_patch import cut_patch, target_box
-from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
-from hil.board.svd.model.shadow_map import ShadowMap
-from hil.board.svd.refine.photometric import explained, photo_draw, photo_shade, photo_step
-from hil.board.svd.refine.shadows import search_sun
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.geometry.shading import Shading
+from flyaround.hil.board.svd.hypotheses.hypothesis import PoseFit
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.svd.model.shadow_map import ShadowMap
+from flyaround.hil.board.svd.refine.photometric import explained, photo_draw, photo_shade, photo_step
+from flyaround.hil.board.svd.refine.shadows import search_sun
 
 Array = np.ndarray
 Pose = Tuple[Array, Array]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry import quaternion as quat
 
 Array = np.ndarray
 

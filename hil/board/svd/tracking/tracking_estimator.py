@@ -7,17 +7,17 @@ from typing import Any, Optional
 
 import numpy as np
 
-from hil.board.svd.base import Estimator, PoseResult
-from hil.board.svd.estimator import PoseEstimator
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.hypotheses.ambiguity import largest_sigma
-from hil.board.svd.image.noise import noise_sigma
-from hil.board.svd.image.observation import Observation, Trace
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.tracking.edge_tracker import TrackFit, track_edges
-from hil.board.svd.tracking.photometric_tracker import align_photometrically, find_sun
-from hil.board.svd.tracking.pose_filter import TrackState, first_state, innovation, predict, update
+from flyaround.hil.board.svd.base import Estimator, PoseResult
+from flyaround.hil.board.svd.estimator import PoseEstimator
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.hypotheses.ambiguity import largest_sigma
+from flyaround.hil.board.svd.image.noise import noise_sigma
+from flyaround.hil.board.svd.image.observation import Observation, Trace
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.tracking.edge_tracker import TrackFit, track_edges
+from flyaround.hil.board.svd.tracking.photometric_tracker import align_photometrically, find_sun
+from flyaround.hil.board.svd.tracking.pose_filter import TrackState, first_state, innovation, predict, update
 
 Array = np.ndarray
 

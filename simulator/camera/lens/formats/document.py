@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
-from simulator.camera.lens.formats.xml_text import parse_xml
-from simulator.camera.lens.formats.yaml_text import NUMBER, parse_yaml, scalar
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import decode_text, refuse_deep
+from flyaround.simulator.camera.lens.formats.xml_text import parse_xml
+from flyaround.simulator.camera.lens.formats.yaml_text import NUMBER, parse_yaml, scalar
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import decode_text, refuse_deep
 
 Syntax = Literal["json", "yaml", "xml", "ini", "colmap"]
 _LINK = re.compile(r"[_\- ]")

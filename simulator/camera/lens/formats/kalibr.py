@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from simulator.camera.lens.formats.keys import Keys, flat_numbers
-from simulator.camera.lens.formats.lens import camera_file, named_model, not_drawn
-from simulator.camera.lens.formats.yaml_text import yaml_text
-from simulator.errors import UserError
+from flyaround.simulator.camera.lens.formats.keys import Keys, flat_numbers
+from flyaround.simulator.camera.lens.formats.lens import camera_file, named_model, not_drawn
+from flyaround.simulator.camera.lens.formats.yaml_text import yaml_text
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.distortion import DistortionModel
-    from simulator.camera.lens.files_native import CameraFile
-    from simulator.camera.lens.formats.document import Document
+    from flyaround.simulator.camera.lens.distortion import DistortionModel
+    from flyaround.simulator.camera.lens.files_native import CameraFile
+    from flyaround.simulator.camera.lens.formats.document import Document
 
 _RIG = """
     T_cn_cnm1 T_cam_imu T_imu_cam T_BS timeshift_cam_imu cam_overlaps overlaps

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
-from simulator.camera.lens.formats.document import plain_name
-from simulator.camera.lens.formats.yaml_text import NUMBER
-from simulator.errors import UserError, near_names
+from flyaround.simulator.camera.lens.formats.document import plain_name
+from flyaround.simulator.camera.lens.formats.yaml_text import NUMBER
+from flyaround.simulator.errors import UserError, near_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from simulator.camera.lens.distortion import COEFFICIENT_COUNTS, DistortionModel
-from simulator.camera.lens.files_native import CameraFile
-from simulator.camera.lens.formats.document import plain_name
-from simulator.errors import UserError
+from flyaround.simulator.camera.lens.distortion import COEFFICIENT_COUNTS, DistortionModel
+from flyaround.simulator.camera.lens.files_native import CameraFile
+from flyaround.simulator.camera.lens.formats.document import plain_name
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from simulator.camera.lens.formats.keys import Keys
+    from flyaround.simulator.camera.lens.formats.keys import Keys
 
 _RECALIBRATE = (
     "calibrate with radial and tangential terms (cv2.calibrateCamera, Kalibr's pinhole-radtan) or with the equidistant "

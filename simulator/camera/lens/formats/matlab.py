@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.lens.formats.keys import Keys, camera_matrix
-from simulator.camera.lens.formats.lens import camera_file, not_drawn
+from flyaround.simulator.camera.lens.formats.keys import Keys, camera_matrix
+from flyaround.simulator.camera.lens.formats.lens import camera_file, not_drawn
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.files_native import CameraFile
-    from simulator.camera.lens.formats.document import Document
+    from flyaround.simulator.camera.lens.files_native import CameraFile
+    from flyaround.simulator.camera.lens.formats.document import Document
 
 ONE_BASED_PX = -1.0
 _FISHEYE = ("MappingCoefficients", "StretchMatrix", "DistortionCenter")

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from simulator.camera.lens.files_native import CameraFile
-from simulator.camera.lens.intrinsics import LensFile
-from simulator.errors import UserError
-from simulator.runtime.validation_errors import explain
+from flyaround.simulator.camera.lens.files_native import CameraFile
+from flyaround.simulator.camera.lens.intrinsics import LensFile
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.validation_errors import explain
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.formats.document import Document
+    from flyaround.simulator.camera.lens.formats.document import Document
 
 _DATA_SHEET = {"focal_length_mm", "pixel_pitch_um", "sensor_size_mm", "aperture_angle_deg"}
 _OWN = {*CameraFile.__struct_fields__, *LensFile.__struct_fields__} - {"name", "notes", "distortion"}

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.camera.lens.formats.document import plain_name
-from simulator.camera.lens.formats.keys import Keys
-from simulator.camera.lens.formats.lens import camera_file, named_model
-from simulator.camera.lens.formats.yaml_text import yaml_text
+from flyaround.simulator.camera.lens.formats.document import plain_name
+from flyaround.simulator.camera.lens.formats.keys import Keys
+from flyaround.simulator.camera.lens.formats.lens import camera_file, named_model
+from flyaround.simulator.camera.lens.formats.yaml_text import yaml_text
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.files_native import CameraFile
-    from simulator.camera.lens.formats.document import Document
+    from flyaround.simulator.camera.lens.files_native import CameraFile
+    from flyaround.simulator.camera.lens.formats.document import Document
 
 MATRIX = ("camera_matrix", "camera_mtx", "cam_matrix", "intrinsic_matrix", "mtx", "K")
 _COEFFICIENTS = (

@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from simulator.camera.lens.formats.keys import Keys, camera_matrix, flat_numbers
-from simulator.camera.lens.formats.lens import camera_file, not_drawn
-from simulator.errors import UserError
+from flyaround.simulator.camera.lens.formats.keys import Keys, camera_matrix, flat_numbers
+from flyaround.simulator.camera.lens.formats.lens import camera_file, not_drawn
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.distortion import DistortionModel
-    from simulator.camera.lens.files_native import CameraFile
-    from simulator.camera.lens.formats.document import Document
+    from flyaround.simulator.camera.lens.distortion import DistortionModel
+    from flyaround.simulator.camera.lens.files_native import CameraFile
+    from flyaround.simulator.camera.lens.formats.document import Document
 
 # model: names of its parameters; 0 stands for a coefficient that ours has and COLMAP's has not
 _COLMAP_MODELS: dict[str, tuple[DistortionModel, str, str]] = {

@@ -8,14 +8,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from simulator.camera.lens.formats import kalibr, matlab, native, opencv, reconstruction, slam, speed
-from simulator.errors import UserError, near_names
+from flyaround.simulator.camera.lens.formats import (
+    kalibr,
+    matlab,
+    native,
+    opencv,
+    reconstruction,
+    slam,
+    speed,
+)
+from flyaround.simulator.errors import UserError, near_names
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.camera.lens.files_native import CameraFile
-    from simulator.camera.lens.formats.document import Document
+    from flyaround.simulator.camera.lens.files_native import CameraFile
+    from flyaround.simulator.camera.lens.formats.document import Document
 
 __all__ = ["CAMERA_FORMATS", "WRITTEN", "CameraFormat", "camera_text", "read_camera_document"]
 

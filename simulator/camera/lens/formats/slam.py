@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from simulator.camera.lens.formats.keys import Keys
-from simulator.camera.lens.formats.lens import camera_file, not_drawn
-from simulator.errors import UserError
+from flyaround.simulator.camera.lens.formats.keys import Keys
+from flyaround.simulator.camera.lens.formats.lens import camera_file, not_drawn
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.distortion import DistortionModel
-    from simulator.camera.lens.files_native import CameraFile
-    from simulator.camera.lens.formats.document import Document
+    from flyaround.simulator.camera.lens.distortion import DistortionModel
+    from flyaround.simulator.camera.lens.files_native import CameraFile
+    from flyaround.simulator.camera.lens.formats.document import Document
 
 _PINHOLES, _FISHEYES = ("pinhole", "perspective"), ("kannalabrandt8", "fisheye")
 # settings of the program, of its second camera and of images that it rectified itself

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.lens.formats.keys import Keys, Matrix
-from simulator.camera.lens.formats.lens import camera_file
-from simulator.camera.lens.formats.opencv import matrix_of
-from simulator.errors import UserError
+from flyaround.simulator.camera.lens.formats.keys import Keys, Matrix
+from flyaround.simulator.camera.lens.formats.lens import camera_file
+from flyaround.simulator.camera.lens.formats.opencv import matrix_of
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from simulator.camera.lens.files_native import CameraFile
-    from simulator.camera.lens.formats.document import Document
+    from flyaround.simulator.camera.lens.files_native import CameraFile
+    from flyaround.simulator.camera.lens.formats.document import Document
 
 _PITCH_UM = 5.86
 _CENTRE_PX = 1.0  # of matrix and ccx, ccy: some sets count from corners

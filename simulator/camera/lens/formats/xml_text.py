@@ -6,9 +6,9 @@ import re
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from simulator.camera.lens.formats.yaml_text import scalar
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import MOST_DEEP
+from flyaround.simulator.camera.lens.formats.yaml_text import scalar
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import MOST_DEEP
 
 ROOT = "opencv_storage"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import MOST_DEEP
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import MOST_DEEP
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -11,24 +11,24 @@ Frame: origin at the middle of the lower deck's underside, z along the docking a
 
 from __future__ import annotations
 
-from simulator.targets.craft.assemble import assemble_lumped
-from simulator.targets.craft.change6.body import build_body, build_propulsion, build_tanks
-from simulator.targets.craft.change6.dimensions import (
+from flyaround.simulator.targets.craft.assemble import assemble_lumped
+from flyaround.simulator.targets.craft.change6.body import build_body, build_propulsion, build_tanks
+from flyaround.simulator.targets.craft.change6.dimensions import (
     ENGINE_LENGTH_M,
     ENGINE_TOP_M,
     PORT_TOP_M,
 )
-from simulator.targets.craft.change6.fittings import build_deck, build_sides
-from simulator.targets.craft.change6.labels import (
+from flyaround.simulator.targets.craft.change6.fittings import build_deck, build_sides
+from flyaround.simulator.targets.craft.change6.labels import (
     build_keypoints,
     build_lumps,
     build_occluders,
     build_wireframe,
 )
-from simulator.targets.craft.change6.wings import build_wings
-from simulator.targets.craft.finishes import FINISHES
-from simulator.targets.level_of_detail import Detail
-from simulator.targets.model import Target
+from flyaround.simulator.targets.craft.change6.wings import build_wings
+from flyaround.simulator.targets.craft.finishes import FINISHES
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Target
 
 NOTES = (
     "Origin at the middle of the lower deck, z away from the engine. Width and arrangement from public releases; "

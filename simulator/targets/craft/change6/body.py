@@ -6,12 +6,12 @@ import itertools
 
 import numpy as np
 
-from simulator.runtime.arrays import FloatArray
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.prism import prism
-from simulator.targets.builders.solids import box, lathe, rod, truss
-from simulator.targets.craft.change6.dimensions import (
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.prism import prism
+from flyaround.simulator.targets.builders.solids import box, lathe, rod, truss
+from flyaround.simulator.targets.craft.change6.dimensions import (
     BODY_TOP_M,
     CORE_INSET_M,
     DECK_M,
@@ -24,9 +24,9 @@ from simulator.targets.craft.change6.dimensions import (
     TANK_Z_M,
     octagon,
 )
-from simulator.targets.craft.hardware import bolts, nozzle, sphere, thruster, tube
-from simulator.targets.craft.place import turn_z
-from simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.craft.hardware import bolts, nozzle, sphere, thruster, tube
+from flyaround.simulator.targets.craft.place import turn_z
+from flyaround.simulator.targets.level_of_detail import Detail, facets
 
 
 def build_body(detail: Detail) -> list[Piece]:

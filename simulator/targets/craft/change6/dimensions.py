@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from simulator.runtime.arrays import FloatArray
-from simulator.targets.builders.cells import clipped_rectangle
-from simulator.targets.builders.prism import circle
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.targets.builders.cells import clipped_rectangle
+from flyaround.simulator.targets.builders.prism import circle
 
 WIDTH_M = 1.50
 CUT_M = 0.36

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.solids import box, cone, lathe, rod, truss
-from simulator.targets.craft.change6.dimensions import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.solids import box, cone, lathe, rod, truss
+from flyaround.simulator.targets.craft.change6.dimensions import (
     BODY_TOP_M,
     CORE_INSET_M,
     GRIP_RADIUS_M,
@@ -16,9 +16,9 @@ from simulator.targets.craft.change6.dimensions import (
     PORT_TOP_M,
     WIDTH_M,
 )
-from simulator.targets.craft.hardware import cup, star_tracker, tube
-from simulator.targets.craft.place import both_sides, turn_z
-from simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.craft.hardware import cup, star_tracker, tube
+from flyaround.simulator.targets.craft.place import both_sides, turn_z
+from flyaround.simulator.targets.level_of_detail import Detail, facets
 
 
 def build_deck(detail: Detail) -> list[Piece]:

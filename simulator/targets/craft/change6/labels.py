@@ -6,12 +6,12 @@ import itertools
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.targets.builders.mass import MassElement
-from simulator.targets.builders.mesh import Mesh
-from simulator.targets.builders.prism import prism
-from simulator.targets.builders.solids import cone
-from simulator.targets.craft.change6.dimensions import (
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.targets.builders.mass import MassElement
+from flyaround.simulator.targets.builders.mesh import Mesh
+from flyaround.simulator.targets.builders.prism import prism
+from flyaround.simulator.targets.builders.solids import cone
+from flyaround.simulator.targets.craft.change6.dimensions import (
     BODY_TOP_M,
     CORE_INSET_M,
     DECK_M,
@@ -31,10 +31,10 @@ from simulator.targets.craft.change6.dimensions import (
     octagon,
     wing_outline,
 )
-from simulator.targets.craft.hardware import sphere
-from simulator.targets.craft.place import both_sides
-from simulator.targets.craft.wire import prism_edges, rim_point, ring_edges
-from simulator.targets.model import Edge
+from flyaround.simulator.targets.craft.hardware import sphere
+from flyaround.simulator.targets.craft.place import both_sides
+from flyaround.simulator.targets.craft.wire import prism_edges, rim_point, ring_edges
+from flyaround.simulator.targets.model import Edge
 
 
 def build_keypoints() -> dict[str, Vec3]:

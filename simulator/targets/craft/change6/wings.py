@@ -6,12 +6,12 @@ import itertools
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.cells import clipped_rectangle
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.prism import circle, prism, rectangle
-from simulator.targets.builders.solids import box, rod
-from simulator.targets.craft.change6.dimensions import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.cells import clipped_rectangle
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.prism import circle, prism, rectangle
+from flyaround.simulator.targets.builders.solids import box, rod
+from flyaround.simulator.targets.craft.change6.dimensions import (
     CELL_M,
     CORE_INSET_M,
     WIDTH_M,
@@ -22,8 +22,8 @@ from simulator.targets.craft.change6.dimensions import (
     WING_Z_M,
     wing_outline,
 )
-from simulator.targets.craft.place import both_sides
-from simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.craft.place import both_sides
+from flyaround.simulator.targets.level_of_detail import Detail, facets
 
 
 def build_wings(detail: Detail) -> list[Piece]:

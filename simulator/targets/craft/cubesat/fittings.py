@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import merge, unit
-from simulator.targets.builders.solids import box, cone, rod
-from simulator.targets.craft.finishes import FINISHES
-from simulator.targets.craft.hardware import cup, tape, tube
-from simulator.targets.craft.place import placed_pieces
-from simulator.targets.craft.solar import CellField, busbars, cells
-from simulator.targets.level_of_detail import Detail, facets
-from simulator.targets.model import Material
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import merge, unit
+from flyaround.simulator.targets.builders.solids import box, cone, rod
+from flyaround.simulator.targets.craft.finishes import FINISHES
+from flyaround.simulator.targets.craft.hardware import cup, tape, tube
+from flyaround.simulator.targets.craft.place import placed_pieces
+from flyaround.simulator.targets.craft.solar import CellField, busbars, cells
+from flyaround.simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.model import Material
 
 CELL_X_M, CELL_Y_M = 0.040, 0.080
 """A large triple-junction cell as sold for CubeSats (Azur Space 3G28 and 3G30: 40 x 80 mm, two corners cut)."""

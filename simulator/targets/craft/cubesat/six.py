@@ -12,13 +12,13 @@ import itertools
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import MassElement
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.prism import rectangle
-from simulator.targets.builders.solids import box, cone
-from simulator.targets.craft.assemble import assemble_lumped
-from simulator.targets.craft.cubesat.fittings import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mass import MassElement
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.prism import rectangle
+from flyaround.simulator.targets.builders.solids import box, cone
+from flyaround.simulator.targets.craft.assemble import assemble_lumped
+from flyaround.simulator.targets.craft.cubesat.fittings import (
     BOARD_BLACK,
     RIM_M,
     face_cells,
@@ -28,18 +28,18 @@ from simulator.targets.craft.cubesat.fittings import (
     sun_sensor,
     telescope,
 )
-from simulator.targets.craft.cubesat.structure import (
+from flyaround.simulator.targets.craft.cubesat.structure import (
     U6,
     body_occluder,
     corner_keypoints,
     rail_edges,
     structure,
 )
-from simulator.targets.craft.cubesat.wings import Wings
-from simulator.targets.craft.hardware import star_tracker, thruster
-from simulator.targets.craft.wire import prism_edges, rim_point, ring_edges
-from simulator.targets.level_of_detail import Detail, facets
-from simulator.targets.model import Edge, Target
+from flyaround.simulator.targets.craft.cubesat.wings import Wings
+from flyaround.simulator.targets.craft.hardware import star_tracker, thruster
+from flyaround.simulator.targets.craft.wire import prism_edges, rim_point, ring_edges
+from flyaround.simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.model import Edge, Target
 
 WINGS = Wings(
     root_x_m=U6.x_m / 2,

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.solids import box
-from simulator.targets.craft.hardware import socket_screws
-from simulator.targets.level_of_detail import Detail
-from simulator.targets.model import Edge
-from simulator.targets.tango.labels import box_edges
+from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.solids import box
+from flyaround.simulator.targets.craft.hardware import socket_screws
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Edge
+from flyaround.simulator.targets.tango.labels import box_edges
 
 RAIL_M = 0.0085
 RAIL_EDGE_M = 0.0009

@@ -8,13 +8,13 @@ this model's own. A craft of this size has about 7,000 triangles to show.
 
 from __future__ import annotations
 
-from simulator.runtime.arrays import Vec3
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import MassElement
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.solids import box, rod
-from simulator.targets.craft.assemble import assemble_lumped
-from simulator.targets.craft.cubesat.fittings import (
+from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mass import MassElement
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.solids import box, rod
+from flyaround.simulator.targets.craft.assemble import assemble_lumped
+from flyaround.simulator.targets.craft.cubesat.fittings import (
     BOARD_GOLD,
     RIM_M,
     face_cells,
@@ -25,7 +25,7 @@ from simulator.targets.craft.cubesat.fittings import (
     tape_antenna,
     telescope,
 )
-from simulator.targets.craft.cubesat.structure import (
+from flyaround.simulator.targets.craft.cubesat.structure import (
     RIB_M,
     U1,
     body_occluder,
@@ -33,10 +33,10 @@ from simulator.targets.craft.cubesat.structure import (
     rail_edges,
     structure,
 )
-from simulator.targets.craft.hardware import socket_screws
-from simulator.targets.craft.wire import axis_edge
-from simulator.targets.level_of_detail import Detail, facets
-from simulator.targets.model import Target
+from flyaround.simulator.targets.craft.hardware import socket_screws
+from flyaround.simulator.targets.craft.wire import axis_edge
+from flyaround.simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.model import Target
 
 UHF_M, VHF_M = 0.180, 0.610
 BOARD_M = 0.0032

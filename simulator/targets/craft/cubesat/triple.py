@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import MassElement
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.prism import circle, rectangle
-from simulator.targets.builders.prism import prism as plate
-from simulator.targets.builders.solids import box, rod
-from simulator.targets.craft.assemble import assemble_lumped
-from simulator.targets.craft.cubesat.fittings import (
+from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mass import MassElement
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.prism import circle, rectangle
+from flyaround.simulator.targets.builders.prism import prism as plate
+from flyaround.simulator.targets.builders.solids import box, rod
+from flyaround.simulator.targets.craft.assemble import assemble_lumped
+from flyaround.simulator.targets.craft.cubesat.fittings import (
     BOARD_BLACK,
     RIM_M,
     face_cells,
@@ -29,18 +29,18 @@ from simulator.targets.craft.cubesat.fittings import (
     tape_antenna,
     telescope,
 )
-from simulator.targets.craft.cubesat.structure import (
+from flyaround.simulator.targets.craft.cubesat.structure import (
     U3,
     body_occluder,
     corner_keypoints,
     rail_edges,
     structure,
 )
-from simulator.targets.craft.cubesat.wings import Wings
-from simulator.targets.craft.hardware import star_tracker
-from simulator.targets.craft.wire import axis_edge, rim_point, ring_edges
-from simulator.targets.level_of_detail import Detail, facets
-from simulator.targets.model import Edge, Target
+from flyaround.simulator.targets.craft.cubesat.wings import Wings
+from flyaround.simulator.targets.craft.hardware import star_tracker
+from flyaround.simulator.targets.craft.wire import axis_edge, rim_point, ring_edges
+from flyaround.simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.model import Edge, Target
 
 WINGS = Wings(
     root_x_m=U3.x_m / 2,

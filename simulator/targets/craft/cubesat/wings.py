@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from simulator.runtime.arrays import Vec3
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import MassElement
-from simulator.targets.builders.mesh import Mesh
-from simulator.targets.builders.prism import rectangle
-from simulator.targets.builders.solids import box
-from simulator.targets.craft.cubesat.fittings import WING_M, wing, wing_width_m
-from simulator.targets.craft.place import placed_pieces
-from simulator.targets.craft.wire import prism_edges
-from simulator.targets.level_of_detail import Detail
-from simulator.targets.model import Edge
+from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mass import MassElement
+from flyaround.simulator.targets.builders.mesh import Mesh
+from flyaround.simulator.targets.builders.prism import rectangle
+from flyaround.simulator.targets.builders.solids import box
+from flyaround.simulator.targets.craft.cubesat.fittings import WING_M, wing, wing_width_m
+from flyaround.simulator.targets.craft.place import placed_pieces
+from flyaround.simulator.targets.craft.wire import prism_edges
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Edge
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.runtime.arrays import vec3
-from simulator.targets.craft.assemble import assemble
-from simulator.targets.craft.dragon.cargo_body import build_body
-from simulator.targets.craft.dragon.cargo_labels import (
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.targets.craft.assemble import assemble
+from flyaround.simulator.targets.craft.dragon.cargo_body import build_body
+from flyaround.simulator.targets.craft.dragon.cargo_labels import (
     build_keypoints,
     build_mass,
     build_occluders,
     build_wireframe,
 )
-from simulator.targets.craft.dragon.cargo_shape import BAY_AZIMUTH_DEG, BAY_Z_M, PORT_M, SIDEWALL, WINGS
-from simulator.targets.craft.finishes import FINISHES
-from simulator.targets.craft.level import Level
-from simulator.targets.level_of_detail import Detail
-from simulator.targets.model import Target
+from flyaround.simulator.targets.craft.dragon.cargo_shape import (
+    BAY_AZIMUTH_DEG,
+    BAY_Z_M,
+    PORT_M,
+    SIDEWALL,
+    WINGS,
+)
+from flyaround.simulator.targets.craft.finishes import FINISHES
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Target
 
 NOTES = (
     "z towards the berthing port, origin where capsule and trunk meet, x along the wings, cells towards +y. "

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.labels import RIM_SEGMENTS, polar, turn_z
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.prism import prism
-from simulator.targets.builders.solids import bar, box, cone, rod
-from simulator.targets.builders.wrapped import pad, sector
-from simulator.targets.craft.dragon.cargo_shape import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.labels import RIM_SEGMENTS, polar, turn_z
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.prism import prism
+from flyaround.simulator.targets.builders.solids import bar, box, cone, rod
+from flyaround.simulator.targets.builders.wrapped import pad, sector
+from flyaround.simulator.targets.craft.dragon.cargo_shape import (
     BAY_AZIMUTH_DEG,
     BAY_Z_M,
     CLAW_HIGH_M,
@@ -31,8 +31,8 @@ from simulator.targets.craft.dragon.cargo_shape import (
     TRUNK_RADIUS_M,
     WINGS,
 )
-from simulator.targets.craft.level import Level
-from simulator.targets.craft.parts import bell, hoop, revolve, seams, window
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.craft.parts import bell, hoop, revolve, seams, window
 
 QUAD_AZIMUTHS_DEG = (42.0, 138.0, 222.0, 318.0)
 

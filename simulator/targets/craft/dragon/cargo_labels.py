@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from simulator.targets.builders.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
-from simulator.targets.builders.mass import mass_properties
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.solids import box
-from simulator.targets.craft.dragon.cargo_shape import (
+from flyaround.simulator.targets.builders.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
+from flyaround.simulator.targets.builders.mass import mass_properties
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.solids import box
+from flyaround.simulator.targets.craft.dragon.cargo_shape import (
     CLAW_HIGH_M,
     CLAW_LOW_M,
     DECK_M,
@@ -24,9 +24,9 @@ from simulator.targets.craft.dragon.cargo_shape import (
     TRUNK_RADIUS_M,
     WINGS,
 )
-from simulator.targets.craft.parts import revolve
-from simulator.targets.craft.round_mass import Tube
-from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
+from flyaround.simulator.targets.craft.parts import revolve
+from flyaround.simulator.targets.craft.round_mass import Tube
+from flyaround.simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 
 
 def build_keypoints() -> tuple[Keypoint, ...]:

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.wing import Wing
-from simulator.targets.builders.wrapped import Revolved
-from simulator.targets.craft.side_wings import SideWings
+from flyaround.simulator.targets.builders.wing import Wing
+from flyaround.simulator.targets.builders.wrapped import Revolved
+from flyaround.simulator.targets.craft.side_wings import SideWings
 
 RIM_RADIUS_M, RIM_TOP_M = 1.83, 0.26
 """The black rim of the heat shield and its upper end."""

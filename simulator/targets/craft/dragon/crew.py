@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.craft.assemble import assemble
-from simulator.targets.craft.dragon.crew_capsule import build_capsule
-from simulator.targets.craft.dragon.crew_labels import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.craft.assemble import assemble
+from flyaround.simulator.targets.craft.dragon.crew_capsule import build_capsule
+from flyaround.simulator.targets.craft.dragon.crew_labels import (
     build_keypoints,
     build_mass,
     build_occluders,
     build_wireframe,
 )
-from simulator.targets.craft.dragon.crew_nose import build_nose
-from simulator.targets.craft.dragon.crew_shape import PORT_M, TRUNK_LOW_M
-from simulator.targets.craft.dragon.crew_trunk import build_trunk
-from simulator.targets.craft.finishes import FINISHES
-from simulator.targets.craft.level import Level
-from simulator.targets.level_of_detail import Detail
-from simulator.targets.model import Target
+from flyaround.simulator.targets.craft.dragon.crew_nose import build_nose
+from flyaround.simulator.targets.craft.dragon.crew_shape import PORT_M, TRUNK_LOW_M
+from flyaround.simulator.targets.craft.dragon.crew_trunk import build_trunk
+from flyaround.simulator.targets.craft.finishes import FINISHES
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Target
 
 NOTES = (
     "z towards the docking port, origin where capsule and trunk meet, x towards the side hatch. "

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import FloatArray
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.labels import RIM_SEGMENTS
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.solids import box
-from simulator.targets.builders.wrapped import pad
-from simulator.targets.craft.dragon.crew_shape import (
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.labels import RIM_SEGMENTS
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.solids import box
+from flyaround.simulator.targets.builders.wrapped import pad
+from flyaround.simulator.targets.craft.dragon.crew_shape import (
     CLAW_HIGH_M,
     CLAW_LOW_M,
     DECK_M,
@@ -27,8 +27,8 @@ from simulator.targets.craft.dragon.crew_shape import (
     WINDOW_AZIMUTHS_DEG,
     WINDOW_Z_M,
 )
-from simulator.targets.craft.level import Level
-from simulator.targets.craft.parts import bell, hoop, revolve, seams, window
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.craft.parts import bell, hoop, revolve, seams, window
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.runtime.arrays import vec3
-from simulator.targets.builders.labels import (
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.targets.builders.labels import (
     QUARTERS,
     moved_edges,
     named_keypoints,
@@ -15,11 +15,11 @@ from simulator.targets.builders.labels import (
     turn_z,
     welded,
 )
-from simulator.targets.builders.mass import MassElement, mass_properties
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.solids import box
-from simulator.targets.craft.dragon.crew_nose import nose_cone
-from simulator.targets.craft.dragon.crew_shape import (
+from flyaround.simulator.targets.builders.mass import MassElement, mass_properties
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.solids import box
+from flyaround.simulator.targets.craft.dragon.crew_nose import nose_cone
+from flyaround.simulator.targets.craft.dragon.crew_shape import (
     CLAW_HIGH_M,
     CLAW_LOW_M,
     DECK_M,
@@ -40,11 +40,11 @@ from simulator.targets.craft.dragon.crew_shape import (
     nose_point,
     nose_rotation,
 )
-from simulator.targets.craft.dragon.crew_trunk import fin_mesh
-from simulator.targets.craft.level import Level
-from simulator.targets.craft.parts import revolve
-from simulator.targets.craft.round_mass import Tube
-from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
+from flyaround.simulator.targets.craft.dragon.crew_trunk import fin_mesh
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.craft.parts import revolve
+from flyaround.simulator.targets.craft.round_mass import Tube
+from flyaround.simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 
 SLOPE = (float(np.cos(WALL_RAD)), float(np.sin(WALL_RAD)))
 """Outward normal of the sidewall: radial and axial."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.labels import RIM_SEGMENTS, polar, turn_z
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.prism import prism
-from simulator.targets.builders.solids import bar, box, rod
-from simulator.targets.craft.dragon.crew_shape import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.labels import RIM_SEGMENTS, polar, turn_z
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.prism import prism
+from flyaround.simulator.targets.builders.solids import bar, box, rod
+from flyaround.simulator.targets.craft.dragon.crew_shape import (
     DECK_M,
     DECK_RADIUS_M,
     HINGE_X_M,
@@ -19,8 +19,8 @@ from simulator.targets.craft.dragon.crew_shape import (
     nose_point,
     nose_rotation,
 )
-from simulator.targets.craft.level import Level
-from simulator.targets.craft.parts import bell, revolve
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.craft.parts import bell, revolve
 
 SHELL_M = 0.05
 

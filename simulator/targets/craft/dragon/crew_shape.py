@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.wrapped import Revolved
+from flyaround.simulator.targets.builders.wrapped import Revolved
 
 WALL_RAD = np.deg2rad(15.0)
 RIM_RADIUS_M = 2.0

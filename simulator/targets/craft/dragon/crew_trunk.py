@@ -6,13 +6,13 @@ import itertools
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.cells import clipped_rectangle
-from simulator.targets.builders.labels import RIM_SEGMENTS, turn_z
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.prism import prism
-from simulator.targets.builders.wrapped import sector, tiled
-from simulator.targets.craft.dragon.crew_shape import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.cells import clipped_rectangle
+from flyaround.simulator.targets.builders.labels import RIM_SEGMENTS, turn_z
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.prism import prism
+from flyaround.simulator.targets.builders.wrapped import sector, tiled
+from flyaround.simulator.targets.craft.dragon.crew_shape import (
     FIN_AZIMUTHS_DEG,
     FIN_M,
     FIN_THICK_M,
@@ -22,8 +22,8 @@ from simulator.targets.craft.dragon.crew_shape import (
     TRUNK_LOW_M,
     TRUNK_RADIUS_M,
 )
-from simulator.targets.craft.level import Level
-from simulator.targets.craft.parts import revolve
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.craft.parts import revolve
 
 SOLAR_DEG = (94.0, 266.0)
 CELL_LOW_M, CELL_HIGH_M = -3.45, -0.18

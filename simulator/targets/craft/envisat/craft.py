@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3
-from simulator.targets.builders.mass import MassElement
-from simulator.targets.builders.mesh import Mesh
-from simulator.targets.builders.prism import rectangle
-from simulator.targets.builders.solids import box, cone
-from simulator.targets.craft.assemble import assemble_lumped
-from simulator.targets.craft.envisat.dimensions import (
+from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.targets.builders.mass import MassElement
+from flyaround.simulator.targets.builders.mesh import Mesh
+from flyaround.simulator.targets.builders.prism import rectangle
+from flyaround.simulator.targets.builders.solids import box, cone
+from flyaround.simulator.targets.craft.assemble import assemble_lumped
+from flyaround.simulator.targets.craft.envisat.dimensions import (
     ARRAY_GAP_M,
     ARRAY_HALF_Y_M,
     ARRAY_LENGTH_M,
@@ -37,21 +37,21 @@ from simulator.targets.craft.envisat.dimensions import (
     RING_RADIUS_M,
     SERVICE_END_X_M,
 )
-from simulator.targets.craft.envisat.instruments import (
+from flyaround.simulator.targets.craft.envisat.instruments import (
     EARTH_M,
     KA_AXIS,
     KA_DEPTH_M,
     KA_VERTEX,
     build_instruments,
 )
-from simulator.targets.craft.envisat.structure import build_bus
-from simulator.targets.craft.envisat.wings import build_array, build_asar
-from simulator.targets.craft.finishes import FINISHES
-from simulator.targets.craft.place import placed, placed_point
-from simulator.targets.craft.wire import axis_edge, prism_edges, rim_point, ring_edges
-from simulator.targets.level_of_detail import Detail
-from simulator.targets.model import Edge, Material, Target
-from simulator.targets.tango.labels import CORNERS, box_edges
+from flyaround.simulator.targets.craft.envisat.structure import build_bus
+from flyaround.simulator.targets.craft.envisat.wings import build_array, build_asar
+from flyaround.simulator.targets.craft.finishes import FINISHES
+from flyaround.simulator.targets.craft.place import placed, placed_point
+from flyaround.simulator.targets.craft.wire import axis_edge, prism_edges, rim_point, ring_edges
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Edge, Material, Target
+from flyaround.simulator.targets.tango.labels import CORNERS, box_edges
 
 TILE = Material(name="asar-tile", base_color=(0.62, 0.60, 0.55), roughness=0.55)
 NOTES = (

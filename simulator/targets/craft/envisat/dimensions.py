@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3
+from flyaround.simulator.runtime.arrays import Vec3
 
 BUS_END_X_M = -10.0
 BUS_HALF_Y_M, BUS_HALF_Z_M = 1.375, 0.800

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.solids import box, cone, dome, lathe, rod, truss
-from simulator.targets.craft.envisat.dimensions import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.solids import box, cone, dome, lathe, rod, truss
+from flyaround.simulator.targets.craft.envisat.dimensions import (
     BUS_END_X_M,
     BUS_HALF_Y_M,
     BUS_HALF_Z_M,
@@ -19,8 +19,8 @@ from simulator.targets.craft.envisat.dimensions import (
     KA_TOP_M,
     SKIN_M,
 )
-from simulator.targets.craft.hardware import cup, star_tracker
-from simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.craft.hardware import cup, star_tracker
+from flyaround.simulator.targets.level_of_detail import Detail, facets
 
 EARTH_M = BUS_HALF_Z_M - SKIN_M
 """z of the payload module's Earth face; the zenith face is opposite."""

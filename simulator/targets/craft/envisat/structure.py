@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.solids import box, rod
-from simulator.targets.craft.envisat.dimensions import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.solids import box, rod
+from flyaround.simulator.targets.craft.envisat.dimensions import (
     BUS_END_X_M,
     BUS_HALF_Y_M,
     BUS_HALF_Z_M,
@@ -16,9 +16,9 @@ from simulator.targets.craft.envisat.dimensions import (
     SERVICE_END_X_M,
     SKIN_M,
 )
-from simulator.targets.craft.hardware import bolts, thruster, tube
-from simulator.targets.craft.place import both_sides
-from simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.craft.hardware import bolts, thruster, tube
+from flyaround.simulator.targets.craft.place import both_sides
+from flyaround.simulator.targets.level_of_detail import Detail, facets
 
 BAY_M = 1.85
 """The payload module is four bays long: a panel each side."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.solids import box, cone, rod, truss
-from simulator.targets.craft.envisat.dimensions import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.solids import box, cone, rod, truss
+from flyaround.simulator.targets.craft.envisat.dimensions import (
     ARRAY_GAP_M,
     ARRAY_HALF_Y_M,
     ARRAY_PANELS,
@@ -27,9 +27,9 @@ from simulator.targets.craft.envisat.dimensions import (
     BUS_HALF_Z_M,
     RING_M,
 )
-from simulator.targets.craft.place import placed_pieces
-from simulator.targets.craft.solar import CellField, panel
-from simulator.targets.level_of_detail import Detail, facets
+from flyaround.simulator.targets.craft.place import placed_pieces
+from flyaround.simulator.targets.craft.solar import CellField, panel
+from flyaround.simulator.targets.level_of_detail import Detail, facets
 
 FIELDS: dict[Detail, CellField] = {
     "full": CellField(columns=9, rows=40, pitch_x_m=0.104, pitch_y_m=0.1225, gap_m=0.004, height_m=0.002),

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
-from simulator.targets.builders.mass import mass_properties
-from simulator.targets.builders.mesh import merge
-from simulator.targets.craft.parts import revolve
-from simulator.targets.craft.round_mass import Tube
-from simulator.targets.craft.soyuz.fittings import MAST_TIP_M
-from simulator.targets.craft.soyuz.shape import (
+from flyaround.simulator.targets.builders.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
+from flyaround.simulator.targets.builders.mass import mass_properties
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.craft.parts import revolve
+from flyaround.simulator.targets.craft.round_mass import Tube
+from flyaround.simulator.targets.craft.soyuz.fittings import MAST_TIP_M
+from flyaround.simulator.targets.craft.soyuz.shape import (
     COLLAR_M,
     COLLAR_RADIUS_M,
     DESCENT_PROFILE,
@@ -26,7 +26,7 @@ from simulator.targets.craft.soyuz.shape import (
     SKIRT_RADIUS_M,
     WINGS,
 )
-from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
+from flyaround.simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 
 
 def build_keypoints() -> tuple[Keypoint, ...]:

@@ -6,14 +6,14 @@ import itertools
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.labels import RIM_SEGMENTS, polar
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.solids import truss
-from simulator.targets.builders.wrapped import Revolved, sector
-from simulator.targets.craft.level import Level
-from simulator.targets.craft.parts import bell, hoop, revolve, seams, window
-from simulator.targets.craft.soyuz.shape import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.labels import RIM_SEGMENTS, polar
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.solids import truss
+from flyaround.simulator.targets.builders.wrapped import Revolved, sector
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.craft.parts import bell, hoop, revolve, seams, window
+from flyaround.simulator.targets.craft.soyuz.shape import (
     BASE_LOW_M,
     COLLAR_M,
     COLLAR_RADIUS_M,

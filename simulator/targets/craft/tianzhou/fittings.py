@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.labels import polar
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.solids import bar, box, lathe, rod
-from simulator.targets.craft.level import Level
-from simulator.targets.craft.parts import dish
-from simulator.targets.craft.tianzhou.shape import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.labels import polar
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.solids import bar, box, lathe, rod
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.craft.parts import dish
+from flyaround.simulator.targets.craft.tianzhou.shape import (
     CARGO,
     CARGO_RADIUS_M,
     CONE,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from simulator.targets.builders.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
-from simulator.targets.builders.mass import mass_properties
-from simulator.targets.builders.mesh import merge
-from simulator.targets.craft.parts import revolve
-from simulator.targets.craft.round_mass import Tube
-from simulator.targets.craft.tianzhou.shape import (
+from flyaround.simulator.targets.builders.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
+from flyaround.simulator.targets.builders.mass import mass_properties
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.craft.parts import revolve
+from flyaround.simulator.targets.craft.round_mass import Tube
+from flyaround.simulator.targets.craft.tianzhou.shape import (
     CARGO_HIGH_M,
     CARGO_LOW_M,
     CARGO_RADIUS_M,
@@ -21,7 +21,7 @@ from simulator.targets.craft.tianzhou.shape import (
     PORT_RADIUS_M,
     WINGS,
 )
-from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
+from flyaround.simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 
 
 def build_keypoints() -> tuple[Keypoint, ...]:

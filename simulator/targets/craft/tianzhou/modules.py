@@ -6,15 +6,15 @@ import itertools
 
 import numpy as np
 
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.labels import RIM_SEGMENTS, polar, turn_z
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.prism import prism
-from simulator.targets.builders.solids import box
-from simulator.targets.builders.wrapped import pad, sector
-from simulator.targets.craft.level import Level
-from simulator.targets.craft.parts import bell, handrail, hoop, revolve, seams
-from simulator.targets.craft.tianzhou.shape import (
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.labels import RIM_SEGMENTS, polar, turn_z
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.prism import prism
+from flyaround.simulator.targets.builders.solids import box
+from flyaround.simulator.targets.builders.wrapped import pad, sector
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.craft.parts import bell, handrail, hoop, revolve, seams
+from flyaround.simulator.targets.craft.tianzhou.shape import (
     CARGO,
     CARGO_HIGH_M,
     CARGO_LOW_M,

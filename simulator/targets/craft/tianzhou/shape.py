@@ -12,9 +12,9 @@ from photographs.
 
 from __future__ import annotations
 
-from simulator.targets.builders.wing import Wing
-from simulator.targets.builders.wrapped import Revolved
-from simulator.targets.craft.side_wings import SideWings
+from flyaround.simulator.targets.builders.wing import Wing
+from flyaround.simulator.targets.builders.wrapped import Revolved
+from flyaround.simulator.targets.craft.side_wings import SideWings
 
 CARGO_RADIUS_M, CARGO_LOW_M, CARGO_HIGH_M = 1.675, 0.0, 5.15
 CONE_RADIUS_M, CONE_HIGH_M = 0.78, 6.28

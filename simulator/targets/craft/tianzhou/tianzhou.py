@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from simulator.targets.craft.assemble import assemble
-from simulator.targets.craft.finishes import FINISHES
-from simulator.targets.craft.level import Level
-from simulator.targets.craft.tianzhou.fittings import build_fittings
-from simulator.targets.craft.tianzhou.labels import (
+from flyaround.simulator.targets.craft.assemble import assemble
+from flyaround.simulator.targets.craft.finishes import FINISHES
+from flyaround.simulator.targets.craft.level import Level
+from flyaround.simulator.targets.craft.tianzhou.fittings import build_fittings
+from flyaround.simulator.targets.craft.tianzhou.labels import (
     build_keypoints,
     build_mass,
     build_occluders,
     build_wireframe,
 )
-from simulator.targets.craft.tianzhou.modules import build_modules
-from simulator.targets.craft.tianzhou.shape import DRIVE_LOW_M, PORT_M
-from simulator.targets.level_of_detail import Detail
-from simulator.targets.model import Target
+from flyaround.simulator.targets.craft.tianzhou.modules import build_modules
+from flyaround.simulator.targets.craft.tianzhou.shape import DRIVE_LOW_M, PORT_M
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Target
 
 NOTES = (
     "z towards the docking port, origin where propulsion and cargo module meet, x along the wings, cells towards +y. "

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.runtime.arrays import Float32Array, FloatArray
-from simulator.targets.geometry import sphere_directions
-from simulator.targets.importing.propose.surface_points import SurfacePoints, surface_points
-from simulator.targets.importing.repair.topology import MeshBody
+from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
+from flyaround.simulator.targets.geometry import sphere_directions
+from flyaround.simulator.targets.importing.propose.surface_points import SurfacePoints, surface_points
+from flyaround.simulator.targets.importing.repair.topology import MeshBody
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.targets.model import Material
+    from flyaround.simulator.targets.model import Material
 
 VIEWS = sphere_directions(40)
 SIZE_PX = 256

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.runtime.arrays import FloatArray, vec3
-from simulator.targets.importing.repair.topology import MeshBody
-from simulator.targets.model import MassProperties
+from flyaround.simulator.runtime.arrays import FloatArray, vec3
+from flyaround.simulator.targets.importing.repair.topology import MeshBody
+from flyaround.simulator.targets.model import MassProperties
 
 DENSITY_KG_M3 = 250.0
 """Whole spacecraft weigh 150 to 1300 kg per cubic metre of body (Envisat 190, a CubeSat up to 1330)."""

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from simulator.runtime.arrays import FloatArray, IntArray
-from simulator.targets.geometry import sphere_directions
-from simulator.targets.importing.propose.surface_points import surface_points
-from simulator.targets.importing.repair.topology import MeshBody
-from simulator.targets.model import Occluders
+from flyaround.simulator.runtime.arrays import FloatArray, IntArray
+from flyaround.simulator.targets.geometry import sphere_directions
+from flyaround.simulator.targets.importing.propose.surface_points import surface_points
+from flyaround.simulator.targets.importing.repair.topology import MeshBody
+from flyaround.simulator.targets.model import Occluders
 
 POINTS = 120_000
 HULL_POINTS = 1500

@@ -6,9 +6,9 @@ import itertools
 
 import numpy as np
 
-from simulator.runtime.arrays import BoolArray, FloatArray, vec3
-from simulator.targets.importing.repair.topology import MeshBody, edge_table, face_bodies
-from simulator.targets.model import Edge
+from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, vec3
+from flyaround.simulator.targets.importing.repair.topology import MeshBody, edge_table, face_bodies
+from flyaround.simulator.targets.model import Edge
 
 SLENDER = 5.0
 """Length over radius from which a round piece is a rod."""

@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import BoolArray, FloatArray, IntArray, Vec3, vec3
-from simulator.targets.importing.propose.edge_contrast import contrast_of
-from simulator.targets.importing.propose.rods import along_rods, rods_of
-from simulator.targets.importing.repair.topology import (
+from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray, Vec3, vec3
+from flyaround.simulator.targets.importing.propose.edge_contrast import contrast_of
+from flyaround.simulator.targets.importing.propose.rods import along_rods, rods_of
+from flyaround.simulator.targets.importing.repair.topology import (
     EdgeTable,
     MeshBody,
     edge_table,
     with_separate_components,
 )
-from simulator.targets.model import Edge
+from flyaround.simulator.targets.model import Edge
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.targets.model import Material
+    from flyaround.simulator.targets.model import Material
 
 CREASE_COS = float(np.cos(np.deg2rad(30.0)))
 BEND_COS = float(np.cos(np.deg2rad(35.0)))

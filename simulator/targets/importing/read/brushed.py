@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.runtime.arrays import Vec3, vec3
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 STRAIGHT = 0.8
 """Share of the faces' grain that must lie along one direction for that to be all of it."""

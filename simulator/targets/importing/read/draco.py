@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.targets.importing.read.gltf_accessors import COMPONENTS
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.read.gltf_accessors import COMPONENTS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -141,7 +141,13 @@ def decoded(path: Path, streams: list[bytes], most_bytes: int = MOST_RESULT_BYTE
     UserError
         If a stream cannot be decoded, or has more than ``most_bytes``.
     """
-    command = [sys.executable, "-P", "-m", "simulator.targets.importing.read.draco_process", str(most_bytes)]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "flyaround.simulator.targets.importing.read.draco_process",
+        str(most_bytes),
+    ]
     packed = b"".join(len(s).to_bytes(8, "little") + s for s in streams)
     # threads of a matrix library would take the memory that is bounded there
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}

@@ -10,15 +10,26 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import find_beside, read_regular
-from simulator.targets.glb.read import ANISOTROPY, BROKEN, LARGEST_FILE_BYTES, parse_json, read_chunks
-from simulator.targets.importing.read.brushed import anisotropy_of, common_grain, corners_of, face_grain
-from simulator.targets.importing.read.draco import unpack_draco
-from simulator.targets.importing.read.gltf_accessors import read_accessor
-from simulator.targets.importing.read.gltf_extensions import check_extensions
-from simulator.targets.importing.read.gltf_materials import GltfMaterials, moved, transform
-from simulator.targets.importing.read.gltf_nodes import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import find_beside, read_regular
+from flyaround.simulator.targets.glb.read import (
+    ANISOTROPY,
+    BROKEN,
+    LARGEST_FILE_BYTES,
+    parse_json,
+    read_chunks,
+)
+from flyaround.simulator.targets.importing.read.brushed import (
+    anisotropy_of,
+    common_grain,
+    corners_of,
+    face_grain,
+)
+from flyaround.simulator.targets.importing.read.draco import unpack_draco
+from flyaround.simulator.targets.importing.read.gltf_accessors import read_accessor
+from flyaround.simulator.targets.importing.read.gltf_extensions import check_extensions
+from flyaround.simulator.targets.importing.read.gltf_materials import GltfMaterials, moved, transform
+from flyaround.simulator.targets.importing.read.gltf_nodes import (
     FAN,
     STRIP,
     TRIANGLES,
@@ -26,19 +37,19 @@ from simulator.targets.importing.read.gltf_nodes import (
     check_weight,
     placed_meshes,
 )
-from simulator.targets.importing.read.raw_model import (
+from flyaround.simulator.targets.importing.read.raw_model import (
     UNNAMED_SURFACE,
     RawModel,
     RawPart,
     unique_names,
 )
-from simulator.targets.importing.read.textures import PictureReader
+from flyaround.simulator.targets.importing.read.textures import PictureReader
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.runtime.arrays import FloatArray, IntArray
-    from simulator.targets.model import Material
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.targets.model import Material
 
 ELSEWHERE = {"animations": "animations (the pose of the nodes is taken)", "cameras": "cameras"}
 """Parts of a document that are reported and left out."""

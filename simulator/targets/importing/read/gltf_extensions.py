@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from simulator.errors import UserError
-from simulator.targets.glb.read import ANISOTROPY, CLEARCOAT
-from simulator.targets.importing.read.draco import DRACO
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.glb.read import ANISOTROPY, CLEARCOAT
+from flyaround.simulator.targets.importing.read.draco import DRACO
 
 if TYPE_CHECKING:
     from pathlib import Path

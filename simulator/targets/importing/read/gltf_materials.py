@@ -7,18 +7,18 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from simulator.runtime.arrays import Vec3, vec3
-from simulator.targets.glb.read import ANISOTROPY, CLEARCOAT
-from simulator.targets.importing.read.brushed import anisotropy_of
-from simulator.targets.importing.read.gltf_extensions import SPECULAR_GLOSSINESS, TEXTURE_TRANSFORM
-from simulator.targets.importing.read.raw_model import unique_name
-from simulator.targets.model import Material, TextureImage
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.targets.glb.read import ANISOTROPY, CLEARCOAT
+from flyaround.simulator.targets.importing.read.brushed import anisotropy_of
+from flyaround.simulator.targets.importing.read.gltf_extensions import SPECULAR_GLOSSINESS, TEXTURE_TRANSFORM
+from flyaround.simulator.targets.importing.read.raw_model import unique_name
+from flyaround.simulator.targets.model import Material, TextureImage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.runtime.arrays import FloatArray
-    from simulator.targets.importing.read.textures import PictureReader
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.importing.read.textures import PictureReader
 
 REPEAT = 10497
 DIELECTRIC = 0.04

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.targets.importing.read.gltf_extensions import INSTANCING, VISIBILITY
+from flyaround.simulator.targets.importing.read.gltf_extensions import INSTANCING, VISIBILITY
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 
 MOST_ROWS = 4_000_000

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import read_regular
-from simulator.targets.glb.read import LARGEST_FILE_BYTES
-from simulator.targets.importing.read.gltf import read_gltf
-from simulator.targets.importing.read.named_files import split_word, text_lines
-from simulator.targets.importing.read.obj import read_obj
-from simulator.targets.importing.read.stl import is_stl, read_stl
-from simulator.targets.importing.read.textures import bake_colours
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.targets.glb.read import LARGEST_FILE_BYTES
+from flyaround.simulator.targets.importing.read.gltf import read_gltf
+from flyaround.simulator.targets.importing.read.named_files import split_word, text_lines
+from flyaround.simulator.targets.importing.read.obj import read_obj
+from flyaround.simulator.targets.importing.read.stl import is_stl, read_stl
+from flyaround.simulator.targets.importing.read.textures import bake_colours
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.targets.importing.read.raw_model import RawModel
+    from flyaround.simulator.targets.importing.read.raw_model import RawModel
 
 ENDINGS = ("glb", "gltf", "obj", "stl")
 OBJ_WORDS = {"v", "vn", "vt", "f", "o", "g", "mtllib", "usemtl", "s", "vp", "l", "p"}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path, PureWindowsPath
 
-from simulator.errors import UserError
-from simulator.runtime.untrusted_files import find_beside, read_regular
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import find_beside, read_regular
 
 _LINE_END = re.compile(r"\r\n?")
 _CONTINUED = re.compile(r"\\[ \t]*\n")

@@ -9,18 +9,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.targets.importing.read.named_files import split_word, text_lines, unquoted
-from simulator.targets.importing.read.obj_materials import MaterialLibraries
-from simulator.targets.importing.read.polygons import are_convex, fan, polygon_triangles
-from simulator.targets.importing.read.raw_model import UNNAMED_SURFACE, RawModel, RawPart, unique_names
-from simulator.targets.importing.read.textures import linear_from_srgb
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.read.named_files import split_word, text_lines, unquoted
+from flyaround.simulator.targets.importing.read.obj_materials import MaterialLibraries
+from flyaround.simulator.targets.importing.read.polygons import are_convex, fan, polygon_triangles
+from flyaround.simulator.targets.importing.read.raw_model import (
+    UNNAMED_SURFACE,
+    RawModel,
+    RawPart,
+    unique_names,
+)
+from flyaround.simulator.targets.importing.read.textures import linear_from_srgb
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.runtime.arrays import FloatArray, IntArray
-    from simulator.targets.importing.read.obj_materials import ObjMaterial
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.targets.importing.read.obj_materials import ObjMaterial
 
 
 LARGEST_NUMBER = 2**40

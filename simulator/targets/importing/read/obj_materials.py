@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.targets.importing.read.named_files import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.read.named_files import (
     NotReadError,
     read_named,
     split_word,
     text_lines,
     unquoted,
 )
-from simulator.targets.importing.read.textures import PictureReader
-from simulator.targets.model import Material, TextureImage
+from flyaround.simulator.targets.importing.read.textures import PictureReader
+from flyaround.simulator.targets.model import Material, TextureImage
 
 if TYPE_CHECKING:
     from pathlib import Path

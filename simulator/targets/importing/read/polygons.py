@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import BoolArray, FloatArray
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
 
 MOST_CORNERS, MOST_TESTS = 2000, 50
 """Corners of a concave polygon, and triangles looked at for each of them: clipping takes the square of their number."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from simulator.runtime.arrays import FloatArray, IntArray
-from simulator.targets.model import Material, TextureImage
+from flyaround.simulator.runtime.arrays import FloatArray, IntArray
+from flyaround.simulator.targets.model import Material, TextureImage
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

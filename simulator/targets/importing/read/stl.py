@@ -7,13 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.targets.importing.read.raw_model import UNNAMED_SURFACE, RawModel, RawPart, unique_names
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.read.raw_model import (
+    UNNAMED_SURFACE,
+    RawModel,
+    RawPart,
+    unique_names,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 HEADER_BYTES = 84
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.runtime.arrays import vec3
-from simulator.targets.importing.read.named_files import NotReadError, read_named
-from simulator.targets.importing.read.raw_model import unique_names
-from simulator.targets.model import Material, TextureImage
-from simulator.targets.textures import check_picture, mime_of, picture_size
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.targets.importing.read.named_files import NotReadError, read_named
+from flyaround.simulator.targets.importing.read.raw_model import unique_names
+from flyaround.simulator.targets.model import Material, TextureImage
+from flyaround.simulator.targets.textures import check_picture, mime_of, picture_size
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import ByteArray, FloatArray, IntArray
-    from simulator.targets.importing.read.raw_model import RawModel
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray, IntArray
+    from flyaround.simulator.targets.importing.read.raw_model import RawModel
 
 LARGEST_PX = 4096
 MOST_PIXELS_OF_ALL = 512 << 20

@@ -7,13 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.errors import UserError
-from simulator.targets.importing.repair.topology import MeshBody, components, edge_table, used_vertices, weld
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.repair.topology import (
+    MeshBody,
+    components,
+    edge_table,
+    used_vertices,
+    weld,
+)
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-    from simulator.targets.importing.read.raw_model import RawPart
-    from simulator.targets.importing.repair.topology import EdgeTable
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from flyaround.simulator.targets.importing.read.raw_model import RawPart
+    from flyaround.simulator.targets.importing.repair.topology import EdgeTable
 
 THINNEST = 3e-7
 """Height of a face, as a share of the craft, below which float32 cannot say which way it looks."""

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from simulator.targets.importing.repair.topology import components, edge_table, face_bodies
-from simulator.targets.plane_grid import PlaneGrid
+from flyaround.simulator.targets.importing.repair.topology import components, edge_table, face_bodies
+from flyaround.simulator.targets.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-    from simulator.targets.importing.repair.topology import MeshBody
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from flyaround.simulator.targets.importing.repair.topology import MeshBody
 
 NEAREST = 1e-5
 """Of the craft: nearer surfaces share depths at ten times its size, for depth is kept in 24 bits of a float."""

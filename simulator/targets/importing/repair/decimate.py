@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from simulator.runtime.arrays import FloatArray, IntArray
-from simulator.targets.geometry import distance_to_triangles
-from simulator.targets.importing.repair.topology import MeshBody
+from flyaround.simulator.runtime.arrays import FloatArray, IntArray
+from flyaround.simulator.targets.geometry import distance_to_triangles
+from flyaround.simulator.targets.importing.repair.topology import MeshBody
 
 SAMPLES = 20_000
 NEAREST = 6

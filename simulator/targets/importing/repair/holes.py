@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.importing.repair.coincident_faces import (
+from flyaround.simulator.targets.importing.repair.coincident_faces import (
     NEAREST,
     FaceTable,
     coincident_pairs,
     six_volumes,
 )
-from simulator.targets.importing.repair.topology import edge_table, face_bodies
+from flyaround.simulator.targets.importing.repair.topology import edge_table, face_bodies
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import FloatArray, IntArray
-    from simulator.targets.importing.repair.topology import MeshBody
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.targets.importing.repair.topology import MeshBody
 
 THIN = 1e-4
 """Volume over area to the 3/2 below which a closed surface is a double sheet; a sphere has 0.094."""

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.runtime.arrays import vec3
-from simulator.targets.importing.read.textures import mean_colour, without_textures
-from simulator.targets.importing.repair.topology import MeshBody
-from simulator.targets.model import Material
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.targets.importing.read.textures import mean_colour, without_textures
+from flyaround.simulator.targets.importing.repair.topology import MeshBody
+from flyaround.simulator.targets.model import Material
 
 if TYPE_CHECKING:
-    from simulator.targets.model import TextureImage
+    from flyaround.simulator.targets.model import TextureImage
 
 MOST_MATERIALS = 250
 """The renderer keeps a material's number in eight bits."""

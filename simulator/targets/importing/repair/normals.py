@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.builders.solids import CREASE_RAD
-from simulator.targets.importing.repair.topology import components, edge_table
-from simulator.targets.model import Part
+from flyaround.simulator.targets.builders.solids import CREASE_RAD
+from flyaround.simulator.targets.importing.repair.topology import components, edge_table
+from flyaround.simulator.targets.model import Part
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.runtime.arrays import BoolArray, FloatArray
-    from simulator.targets.importing.repair.topology import MeshBody
-    from simulator.targets.model import Material
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
+    from flyaround.simulator.targets.importing.repair.topology import MeshBody
+    from flyaround.simulator.targets.model import Material
 
 BEST_COSINE = 0.1
 """A corner's normal must look the way its face does at least by this much; smooth rims stay above it."""

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 GRID_BITS = 21
 """Positions are compared on a grid of 2^21 steps per axis, about half a millionth of the craft."""

@@ -12,16 +12,16 @@ from hil_loop import Loop
 from random_network import CAMERA, CLASSES, write_network
 
 from flyaround.__main__ import run
-from hil.board.agent import run_board
-from hil.board.errors import BoardModelError
-from hil.board.methods import check_method_name, estimator_by_name
-from hil.board.net.attitude_classes import class_attitudes, mean_attitude, shares
-from hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
-from hil.board.net.network_estimator import placed
-from hil.board.net.network_file import NetworkFile
-from hil.board.svd import CameraIntrinsics
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.vectors import swing
+from flyaround.hil.board.agent import run_board
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.methods import check_method_name, estimator_by_name
+from flyaround.hil.board.net.attitude_classes import class_attitudes, mean_attitude, shares
+from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
+from flyaround.hil.board.net.network_estimator import placed
+from flyaround.hil.board.net.network_file import NetworkFile
+from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.vectors import swing
 
 LENS = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 BENT = dataclasses.replace(LENS, distortion_model="brown_conrady", distortion=(-0.3, 0.1, 1e-3, -1e-3, 0.0))
@@ -142,8 +142,8 @@ def test_a_board_answers_with_a_network(tmp_path):
     """In the loop: `hil board --method net:FILE` on a host's pictures."""
     from hil_loop import frames
 
-    from simulator.targets.board_model.write import write_board_model
-    from simulator.targets.library import load_target
+    from flyaround.simulator.targets.board_model.write import write_board_model
+    from flyaround.simulator.targets.library import load_target
 
     path = write_network(tmp_path / "net.onnx", ("tango", ""), sure=3)
     write_board_model(load_target("tango"), tmp_path / "tango.board.json")
@@ -166,7 +166,7 @@ def test_a_board_answers_with_a_network(tmp_path):
 
 
 def test_estimate_prints_its_answer(tmp_path, capsys):
-    from simulator.targets.library import load_target
+    from flyaround.simulator.targets.library import load_target
 
     path = write_network(tmp_path / "net.onnx", ("tango", load_target("tango").sha256), sure=3)
     image = np.zeros((1200, 1920), np.uint8)

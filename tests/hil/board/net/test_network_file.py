@@ -11,9 +11,9 @@ import pytest
 from onnx import TensorProto, helper
 from random_network import CAMERA, CLASSES, TINY, layers, network_bytes, write_network
 
-from hil.board.errors import BoardModelError
-from hil.board.net import network_file
-from hil.board.net.network_file import HASH_KEY, SHEET_KEY, NetworkFile
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.net import network_file
+from flyaround.hil.board.net.network_file import HASH_KEY, SHEET_KEY, NetworkFile
 
 
 def relu(x):

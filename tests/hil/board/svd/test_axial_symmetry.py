@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 from lamp_lit import lamp_lit
 
-from hil.board.svd import CameraIntrinsics
-from hil.board.svd.decide.axial_symmetry import axis, check_axial_symmetry
-from hil.board.svd.decide.discrete_symmetry import preference
-from hil.board.svd.decide.selection import Selection, image_evidence
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.edge_support import support
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
-from hil.board.svd.image.edge_field import edge_field
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.region import Region
-from hil.board.svd.model.face_gains import OPTICS_PX, blurred
-from hil.board.svd.model.image_patch import cut_patch, target_box
-from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
-from hil.board.svd.refine.close import CLOSE_PX
-from hil.board.svd.refine.final import refine_to_end
-from hil.board.svd.refine.shadows import search_sun
-from hil.evaluate.method_choice import board_model
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.hil.board.svd.decide.axial_symmetry import axis, check_axial_symmetry
+from flyaround.hil.board.svd.decide.discrete_symmetry import preference
+from flyaround.hil.board.svd.decide.selection import Selection, image_evidence
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.hypotheses.edge_support import support
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
+from flyaround.hil.board.svd.image.edge_field import edge_field
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.model.face_gains import OPTICS_PX, blurred
+from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.svd.refine.close import CLOSE_PX
+from flyaround.hil.board.svd.refine.final import refine_to_end
+from flyaround.hil.board.svd.refine.shadows import search_sun
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 SUN = np.array([0.5, -0.3, -0.8])

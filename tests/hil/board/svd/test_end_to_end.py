@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from drawn_craft import CAMERA, NOISE_DN, Craft, sampled_pose
 
-from hil.board.svd import (
+from flyaround.hil.board.svd import (
     METHODS,
     BoardModelError,
     CameraIntrinsics,
@@ -17,7 +17,7 @@ from hil.board.svd import (
     PoseResult,
     make_estimator,
 )
-from hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry import quaternion as quat
 
 
 @pytest.fixture(scope="module")

@@ -14,25 +14,25 @@ import pytest
 import trimesh
 from scipy.optimize import brentq
 
-from hil.board.svd import BoardModelError, CameraIntrinsics
-from hil.board.svd.decide.confidence import Evidence, confidence, decide
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import undistorted_rays
-from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.geometry.response import Response
-from hil.board.svd.image.noise import clipped_noise
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.face_gains import blurred, coverage, shade
-from hil.board.svd.model.image_patch import cut_patch, straightened
-from hil.board.svd.model.rasteriser import draw_faces, fill_faces, order_faces
-from hil.board.svd.model.shadow_map import ShadowMap, ShadowMapTable, rays_to_faces
-from hil.board.svd.refine.motion_images import motion_images
-from hil.board.svd.refine.parallel import Pruning
-from hil.board.svd.refine.photometric import RELAX, photo_align, photo_likeness, photo_score
-from hil.board.svd.refine.shadows import search_sun
-from simulator.targets.board_model.write import make_faces
-from simulator.targets.model import Part
+from flyaround.hil.board.svd import BoardModelError, CameraIntrinsics
+from flyaround.hil.board.svd.decide.confidence import Evidence, confidence, decide
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import undistorted_rays
+from flyaround.hil.board.svd.geometry.faces import Faces
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.geometry.response import Response
+from flyaround.hil.board.svd.image.noise import clipped_noise
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.model.face_gains import blurred, coverage, shade
+from flyaround.hil.board.svd.model.image_patch import cut_patch, straightened
+from flyaround.hil.board.svd.model.rasteriser import draw_faces, fill_faces, order_faces
+from flyaround.hil.board.svd.model.shadow_map import ShadowMap, ShadowMapTable, rays_to_faces
+from flyaround.hil.board.svd.refine.motion_images import motion_images
+from flyaround.hil.board.svd.refine.parallel import Pruning
+from flyaround.hil.board.svd.refine.photometric import RELAX, photo_align, photo_likeness, photo_score
+from flyaround.hil.board.svd.refine.shadows import search_sun
+from flyaround.simulator.targets.board_model.write import make_faces
+from flyaround.simulator.targets.model import Part
 from tests.harness.boxes import closed_box
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
@@ -55,7 +55,7 @@ def record() -> dict[str, Any]:
     )
     with pytest.MonkeyPatch.context() as patch:
         # four boxes need no fine cover
-        patch.setattr("simulator.targets.board_model.outer_faces.PITCH", 0.006)
+        patch.setattr("flyaround.simulator.targets.board_model.outer_faces.PITCH", 0.006)
         faces = make_faces([parts])
     assert faces is not None
     built: dict[str, Any] = msgspec.to_builtins(faces)
@@ -478,7 +478,7 @@ def test_a_round_craft_has_a_brightness_for_each_sixth_of_a_direction() -> None:
         triangles=ball.faces.astype(np.uint32),
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("simulator.targets.board_model.outer_faces.PITCH", 0.02)
+        patch.setattr("flyaround.simulator.targets.board_model.outer_faces.PITCH", 0.02)
         made = make_faces([[shell]])
     assert made is not None
     faces = Faces.from_dict(msgspec.to_builtins(made))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from drawn_craft import Craft
 
-from hil.board.svd import METHODS, CameraIntrinsics, Estimator, PoseResult, make_estimator
-from hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd import METHODS, CameraIntrinsics, Estimator, PoseResult, make_estimator
+from flyaround.hil.board.svd.geometry import quaternion as quat
 
 # small, so that every method sees every picture
 CAMERA = CameraIntrinsics(256, 192, 420.0, 420.0, 127.5, 95.5)

@@ -8,18 +8,18 @@ import cv2
 import numpy as np
 import pytest
 
-from hil.board.svd import BoardModel, CameraIntrinsics
-from hil.board.svd.decide.confidence import Evidence, confidence, decide
-from hil.board.svd.estimator import PREPARE, PoseEstimator
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.image.noise import black_level, coarse_noise, has_flat_floor, noise_sigma
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.propose.learned.learned_proposal import LAMPS, network_for
-from hil.board.svd.refine.photometric import burnt_share
-from hil.board.svd.stages import Search, run
-from hil.evaluate.method_choice import board_model
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
+from flyaround.hil.board.svd.decide.confidence import Evidence, confidence, decide
+from flyaround.hil.board.svd.estimator import PREPARE, PoseEstimator
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.geometry.shading import Shading
+from flyaround.hil.board.svd.image.noise import black_level, coarse_noise, has_flat_floor, noise_sigma
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.propose.learned.learned_proposal import LAMPS, network_for
+from flyaround.hil.board.svd.refine.photometric import burnt_share
+from flyaround.hil.board.svd.stages import Search, run
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 SIGMA, PEDESTAL = 8.0, 32.0

@@ -10,24 +10,24 @@ import numpy as np
 import pytest
 from scipy.signal import correlate
 
-from hil.board.svd import BoardModel, CameraIntrinsics
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.image.region import Region
-from hil.board.svd.model.rasteriser import draw_faces, order_faces
-from hil.board.svd.propose import learned as look_folder
-from hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, even_attitudes
-from hil.board.svd.propose.learned.learned_proposal import (
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
+from flyaround.hil.board.svd.propose import learned as look_folder
+from flyaround.hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, even_attitudes
+from flyaround.hil.board.svd.propose.learned.learned_proposal import (
     LearnedProposal,
     LearnedProposer,
     network_for,
     plausible_crops,
 )
-from hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, ProposalNetwork, convolve
-from hil.board.svd.propose.learned.network_input import ImageCrop, crop_image
-from hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
-from hil.evaluate.method_choice import board_model
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, ProposalNetwork, convolve
+from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop, crop_image
+from flyaround.hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.targets.library import load_target
 from tools.train.proposal_samples import Views, sample
 from tools.train.proposal_views import VIEW_PX
 
@@ -234,13 +234,13 @@ def test_what_the_network_says_of_a_pose_is_that_of_the_attitudes_near_it(tango:
 @pytest.mark.gl
 @pytest.mark.parametrize(("recipe", "least"), [("eval-black", 10), ("eval-earth", 8)])
 def test_the_true_pose_is_mostly_among_the_proposed_ones(tango: BoardModel, recipe: str, least: int) -> None:
-    from hil.board.svd.image.edge_field import shrink
-    from hil.board.svd.image.noise import noise_sigma
-    from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-    from hil.board.svd.propose.regions import REDUCTION, propose_regions
-    from simulator.frame import take_frame
-    from simulator.recipes.plan import plan_recipe
-    from simulator.render.renderer import Renderer
+    from flyaround.hil.board.svd.image.edge_field import shrink
+    from flyaround.hil.board.svd.image.noise import noise_sigma
+    from flyaround.hil.board.svd.image.weak_gradients import eliminate_weak_gradients
+    from flyaround.hil.board.svd.propose.regions import REDUCTION, propose_regions
+    from flyaround.simulator.frame import take_frame
+    from flyaround.simulator.recipes.plan import plan_recipe
+    from flyaround.simulator.render.renderer import Renderer
 
     plan = plan_recipe(recipe, 40, seed=6301)
     c = plan.camera

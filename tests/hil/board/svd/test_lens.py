@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from drawn_craft import CAMERA, NOISE_DN, Craft
 
-from hil.board.errors import BoardModelError
-from hil.board.svd import CameraIntrinsics, make_estimator
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import undistorted_rays
-from hil.evaluate.pose_errors import frame_errors
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.svd import CameraIntrinsics, make_estimator
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import undistorted_rays
+from flyaround.hil.evaluate.pose_errors import frame_errors
 
 SUN = np.array([0.3, -0.2, -0.93])
 

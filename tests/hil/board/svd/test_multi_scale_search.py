@@ -5,29 +5,29 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.board.svd import CameraIntrinsics, PoseEstimator
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.image.edge_field import shrink
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.region import Region
-from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from hil.board.svd.model.face_gains import blurred
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.model.rasteriser import draw_faces, order_faces
-from hil.board.svd.model.shadow_map import ShadowMap
-from hil.board.svd.propose.learned.learned_proposal import LearnedProposal
-from hil.board.svd.propose.learned.network_input import ImageCrop
-from hil.board.svd.propose.learned_hypotheses import (
+from flyaround.hil.board.svd import CameraIntrinsics, PoseEstimator
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.image.edge_field import shrink
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.image.weak_gradients import eliminate_weak_gradients
+from flyaround.hil.board.svd.model.face_gains import blurred
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
+from flyaround.hil.board.svd.model.shadow_map import ShadowMap
+from flyaround.hil.board.svd.propose.learned.learned_proposal import LearnedProposal
+from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop
+from flyaround.hil.board.svd.propose.learned_hypotheses import (
     crops_about,
     crops_about_lit,
     hypotheses_of_places,
     learned_hypotheses,
 )
-from hil.board.svd.propose.regions import propose_regions
-from hil.board.svd.refine.coarse import refine_many_scales
-from hil.evaluate.method_choice import board_model
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd.propose.regions import propose_regions
+from flyaround.hil.board.svd.refine.coarse import refine_many_scales
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 T_M = np.array([0.05, -0.05, 4.2])

@@ -9,27 +9,27 @@ import numpy as np
 import pytest
 from lamp_lit import lamp_lit
 
-from hil.board.svd import CameraIntrinsics, estimator
-from hil.board.svd.base import PoseResult
-from hil.board.svd.decide.confidence import Evidence, confidence, error_scale
-from hil.board.svd.decide.discrete_symmetry import Prior, check_discrete_symmetry
-from hil.board.svd.decide.near_minima import check_near_minima
-from hil.board.svd.decide.selection import Selection, image_evidence, select, select_by_image
-from hil.board.svd.estimator import PoseEstimator
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.edge_support import support
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
-from hil.board.svd.image.edge_field import edge_field
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.region import Region
-from hil.board.svd.model.image_patch import cut_patch, target_box
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.propose.variants import near_symmetries, over_its_image, tilts
-from hil.board.svd.refine.close import CLOSE_PX, refine_close_up
-from hil.board.svd.refine.photometric import photo_score
-from hil.board.svd.stages import run
-from hil.evaluate.method_choice import board_model
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd import CameraIntrinsics, estimator
+from flyaround.hil.board.svd.base import PoseResult
+from flyaround.hil.board.svd.decide.confidence import Evidence, confidence, error_scale
+from flyaround.hil.board.svd.decide.discrete_symmetry import Prior, check_discrete_symmetry
+from flyaround.hil.board.svd.decide.near_minima import check_near_minima
+from flyaround.hil.board.svd.decide.selection import Selection, image_evidence, select, select_by_image
+from flyaround.hil.board.svd.estimator import PoseEstimator
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.hypotheses.edge_support import support
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
+from flyaround.hil.board.svd.image.edge_field import edge_field
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.propose.variants import near_symmetries, over_its_image, tilts
+from flyaround.hil.board.svd.refine.close import CLOSE_PX, refine_close_up
+from flyaround.hil.board.svd.refine.photometric import photo_score
+from flyaround.hil.board.svd.stages import run
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 SUN = np.array([0.3, -0.2, -0.93])

@@ -6,32 +6,37 @@ import cv2
 import numpy as np
 import pytest
 
-from hil.board.svd import BoardModel, BoardModelError, CameraIntrinsics, make_estimator
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import undistorted_rays
-from hil.board.svd.image.region import Region
-from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from hil.board.svd.propose.pnp import solve_points
-from hil.board.svd.propose.three_points import three_point_poses
-from hil.board.svd.published import published_estimator as published
-from hil.board.svd.published.corners import corner_map, model_corners, refine_on_corners, reprojection
-from hil.board.svd.published.ellipses import (
+from flyaround.hil.board.svd import BoardModel, BoardModelError, CameraIntrinsics, make_estimator
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import undistorted_rays
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.image.weak_gradients import eliminate_weak_gradients
+from flyaround.hil.board.svd.propose.pnp import solve_points
+from flyaround.hil.board.svd.propose.three_points import three_point_poses
+from flyaround.hil.board.svd.published import published_estimator as published
+from flyaround.hil.board.svd.published.corners import (
+    corner_map,
+    model_corners,
+    refine_on_corners,
+    reprojection,
+)
+from flyaround.hil.board.svd.published.ellipses import (
     EllipseFit,
     circle_poses,
     circle_views,
     hough_ellipses,
     model_circles,
 )
-from hil.board.svd.published.line_streams import (
+from flyaround.hil.board.svd.published.line_streams import (
     Streams,
     find_streams,
     grown_region,
     harris_corners,
     sobel_edges,
 )
-from hil.board.svd.published.point_groups import image_point_groups, model_point_groups
-from hil.board.svd.published.published_estimator import PublishedEstimator
-from hil.board.svd.published.settings import SOLVERS, SVD_2018, SVD_THESIS, PublishedConfig
+from flyaround.hil.board.svd.published.point_groups import image_point_groups, model_point_groups
+from flyaround.hil.board.svd.published.published_estimator import PublishedEstimator
+from flyaround.hil.board.svd.published.settings import SOLVERS, SVD_2018, SVD_THESIS, PublishedConfig
 
 CAMERA = CameraIntrinsics(640, 480, 900.0, 900.0, 319.5, 239.5)
 HALF = np.array([0.5, 0.4, 0.15])

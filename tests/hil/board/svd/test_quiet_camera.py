@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.board.svd import CameraIntrinsics, PoseEstimator
-from hil.evaluate.method_choice import board_model
-from hil.evaluate.pose_errors import frame_errors
-from simulator.frame import take_frame
-from simulator.recipes.plan import plan_recipe
-from simulator.render.renderer import Renderer
+from flyaround.hil.board.svd import CameraIntrinsics, PoseEstimator
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.hil.evaluate.pose_errors import frame_errors
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.render.renderer import Renderer
 
 RECIPE = """
 schema = "flyaround.recipe"

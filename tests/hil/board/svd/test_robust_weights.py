@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.board.svd.refine.robust import geman_mcclure, tukey
+from flyaround.hil.board.svd.refine.robust import geman_mcclure, tukey
 
 RESIDUALS = np.linspace(-7.0, 7.0, 57)
 STEP = 1e-4

@@ -6,11 +6,17 @@ import cv2
 import numpy as np
 import pytest
 
-from hil.board.svd.estimator import BUSY
-from hil.board.svd.image.edge_field import drop_specks
-from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from hil.board.svd.propose.regions import _busy_share, clusters, propose_regions
-from hil.board.svd.propose.saliency import CELL_PX, SaliencyWeights, boxes, saliency_map, shipped_weights
+from flyaround.hil.board.svd.estimator import BUSY
+from flyaround.hil.board.svd.image.edge_field import drop_specks
+from flyaround.hil.board.svd.image.weak_gradients import eliminate_weak_gradients
+from flyaround.hil.board.svd.propose.regions import _busy_share, clusters, propose_regions
+from flyaround.hil.board.svd.propose.saliency import (
+    CELL_PX,
+    SaliencyWeights,
+    boxes,
+    saliency_map,
+    shipped_weights,
+)
 from tools.train.saliency import train
 
 

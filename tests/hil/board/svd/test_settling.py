@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from lamp_lit import lamp_lit
 
-from hil.board.svd import CameraIntrinsics
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
-from hil.board.svd.image.edge_field import edge_field
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.region import Region
-from hil.board.svd.model.image_patch import cut_patch, target_box
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.model.shadow_map import ShadowMap
-from hil.board.svd.refine.close import CLOSE_PX
-from hil.board.svd.refine.settling import settle
-from hil.evaluate.method_choice import board_model
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
+from flyaround.hil.board.svd.image.edge_field import edge_field
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.model.shadow_map import ShadowMap
+from flyaround.hil.board.svd.refine.close import CLOSE_PX
+from flyaround.hil.board.svd.refine.settling import settle
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 SUN = np.array([0.3, -0.2, -0.93])

@@ -8,25 +8,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.board.svd import CameraIntrinsics
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.geometry.response import Response
-from hil.board.svd.geometry.vectors import length
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source, drawn
-from hil.board.svd.image.edge_field import edge_field
-from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.region import Region
-from hil.board.svd.model.face_gains import _boxes
-from hil.board.svd.model.image_patch import cut_patch, target_box
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.propose.learned.network import convolve
-from hil.board.svd.refine.edges import limit_one_step, limit_step
-from hil.board.svd.refine.parallel import Drawings, Pruning, draw, draw_shadows, refine_in_parallel
-from hil.board.svd.refine.photometric import explained, photo_draw, photo_step
-from hil.evaluate.method_choice import board_model
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.faces import Faces
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.geometry.response import Response
+from flyaround.hil.board.svd.geometry.vectors import length
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source, drawn
+from flyaround.hil.board.svd.image.edge_field import edge_field
+from flyaround.hil.board.svd.image.observation import Observation
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.model.face_gains import _boxes
+from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.svd.propose.learned.network import convolve
+from flyaround.hil.board.svd.refine.edges import limit_one_step, limit_step
+from flyaround.hil.board.svd.refine.parallel import Drawings, Pruning, draw, draw_shadows, refine_in_parallel
+from flyaround.hil.board.svd.refine.photometric import explained, photo_draw, photo_step
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(240, 160, 375.0, 375.0, 119.5, 79.5)
 T_M = np.array([0.05, -0.05, 4.2])

@@ -10,28 +10,28 @@ import cv2
 import numpy as np
 import pytest
 
-from hil.board.errors import BoardModelError
-from hil.board.svd.base import PoseResult
-from hil.board.svd.debug.stage_pictures import write_stage_pictures
-from hil.board.svd.decide.confidence import Evidence, confidence, decide
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
-from hil.board.svd.geometry.vectors import cross
-from hil.board.svd.geometry.wireframe import jacobian, project
-from hil.board.svd.image.edge_field import edge_field, gradient_noise
-from hil.board.svd.image.line_segments import cleaned_stream
-from hil.board.svd.image.noise import noise_sigma
-from hil.board.svd.image.observation import Trace
-from hil.board.svd.image.segment_merging import merge_segments
-from hil.board.svd.image.weak_gradients import (
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.svd.base import PoseResult
+from flyaround.hil.board.svd.debug.stage_pictures import write_stage_pictures
+from flyaround.hil.board.svd.decide.confidence import Evidence, confidence, decide
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
+from flyaround.hil.board.svd.geometry.vectors import cross
+from flyaround.hil.board.svd.geometry.wireframe import jacobian, project
+from flyaround.hil.board.svd.image.edge_field import edge_field, gradient_noise
+from flyaround.hil.board.svd.image.line_segments import cleaned_stream
+from flyaround.hil.board.svd.image.noise import noise_sigma
+from flyaround.hil.board.svd.image.observation import Trace
+from flyaround.hil.board.svd.image.segment_merging import merge_segments
+from flyaround.hil.board.svd.image.weak_gradients import (
     eliminate_weak_gradients,
     exponential_threshold,
     marginal_interval,
 )
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.model.view_tables import build_views, sphere_directions
-from hil.board.svd.model.visibility import hidden, occluders, sample_edges, visible_samples
-from hil.board.svd.propose.perceptual_groups import (
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.model.view_tables import build_views, sphere_directions
+from flyaround.hil.board.svd.model.visibility import hidden, occluders, sample_edges, visible_samples
+from flyaround.hil.board.svd.propose.perceptual_groups import (
     Lines,
     antennas,
     image_triads,
@@ -39,9 +39,9 @@ from hil.board.svd.propose.perceptual_groups import (
     parallel_pairs,
     proximity_pairs,
 )
-from hil.board.svd.propose.pnp import plane_poses, solve_points
-from hil.board.svd.propose.regions import propose_regions, straight_windows
-from hil.board.svd.refine.edges import align_to_field
+from flyaround.hil.board.svd.propose.pnp import plane_poses, solve_points
+from flyaround.hil.board.svd.propose.regions import propose_regions, straight_windows
+from flyaround.hil.board.svd.refine.edges import align_to_field
 
 CAMERA = CameraIntrinsics(640, 480, 800.0, 800.0, 320.0, 240.0)
 

@@ -8,16 +8,16 @@ import pytest
 from drawn_craft import CAMERA, Craft
 
 from flyaround.__main__ import run
-from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.model.face_gains import blurred
-from hil.board.svd.model.rasteriser import draw_faces, order_faces
-from hil.board.svd.tracking.edge_tracker import track_edges
-from hil.board.svd.tracking.pose_filter import first_state, innovation, predict, update
-from hil.board.svd.tracking.tracking_estimator import SURE, TrackingEstimator
-from hil.evaluate.method_choice import board_model
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.model.face_gains import blurred
+from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
+from flyaround.hil.board.svd.tracking.edge_tracker import track_edges
+from flyaround.hil.board.svd.tracking.pose_filter import first_state, innovation, predict, update
+from flyaround.hil.board.svd.tracking.tracking_estimator import SURE, TrackingEstimator
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.targets.library import load_target
 
 SUN = np.array([0.3, -0.2, -0.93])
 

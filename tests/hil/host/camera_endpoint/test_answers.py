@@ -11,16 +11,16 @@ from camera_kit import ADDRESS, SIZE, camera, config, images
 from estimators import Estimate
 from hil_loop import made_frame
 
-from hil.board.gige.aravis import load_aravis
-from hil.board.gige.camera import CameraSettings, GigeCamera
-from hil.board.gige.camera_board import CameraBoardOptions, run_camera_board
-from hil.host.camera_endpoint.camera_ledger import CameraLedger
-from hil.host.camera_endpoint.messages import AnswerTerms
-from hil.host.ledger.frames_csv import read_ledger
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.report import write_report
-from hil.link.errors import LinkError
-from hil.link.packets.messages import Hello, HelloAck
+from flyaround.hil.board.gige.aravis import load_aravis
+from flyaround.hil.board.gige.camera import CameraSettings, GigeCamera
+from flyaround.hil.board.gige.camera_board import CameraBoardOptions, run_camera_board
+from flyaround.hil.host.camera_endpoint.camera_ledger import CameraLedger
+from flyaround.hil.host.camera_endpoint.messages import AnswerTerms
+from flyaround.hil.host.ledger.frames_csv import read_ledger
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.report import write_report
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.packets.messages import Hello, HelloAck
 
 PICTURES = images()
 FRAMES = [made_frame(k, image, every_s=0.1, t_m=(0.0, 0.0, 1.0 + k)) for k, image in enumerate(PICTURES)]

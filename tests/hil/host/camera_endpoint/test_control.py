@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from camera_kit import ADDRESS, SIZE, config
 
-from hil.host.camera_endpoint import gvcp
-from hil.host.camera_endpoint.endpoint import CameraEndpoint
-from hil.host.camera_endpoint.genicam_xml import OWN_NAME
-from hil.host.camera_endpoint.gvsp import StreamFormat
-from hil.host.camera_endpoint.messages import FrameTaken, Note
-from hil.host.camera_endpoint.registers import XML_ADDRESS, XML_URL, Place
+from flyaround.hil.host.camera_endpoint import gvcp
+from flyaround.hil.host.camera_endpoint.endpoint import CameraEndpoint
+from flyaround.hil.host.camera_endpoint.genicam_xml import OWN_NAME
+from flyaround.hil.host.camera_endpoint.gvsp import StreamFormat
+from flyaround.hil.host.camera_endpoint.messages import FrameTaken, Note
+from flyaround.hil.host.camera_endpoint.registers import XML_ADDRESS, XML_URL, Place
 
 
 @pytest.fixture

@@ -3,10 +3,15 @@
 import numpy as np
 import pytest
 
-from hil.host.camera_endpoint.messages import FrameWanted
-from hil.host.camera_endpoint.pictures import WARM_UP_PICTURES, DrawnPictures, LoopedPictures, exposed_as
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.hil.host.camera_endpoint.messages import FrameWanted
+from flyaround.hil.host.camera_endpoint.pictures import (
+    WARM_UP_PICTURES,
+    DrawnPictures,
+    LoopedPictures,
+    exposed_as,
+)
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 
 def wanted(number=0, exposure_s=0.01, gain_db=0.0):

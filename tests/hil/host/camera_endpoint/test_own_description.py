@@ -7,9 +7,14 @@ from dataclasses import replace
 import pytest
 from camera_kit import aravis, camera, config, images, need_aravis
 
-from hil.host.camera_endpoint.genicam_xml import MOST_UNZIPPED_BYTES, MOST_XML_BYTES, read_xml, write_xml
-from hil.host.camera_endpoint.interface import find_interface
-from simulator.errors import UserError
+from flyaround.hil.host.camera_endpoint.genicam_xml import (
+    MOST_UNZIPPED_BYTES,
+    MOST_XML_BYTES,
+    read_xml,
+    write_xml,
+)
+from flyaround.hil.host.camera_endpoint.interface import find_interface
+from flyaround.simulator.errors import UserError
 
 # the names of another maker, on the registers of docs/hil_camera.md; shutter in milliseconds, size as one number
 OWN = """<?xml version="1.0"?>

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from hil.host.camera_endpoint import gvcp
-from hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat, formats_of, pixels_of
+from flyaround.hil.host.camera_endpoint import gvcp
+from flyaround.hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat, formats_of, pixels_of
 
 
 def test_command_and_acknowledgement_by_their_bytes():

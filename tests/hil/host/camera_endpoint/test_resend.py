@@ -5,9 +5,9 @@ import socket
 import numpy as np
 import pytest
 
-from hil.host.camera_endpoint.gvcp import ResendRequest
-from hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat
-from hil.host.camera_endpoint.stream_channel import RESENT_PER_PACKET, StreamChannel
+from flyaround.hil.host.camera_endpoint.gvcp import ResendRequest
+from flyaround.hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat
+from flyaround.hil.host.camera_endpoint.stream_channel import RESENT_PER_PACKET, StreamChannel
 
 SIZE = 128
 

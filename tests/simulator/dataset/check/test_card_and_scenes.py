@@ -7,12 +7,12 @@ import shutil
 import msgspec
 import pytest
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.capture import capture
-from simulator.dataset.check.verify import check_dataset
-from simulator.recipes.plan import plan_recipe
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 

@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.camera.detector.electrons import white_balance
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.detector.sensor import Detector, Sensor, noiseless, with_bits
-from simulator.dataset.check.clean_twin import check_clean
-from simulator.imaging.image_formation import digitise
-from simulator.scene.illumination.bands import sunlight_balance
+from flyaround.simulator.camera.detector.electrons import white_balance
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor, noiseless, with_bits
+from flyaround.simulator.dataset.check.clean_twin import check_clean
+from flyaround.simulator.imaging.image_formation import digitise
+from flyaround.simulator.scene.illumination.bands import sunlight_balance
 
 EXPOSURE_S = 0.1
 

@@ -14,18 +14,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from flyaround.cli import app
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.capture import capture
-from simulator.dataset.card import read_card
-from simulator.dataset.check.exports import check_exports
-from simulator.dataset.check.verify import check_dataset
-from simulator.dataset.formats.registry import writable
-from simulator.labels.request import LAYERS
-from simulator.labels.truth import read_truth
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.world.frames.pose import Pose
+from flyaround.cli.app import app
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.check.exports import check_exports
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.dataset.formats.registry import writable
+from flyaround.simulator.labels.request import LAYERS
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.world.frames.pose import Pose
 
 pytestmark = pytest.mark.gl
 

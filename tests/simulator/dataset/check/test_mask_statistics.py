@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.dataset.check.mask_statistics import is_binary, lit_pixels
+from flyaround.simulator.dataset.check.mask_statistics import is_binary, lit_pixels
 
 
 @pytest.mark.parametrize("shape", [(7, 5), (1, 9), (0, 4)])

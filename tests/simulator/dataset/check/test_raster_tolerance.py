@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.dataset.check.raster_tolerance import triangles_near
+from flyaround.simulator.dataset.check.raster_tolerance import triangles_near
 
 TO_CAMERA = np.tile([0.0, 0.0, -1.0], (3, 1))
 

@@ -3,10 +3,10 @@
 import numpy as np
 import trimesh
 
-from simulator.dataset.check.ray_casting import RayCaster
-from simulator.targets.joined_mesh import mesh_of
-from simulator.targets.library import load_target
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.dataset.check.ray_casting import RayCaster
+from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.pose import Pose
 
 
 def test_rays_meet_what_is_ahead_of_a_triangle_that_reaches_behind_the_camera():

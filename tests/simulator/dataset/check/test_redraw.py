@@ -11,29 +11,29 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from flyaround.cli import app
-from simulator.camera.lens.files import load_camera
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.capture import capture
-from simulator.dataset.check import redraw as check_picture
-from simulator.dataset.check import verify as check_module
-from simulator.dataset.check.feasibility import check_silhouette_inside, check_step_share
-from simulator.dataset.check.geometry import in_lens
-from simulator.dataset.check.keypoint_states import check_amodal_box, check_states, triangles_of
-from simulator.dataset.check.redraw import EXACT, check_same_picture, sample
-from simulator.dataset.check.verify import check_dataset
-from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.errors import UserError
-from simulator.frame import take_frame
-from simulator.imaging.image_formation import digitise_scene, expose_scene
-from simulator.labels.feasible import mono_signal
-from simulator.labels.layers import pixel_hash
-from simulator.labels.truth import read_truth
-from simulator.recipes.plan import plan_recipe
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.targets.joined_mesh import mesh_of
+from flyaround.cli.app import app
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.check import redraw as check_picture
+from flyaround.simulator.dataset.check import verify as check_module
+from flyaround.simulator.dataset.check.feasibility import check_silhouette_inside, check_step_share
+from flyaround.simulator.dataset.check.geometry import in_lens
+from flyaround.simulator.dataset.check.keypoint_states import check_amodal_box, check_states, triangles_of
+from flyaround.simulator.dataset.check.redraw import EXACT, check_same_picture, sample
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.dataset.formats.native import frame_paths, read_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene
+from flyaround.simulator.labels.feasible import mono_signal
+from flyaround.simulator.labels.layers import pixel_hash
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.targets.joined_mesh import mesh_of
 
 pytestmark = pytest.mark.gl
 
@@ -276,7 +276,7 @@ def test_a_craft_that_reaches_beyond_what_a_fish_eye_is_known_for(plan):
 
 
 def test_without_opengl_a_check_says_that_no_image_was_drawn(dataset, monkeypatch):
-    import simulator.render.renderer as module
+    import flyaround.simulator.render.renderer as module
 
     def refuse(*_, **__):
         raise UserError("no OpenGL here; install one")

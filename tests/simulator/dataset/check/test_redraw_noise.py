@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.camera.detector.electrons import detect, white_balance
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.sensor import Detector, Sensor
-from simulator.dataset.check.clean_twin import balance_factors
-from simulator.dataset.check.redraw import check_same_picture
-from simulator.scene.illumination.bands import sunlight_balance
+from flyaround.simulator.camera.detector.electrons import detect, white_balance
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+from flyaround.simulator.dataset.check.clean_twin import balance_factors
+from flyaround.simulator.dataset.check.redraw import check_same_picture
+from flyaround.simulator.scene.illumination.bands import sunlight_balance
 
 EXPOSURE_S = 0.1
 

@@ -9,15 +9,21 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.capture import capture
-from simulator.dataset.check.verify import check_dataset
-from simulator.dataset.formats.exr import encode_exr
-from simulator.dataset.formats.native import EXR_CHANNELS, frame_paths, layer_path, read_layer, read_png
-from simulator.labels.layers import layer_hash
-from simulator.labels.request import LAYERS
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.dataset.formats.exr import encode_exr
+from flyaround.simulator.dataset.formats.native import (
+    EXR_CHANNELS,
+    frame_paths,
+    layer_path,
+    read_layer,
+    read_png,
+)
+from flyaround.simulator.labels.layers import layer_hash
+from flyaround.simulator.labels.request import LAYERS
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 

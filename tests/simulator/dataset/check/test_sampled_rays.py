@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.dataset.check.sampled_rays import sample_pixels
+from flyaround.simulator.dataset.check.sampled_rays import sample_pixels
 
 
 @pytest.mark.parametrize("rolling", [False, True])

@@ -4,12 +4,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.dataset.check.signal import check_states_by_signal
-from simulator.labels.labelling import truth_record
-from simulator.labels.layers import clean_twin
-from simulator.labels.truth import Software
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.dataset.check.signal import check_states_by_signal
+from flyaround.simulator.labels.labelling import truth_record
+from flyaround.simulator.labels.layers import clean_twin
+from flyaround.simulator.labels.truth import Software
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 
 @pytest.fixture(scope="module")

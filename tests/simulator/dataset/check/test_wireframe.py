@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from simulator.camera.lens.files import load_camera
-from simulator.dataset.check.wireframe import check_wireframe
-from simulator.labels.truth import WireLabel
-from simulator.labels.wireframe import view_edges
-from simulator.targets.joined_mesh import mesh_of
-from simulator.targets.library import load_target
-from simulator.world.frames.pose import Pose
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.dataset.check.wireframe import check_wireframe
+from flyaround.simulator.labels.truth import WireLabel
+from flyaround.simulator.labels.wireframe import view_edges
+from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.pose import Pose
 
 CAMERA = load_camera("speed")
 TANGO = load_target("tango")

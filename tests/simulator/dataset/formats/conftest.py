@@ -6,12 +6,12 @@ from importlib.util import find_spec
 import msgspec
 import pytest
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.capture import capture
-from simulator.dataset.formats.registry import writable
-from simulator.labels.request import LAYERS
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.dataset.formats.registry import writable
+from flyaround.simulator.labels.request import LAYERS
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 N = 6
 

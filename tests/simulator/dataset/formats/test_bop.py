@@ -10,15 +10,15 @@ import pytest
 import trimesh
 
 import flyaround as fa
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.capture import capture_card
-from simulator.dataset.formats.bop import gt_info
-from simulator.dataset.formats.labelled_frame import frame_from_files
-from simulator.dataset.formats.native import encode_frame
-from simulator.dataset.formats.registry import find_format
-from simulator.recipes.vary_file import Vary
-from simulator.scenario.poses import scene_with_pose
-from simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.capture import capture_card
+from flyaround.simulator.dataset.formats.bop import gt_info
+from flyaround.simulator.dataset.formats.labelled_frame import frame_from_files
+from flyaround.simulator.dataset.formats.native import encode_frame
+from flyaround.simulator.dataset.formats.registry import find_format
+from flyaround.simulator.recipes.vary_file import Vary
+from flyaround.simulator.scenario.poses import scene_with_pose
+from flyaround.simulator.targets.joined_mesh import mesh_of
 
 pytestmark = pytest.mark.gl
 SIZE = np.array([192, 120])

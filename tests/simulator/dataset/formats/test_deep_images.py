@@ -15,13 +15,13 @@ from PIL import Image
 
 import flyaround as fa
 from flyaround.__main__ import run
-from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.detector.sensor import with_bits
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.dataset.card import read_card
-from simulator.dataset.formats.parquet import columns, readme
-from simulator.dataset.formats.registry import NATIVE, writable
-from simulator.labels.truth import read_truth
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.detector.sensor import with_bits
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.formats.parquet import columns, readme
+from flyaround.simulator.dataset.formats.registry import NATIVE, writable
+from flyaround.simulator.labels.truth import read_truth
 
 AS_NUMBERS = ("npz", "exr")
 N = 2

@@ -16,12 +16,12 @@ from scipy.spatial.transform import Rotation
 
 import flyaround as fa
 from flyaround.__main__ import run
-from simulator.camera.lens.camera_model import Distortion
-from simulator.dataset.card import read_card
-from simulator.dataset.check.verify import check_dataset
-from simulator.dataset.formats.registry import formats, read_foreign, writable
-from simulator.dataset.formats.ros_messages import camera_info
-from simulator.labels.truth import read_truth
+from flyaround.simulator.camera.lens.camera_model import Distortion
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.dataset.formats.registry import formats, read_foreign, writable
+from flyaround.simulator.dataset.formats.ros_messages import camera_info
+from flyaround.simulator.labels.truth import read_truth
 
 pytestmark = pytest.mark.gl
 
@@ -170,7 +170,7 @@ def decoded(runs):
 @pytest.mark.parametrize("where", [(0, 0), (3, 2), (7, 5), (4, 0), (0, 3)])
 def test_run_lengths_of_any_place(where):
     """Also where the mask begins with the first pixel, ends with the last, or fills whole columns."""
-    from simulator.dataset.formats.coco import polygons, run_lengths
+    from flyaround.simulator.dataset.formats.coco import polygons, run_lengths
 
     mask = np.zeros((6, 9), np.uint8)
     x, y = where
@@ -186,9 +186,9 @@ def test_run_lengths_of_any_place(where):
 
 
 def test_speed_keeps_colour():
-    from simulator.dataset.formats.labelled_frame import LabelledFrame
-    from simulator.dataset.formats.native import encode_png
-    from simulator.dataset.formats.speed_writer import jpeg
+    from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.dataset.formats.native import encode_png
+    from flyaround.simulator.dataset.formats.speed_writer import jpeg
 
     image = np.zeros((40, 60, 3), np.uint8)
     image[10:30, 20:40] = (200, 40, 90)
@@ -369,8 +369,8 @@ def test_conversion_writes_what_capture_writes(everything, tmp_path):
 
 
 def test_resume_and_two_workers_give_the_same_exports(everything, small_plan, tmp_path):
-    from simulator.dataset.capture import capture
-    from simulator.labels.request import LAYERS
+    from flyaround.simulator.dataset.capture import capture
+    from flyaround.simulator.labels.request import LAYERS
 
     chosen = ("speed", "coco", "yolo", "webdataset")
     half = tmp_path / "half"

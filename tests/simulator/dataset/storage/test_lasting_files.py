@@ -9,19 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from simulator.dataset.storage import space
-from simulator.dataset.storage.batches import FrameBatches, FrameFiles
-from simulator.dataset.storage.manifest import (
+from flyaround.simulator.dataset.storage import space
+from flyaround.simulator.dataset.storage.batches import FrameBatches, FrameFiles
+from flyaround.simulator.dataset.storage.manifest import (
     MANIFEST_NAME,
     manifest_lines,
     read_manifest,
     rewrite_manifest,
     sort_manifest,
 )
-from simulator.dataset.storage.store import FolderStore
-from simulator.errors import UserError
-from simulator.runtime import files
-from simulator.runtime.files import write_lasting
+from flyaround.simulator.dataset.storage.store import FolderStore
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime import files
+from flyaround.simulator.runtime.files import write_lasting
 
 
 def _frame(k, size=100):

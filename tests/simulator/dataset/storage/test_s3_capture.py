@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-import flyaround.commands.datasets as commands
+import flyaround.cli.datasets as commands
 from flyaround.__main__ import run
-from simulator.dataset.capture import capture
+from flyaround.simulator.dataset.capture import capture
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow, pytest.mark.timeout(900)]
 boto3 = pytest.importorskip("boto3")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from simulator.dataset.storage.url_store import UrlStore
-from simulator.errors import UserError
+from flyaround.simulator.dataset.storage.url_store import UrlStore
+from flyaround.simulator.errors import UserError
 
 
 @pytest.mark.parametrize("scheme", ["ftp", "http", "https", "sftp", "foo", "webhdfs"])

@@ -5,9 +5,14 @@ import uuid
 
 import pytest
 
-from simulator.dataset.storage.manifest import MANIFEST_NAME, manifest_lines, read_manifest, sort_manifest
-from simulator.dataset.storage.url_store import UrlStore, is_url
-from simulator.errors import UserError
+from flyaround.simulator.dataset.storage.manifest import (
+    MANIFEST_NAME,
+    manifest_lines,
+    read_manifest,
+    sort_manifest,
+)
+from flyaround.simulator.dataset.storage.url_store import UrlStore, is_url
+from flyaround.simulator.errors import UserError
 
 fsspec = pytest.importorskip("fsspec")
 

@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.render.bake.baked_visibility import decode_visibility, encode_visibility, trace_visibility
-from simulator.render.bake.charts import make_charts
-from simulator.render.bake.ray_cast import EmbreeTracer, GridTracer
-from simulator.render.irradiance import spherical_fibonacci
-from simulator.targets.library import load_target
+from flyaround.simulator.render.bake.baked_visibility import (
+    decode_visibility,
+    encode_visibility,
+    trace_visibility,
+)
+from flyaround.simulator.render.bake.charts import make_charts
+from flyaround.simulator.render.bake.ray_cast import EmbreeTracer, GridTracer
+from flyaround.simulator.render.irradiance import spherical_fibonacci
+from flyaround.simulator.targets.library import load_target
 
 
 def of_mesh(mesh):

@@ -6,12 +6,12 @@ import json
 import numpy as np
 import pytest
 
-from simulator.render.bake import geometry
-from simulator.render.bake.charts import TEXEL
-from simulator.render.bake.geometry import VERTEX, MergedParts, geometry_of
-from simulator.render.bake.occluders import Boxes
-from simulator.runtime.serialisation import pack, unpack
-from simulator.targets.library import load_target
+from flyaround.simulator.render.bake import geometry
+from flyaround.simulator.render.bake.charts import TEXEL
+from flyaround.simulator.render.bake.geometry import VERTEX, MergedParts, geometry_of
+from flyaround.simulator.render.bake.occluders import Boxes
+from flyaround.simulator.runtime.serialisation import pack, unpack
+from flyaround.simulator.targets.library import load_target
 
 
 def merged(target):

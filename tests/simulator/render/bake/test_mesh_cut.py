@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from simulator.render.bake.mesh_cut import cut
-from simulator.render.bake.mesh_edges import find_edges
+from flyaround.simulator.render.bake.mesh_cut import cut
+from flyaround.simulator.render.bake.mesh_edges import find_edges
 from tests.harness.boxes import closed_box
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from simulator.render.bake.occluders import CLOSEST_M, Boxes, convex_bodies, find_shells, hidden
-from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.solids import box, dome
-from simulator.targets.model import Part
+from flyaround.simulator.render.bake.occluders import CLOSEST_M, Boxes, convex_bodies, find_shells, hidden
+from flyaround.simulator.targets.builders.mesh import merge
+from flyaround.simulator.targets.builders.solids import box, dome
+from flyaround.simulator.targets.model import Part
 
 BODY = box((-0.5, -0.3, -0.2), (0.4, 0.3, 0.2))
 

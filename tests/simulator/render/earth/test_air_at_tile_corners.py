@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.render import drawing
-from simulator.render.earth.air_pass import AirPass
-from simulator.render.earth.air_tables import GROUND_MU_MIN, GROUND_SAMPLES
-from simulator.render.projection import directions
-from simulator.scene.environments import Environment
-from simulator.scene.state import TargetRef
-from simulator.scene.viewpoint import scene_above
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.render import drawing
+from flyaround.simulator.render.earth.air_pass import AirPass
+from flyaround.simulator.render.earth.air_tables import GROUND_MU_MIN, GROUND_SAMPLES
+from flyaround.simulator.render.projection import directions
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.state import TargetRef
+from flyaround.simulator.scene.viewpoint import scene_above
 
 pytestmark = pytest.mark.gl
 SOFTWARE_PATH = True

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-import simulator.render.earth.earth_pass as passes
-from simulator.camera.lens.camera_model import Camera
-from simulator.render.earth.maps import COAST, decode_map
-from simulator.render.earth.ocean_colour import MASK, make_mask
-from simulator.render.earth.sea_ice import (
+import flyaround.simulator.render.earth.earth_pass as passes
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.render.earth.maps import COAST, decode_map
+from flyaround.simulator.render.earth.ocean_colour import MASK, make_mask
+from flyaround.simulator.render.earth.sea_ice import (
     EXTENT_NORTH,
     EXTENT_SOUTH,
     HEIGHT,
@@ -21,14 +21,14 @@ from simulator.render.earth.sea_ice import (
     near_ice,
     sea_ice,
 )
-from simulator.render.earth.seasons import ANCHORS, season
-from simulator.render.gl.library import gl_library
-from simulator.render.gl.mipmaps import mipmapped_texture
-from simulator.render.software import tiles as cells
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.scene.state import TargetRef
-from simulator.scene.viewpoint import scene_above
+from flyaround.simulator.render.earth.seasons import ANCHORS, season
+from flyaround.simulator.render.gl.library import gl_library
+from flyaround.simulator.render.gl.mipmaps import mipmapped_texture
+from flyaround.simulator.render.software import tiles as cells
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.scene.state import TargetRef
+from flyaround.simulator.scene.viewpoint import scene_above
 
 pytestmark = pytest.mark.gl
 CAMERA = Camera(width_px=96, height_px=64, fx_px=140.0, fy_px=140.0, cx_px=47.5, cy_px=31.5)

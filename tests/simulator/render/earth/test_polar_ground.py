@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.render.renderer import Renderer
-from simulator.scene.environments import Environment
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scene.environments import Environment
 
 pytestmark = pytest.mark.gl
 WIDTH, HEIGHT, FINER = 160, 120, 8

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.render.earth import terrain_detail as valleys
+from flyaround.simulator.render.earth import terrain_detail as valleys
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simulator.render.gl.buffer_pool import GRAIN_PX, KEPT, LARGER, BufferPool
+from flyaround.simulator.render.gl.buffer_pool import GRAIN_PX, KEPT, LARGER, BufferPool
 
 
 class Counted:

@@ -3,7 +3,7 @@
 import moderngl
 import pytest
 
-from simulator.render.gl.context import REQUIRED_VERSION, create_context
+from flyaround.simulator.render.gl.context import REQUIRED_VERSION, create_context
 
 pytestmark = pytest.mark.gl
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import moderngl
 import pytest
 
-from simulator.render.gl.fences import Fences, draw_to, flush
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.render.gl.fences import Fences, draw_to, flush
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 

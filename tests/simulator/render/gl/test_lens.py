@@ -7,10 +7,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.camera.lens.distortion import Distortion
-from simulator.render.gl.lens_rays import ray_table
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.camera.lens.distortion import Distortion
+from flyaround.simulator.render.gl.lens_rays import ray_table
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.render.gl.mipmaps import mipmap_chain
+from flyaround.simulator.render.gl.mipmaps import mipmap_chain
 
 HEIGHT, WIDTH = 256, 512
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 

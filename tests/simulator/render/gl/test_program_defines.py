@@ -2,8 +2,8 @@
 
 import re
 
-from simulator.render.earth.air_pass import TABLE_DEFINES
-from simulator.render.gl.programs import ProgramLibrary, _head
+from flyaround.simulator.render.earth.air_pass import TABLE_DEFINES
+from flyaround.simulator.render.gl.programs import ProgramLibrary, _head
 
 
 class Recorder:

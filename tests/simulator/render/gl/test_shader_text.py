@@ -4,9 +4,9 @@ from importlib import resources
 
 import pytest
 
-from simulator.render.gl.programs import read_source
+from flyaround.simulator.render.gl.programs import read_source
 
-FOLDER = resources.files("shaders")
+FOLDER = resources.files("flyaround.shaders")
 FILES = sorted(
     f"{folder.name}/{file.name}"
     for folder in FOLDER.iterdir()

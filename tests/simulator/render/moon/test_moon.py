@@ -6,12 +6,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.scene.illumination.moonlight import disc_phase, lommel_seeliger_disc
-from simulator.scene.illumination.refraction import shadow_profile, sunlight_past_earth
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.moonlight import disc_phase, lommel_seeliger_disc
+from flyaround.simulator.scene.illumination.refraction import shadow_profile, sunlight_past_earth
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 pytestmark = pytest.mark.gl
 AU_M, MOON_M = 149_597_870_700.0, 384_400_000.0

@@ -6,12 +6,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.runtime.arrays import vec3
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.moonlight import moonlight_share
-from simulator.scene.state import TargetRef
-from simulator.scene.viewpoint import scene_above
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.moonlight import moonlight_share
+from flyaround.simulator.scene.state import TargetRef
+from flyaround.simulator.scene.viewpoint import scene_above
 
 pytestmark = pytest.mark.gl
 CAMERA = Camera(width_px=96, height_px=64, fx_px=140.0, fy_px=140.0, cx_px=47.5, cy_px=31.5)

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from simulator.camera.detector.electrons import electrons_per_radiance
-from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.sensor import Detector, Sensor
-from simulator.render.sky.star_catalogue import star_irradiance_w_m2, stars
-from simulator.scene.illumination.planets import NAMES, planets
-from simulator.world.time.instant import Instant
+from flyaround.simulator.camera.detector.electrons import electrons_per_radiance
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+from flyaround.simulator.render.sky.star_catalogue import star_irradiance_w_m2, stars
+from flyaround.simulator.scene.illumination.planets import NAMES, planets
+from flyaround.simulator.world.time.instant import Instant
 
 
 def _at(ra_h, ra_m, dec_deg, dec_m):

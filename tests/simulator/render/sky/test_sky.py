@@ -7,22 +7,22 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.render.earth.air_tables import air_tables
-from simulator.render.projection import PixelRect
-from simulator.render.sky.star_catalogue import star_irradiance_w_m2, stars
-from simulator.render.sky.star_pass import StarPass
-from simulator.render.view import build_view
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.atmosphere import (
+from flyaround.simulator.render.earth.air_tables import air_tables
+from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.render.sky.star_catalogue import star_irradiance_w_m2, stars
+from flyaround.simulator.render.sky.star_pass import StarPass
+from flyaround.simulator.render.view import build_view
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.atmosphere import (
     MultipleScattering,
     earth_atmosphere,
     mie_phase,
     path_light,
     rayleigh_phase,
 )
-from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.scene.illumination.planets import earth_velocity_c
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.planets import earth_velocity_c
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 pytestmark = pytest.mark.gl
 EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245

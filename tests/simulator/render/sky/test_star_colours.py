@@ -5,22 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.lens.camera_model import Camera
-from simulator.render.sky.star_catalogue import _catalogue, star_irradiance_w_m2, stars
-from simulator.render.sky.star_colours import (
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.render.sky.star_catalogue import _catalogue, star_irradiance_w_m2, stars
+from flyaround.simulator.render.sky.star_colours import (
     SUN_V_MAG,
     hp_minus_v,
     irradiance_of_v_mag,
     photons_over_sunlights,
     usual_v_minus_i,
 )
-from simulator.render.sky.star_pass import stars_in_view
-from simulator.render.view import build_view
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.scene.state import TargetRef
-from simulator.scene.viewpoint import scene_above
+from flyaround.simulator.render.sky.star_pass import stars_in_view
+from flyaround.simulator.render.view import build_view
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.scene.state import TargetRef
+from flyaround.simulator.scene.viewpoint import scene_above
 
 V_ZERO_W_M2_NM = 3.631e-11  # of V = 0, Bessell, Castelli & Plez (1998), A&A 333, 231
 # Hipparcos number, V (ESA 1997, field H5), spectrum (Pickles 1998) as means of 50 nm from 450 to 750 nm over the mean

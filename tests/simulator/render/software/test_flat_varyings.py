@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from simulator.render.gl.uniform_block import Field
-from simulator.render.renderer import Renderer
-from simulator.render.software.flat_varyings import flat_varyings
+from flyaround.simulator.render.gl.uniform_block import Field
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.render.software.flat_varyings import flat_varyings
 from tests.harness.boxes import closed_box
 
 pytestmark = pytest.mark.gl

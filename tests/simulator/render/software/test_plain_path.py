@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.bench.scaling import scaled
-from simulator.camera.lens.files import load_camera
-from simulator.render.renderer import Renderer
-from simulator.render.target import target_passes as passes
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.bench.scaling import scaled
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.render.target import target_passes as passes
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 BLOCK = 16
 VIEWS = [

@@ -8,26 +8,26 @@ import moderngl
 import numpy as np
 import pytest
 
-from simulator.bench.scenes import bench_scenes
-from simulator.camera.lens.camera_model import Camera
-from simulator.render.earth.earth_view import earth_view
-from simulator.render.gl.depth_buffer import MOST_RANGES
-from simulator.render.gl.library import gl_library
-from simulator.render.gl.mipmaps import VERSION, mipmap_chain, mipmapped_texture, release_mipmapped
-from simulator.render.projection import PixelRect
-from simulator.render.renderer import Renderer
-from simulator.render.software import quad_packing, software_path
-from simulator.render.software.coverage_mask import hull_tiles
-from simulator.render.software.tiles import earth_tiles
-from simulator.render.target import resident_targets as loaded_targets
-from simulator.render.target import target_passes
-from simulator.render.target import visible_triangles as culling
-from simulator.render.target.viewport_fit import TILE_PX, all_tiles
-from simulator.render.view import build_view
-from simulator.runtime.cached_arrays import cached_array
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.atmosphere import earth_atmosphere
-from simulator.targets.library import load_target
+from flyaround.simulator.bench.scenes import bench_scenes
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.render.earth.earth_view import earth_view
+from flyaround.simulator.render.gl.depth_buffer import MOST_RANGES
+from flyaround.simulator.render.gl.library import gl_library
+from flyaround.simulator.render.gl.mipmaps import VERSION, mipmap_chain, mipmapped_texture, release_mipmapped
+from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.render.software import quad_packing, software_path
+from flyaround.simulator.render.software.coverage_mask import hull_tiles
+from flyaround.simulator.render.software.tiles import earth_tiles
+from flyaround.simulator.render.target import resident_targets as loaded_targets
+from flyaround.simulator.render.target import target_passes
+from flyaround.simulator.render.target import visible_triangles as culling
+from flyaround.simulator.render.target.viewport_fit import TILE_PX, all_tiles
+from flyaround.simulator.render.view import build_view
+from flyaround.simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere
+from flyaround.simulator.targets.library import load_target
 
 pytestmark = pytest.mark.gl
 SOFTWARE_PATH = True

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.imaging.image_formation import expose_scene
-from simulator.render.moon.moon_tiles import moon_tiles
-from simulator.render.moon.moon_view import moon_view
-from simulator.render.renderer import Renderer
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.imaging.image_formation import expose_scene
+from flyaround.simulator.render.moon.moon_tiles import moon_tiles
+from flyaround.simulator.render.moon.moon_view import moon_view
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 
 def _scene(name, width_px, **changes):

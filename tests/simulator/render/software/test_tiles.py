@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.render.earth.earth_view import earth_view
-from simulator.render.projection import directions
-from simulator.render.software.tiles import earth_tiles
-from simulator.render.view import build_view
-from simulator.scene.environments import Environment
-from simulator.scene.illumination.atmosphere import earth_atmosphere
-from simulator.scene.state import TargetRef
-from simulator.scene.viewpoint import scene_above
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.render.earth.earth_view import earth_view
+from flyaround.simulator.render.projection import directions
+from flyaround.simulator.render.software.tiles import earth_tiles
+from flyaround.simulator.render.view import build_view
+from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere
+from flyaround.simulator.scene.state import TargetRef
+from flyaround.simulator.scene.viewpoint import scene_above
 
 CAMERA = Camera(width_px=480, height_px=320, fx_px=3000.0, fy_px=3000.0, cx_px=239.5, cy_px=159.5)
 

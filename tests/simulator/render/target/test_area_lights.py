@@ -6,12 +6,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.imaging.metering import metered_radiance_w_m2_sr
-from simulator.labels.keypoints import geometric_states
-from simulator.recipes.plan import plan_recipe
-from simulator.scene.illumination.area_light import AreaLight, rook_points
-from simulator.targets.joined_mesh import JoinedMesh
-from simulator.targets.library import load_target
+from flyaround.simulator.imaging.metering import metered_radiance_w_m2_sr
+from flyaround.simulator.labels.keypoints import geometric_states
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scene.illumination.area_light import AreaLight, rook_points
+from flyaround.simulator.targets.joined_mesh import JoinedMesh
+from flyaround.simulator.targets.library import load_target
 
 pytestmark = pytest.mark.gl
 L = 100.0

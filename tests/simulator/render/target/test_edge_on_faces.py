@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from simulator.targets.model import Material, Part
+from flyaround.simulator.targets.model import Material, Part
 from tools.validation.bare_scene import bare_scene, bare_target, flat_plate, square_camera
 
 pytestmark = pytest.mark.gl

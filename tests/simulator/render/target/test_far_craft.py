@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.lens.camera_model import Camera
-from simulator.targets.library import load_target
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.targets.library import load_target
 
 pytestmark = pytest.mark.gl
 WIDTH_PX, FINER, FOCAL_PX = 32, 10, 820.0

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from flyaround.__main__ import run
-from simulator.errors import UserError
-from simulator.scene.illumination.area_light import AreaLight
-from simulator.scene.illumination.lamp import Lamp
-from simulator.targets.model import Material, Part, TextureImage
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scene.illumination.area_light import AreaLight
+from flyaround.simulator.scene.illumination.lamp import Lamp
+from flyaround.simulator.targets.model import Material, Part, TextureImage
 
 pytestmark = pytest.mark.gl
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.targets.model import Material
+from flyaround.simulator.targets.model import Material
 from tools.validation.bare_scene import bare_scene, bare_target, flat_plate, square_camera
 
 pytestmark = pytest.mark.gl

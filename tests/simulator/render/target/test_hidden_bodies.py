@@ -8,11 +8,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.lens.distortion import Distortion
-from simulator.dataset.check.geometry import OUTLINE_TOLERANCE_PX, doubtful_pixels
-from simulator.frame import take_frame
-from simulator.runtime.arrays import vec3
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.camera.lens.distortion import Distortion
+from flyaround.simulator.dataset.check.geometry import OUTLINE_TOLERANCE_PX, doubtful_pixels
+from flyaround.simulator.frame import take_frame
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 

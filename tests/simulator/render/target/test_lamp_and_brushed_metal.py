@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.labels.keypoints import geometric_states
-from simulator.render.irradiance import uniform_field
-from simulator.scene.illumination.lamp import Lamp
-from simulator.targets.joined_mesh import JoinedMesh
-from simulator.targets.library import load_target
+from flyaround.simulator.labels.keypoints import geometric_states
+from flyaround.simulator.render.irradiance import uniform_field
+from flyaround.simulator.scene.illumination.lamp import Lamp
+from flyaround.simulator.targets.joined_mesh import JoinedMesh
+from flyaround.simulator.targets.library import load_target
 from tools.validation.rendering import brushed as rendering_brushed
 from tools.validation.rendering import lamp as rendering_lamp
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.lens.distortion import Distortion
-from simulator.render.renderer import Renderer
+from flyaround.simulator.camera.lens.distortion import Distortion
+from flyaround.simulator.render.renderer import Renderer
 
 pytestmark = pytest.mark.gl
 NEAR_M, FAR_M = (

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.render.irradiance import dark_field, uniform_field
-from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.world.frames.rotation import quat_from_matrix
+from flyaround.simulator.render.irradiance import dark_field, uniform_field
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.world.frames.rotation import quat_from_matrix
 
 pytestmark = pytest.mark.gl
 

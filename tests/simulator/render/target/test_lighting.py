@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from simulator.render.earth.albedo import albedo_map, albedo_of_day
-from simulator.render.irradiance import (
+from flyaround.simulator.render.earth.albedo import albedo_map, albedo_of_day
+from flyaround.simulator.render.irradiance import (
     IrradianceField,
     basis,
     earth_shine,
@@ -13,8 +13,8 @@ from simulator.render.irradiance import (
     spherical_fibonacci,
     uniform_field,
 )
-from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.targets.model import Part
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.targets.model import Part
 
 pytestmark = pytest.mark.gl
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.render.target import target_passes as passes
-from simulator.render.target import viewport_fit as placement
-from simulator.render.target.sample_pattern import SEVEN, rotated
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
+from flyaround.simulator.render.target import target_passes as passes
+from flyaround.simulator.render.target import viewport_fit as placement
+from flyaround.simulator.render.target.sample_pattern import SEVEN, rotated
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from simulator.render.bake.geometry import VERTEX
-from simulator.render.target.mesh import upload
-from simulator.render.target.shadow_frustum import SurfacePatches, fit_shadow_frustum, light_matrix
-from simulator.render.target.visible_triangles import visible_triangles
-from simulator.targets.library import load_target
-from simulator.targets.model import Material
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.render.bake.geometry import VERTEX
+from flyaround.simulator.render.target.mesh import upload
+from flyaround.simulator.render.target.shadow_frustum import SurfacePatches, fit_shadow_frustum, light_matrix
+from flyaround.simulator.render.target.visible_triangles import visible_triangles
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import Material
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 

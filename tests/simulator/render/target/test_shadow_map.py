@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from simulator.render.target.shadow_frustum import frustum_around, light_matrix
-from simulator.targets.model import Material
+from flyaround.simulator.render.target.shadow_frustum import frustum_around, light_matrix
+from flyaround.simulator.targets.model import Material
 
 pytestmark = pytest.mark.gl
 

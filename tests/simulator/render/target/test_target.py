@@ -6,10 +6,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.targets.model import Material
-from simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.targets.model import Material
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 BLACK = Material(name="black", base_color=(0.0, 0.0, 0.0), roughness=1.0)
@@ -305,7 +305,7 @@ class Counting:
 
 
 def test_renderers_of_one_process_do_not_disturb_each_other(renderer, draw_kit):
-    from simulator.render.renderer import Renderer
+    from flyaround.simulator.render.renderer import Renderer
 
     target = draw_kit.target([draw_kit.plate("plate", "white", (0, 0, 0), 0.3)], [draw_kit.white()])
     scene = draw_kit.scene(target, t_m=(0, 0, 4.0))

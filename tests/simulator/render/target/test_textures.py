@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.targets.craft.charuco import charuco_board, model_from_opencv_m
-from simulator.targets.library import load_target
-from simulator.targets.model import TextureImage
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.craft.charuco import charuco_board, model_from_opencv_m
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import TextureImage
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
 
 pytestmark = pytest.mark.gl
 SHADOWLESS = (0.3, 0.2, -1.0)

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.render.bake.edge_gaps import edge_gaps
-from simulator.render.bake.mesh_edges import find_edges
-from simulator.render.projection import PixelRect
-from simulator.render.target.visible_edges import EdgeCamera, VisibleEdges
+from flyaround.simulator.render.bake.edge_gaps import edge_gaps
+from flyaround.simulator.render.bake.mesh_edges import find_edges
+from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.render.target.visible_edges import EdgeCamera, VisibleEdges
 from tests.harness.boxes import closed_box
 from tools.validation.bare_scene import square_camera
 

@@ -11,11 +11,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from hil.board.errors import BoardModelError
-from hil.board.svd import BoardModel
-from hil.board.svd.model.occluding_contours import Outlines
-from hil.board.svd.model.target_model import WireEdge
-from hil.board.svd.model.view_tables import (
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.svd import BoardModel
+from flyaround.hil.board.svd.model.occluding_contours import Outlines
+from flyaround.hil.board.svd.model.target_model import WireEdge
+from flyaround.hil.board.svd.model.view_tables import (
     SHAPE_SAMPLES,
     TURNS,
     ViewTable,
@@ -24,17 +24,17 @@ from hil.board.svd.model.view_tables import (
     sphere_directions,
     with_outlines,
 )
-from simulator.runtime.arrays import FloatArray
-from simulator.targets.board_model.contours import outlines_of
-from simulator.targets.board_model.write import packed, write_board_model
-from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import MassElement
-from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.builders.solids import box, lathe
-from simulator.targets.craft.assemble import assemble_lumped
-from simulator.targets.craft.finishes import WHITE_PAINT
-from simulator.targets.library import load_target
-from simulator.targets.model import Target
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.targets.board_model.contours import outlines_of
+from flyaround.simulator.targets.board_model.write import packed, write_board_model
+from flyaround.simulator.targets.builders.assembly import Piece
+from flyaround.simulator.targets.builders.mass import MassElement
+from flyaround.simulator.targets.builders.mesh import Mesh, merge
+from flyaround.simulator.targets.builders.solids import box, lathe
+from flyaround.simulator.targets.craft.assemble import assemble_lumped
+from flyaround.simulator.targets.craft.finishes import WHITE_PAINT
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import Target
 
 
 def body(mesh: Mesh) -> Target:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.errors import UserError
-from simulator.targets.importing.add import ImportOptions, read_surface
-from simulator.targets.importing.read.draco import DRACO, decoded
-from simulator.targets.importing.read.mesh_file import read_mesh
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.add import ImportOptions, read_surface
+from flyaround.simulator.targets.importing.read.draco import DRACO, decoded
+from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
 
 BALL = trimesh.creation.icosphere(2, 1.0)
 UV = (BALL.vertices[:, :2] * 0.5 + 0.5).astype(float)

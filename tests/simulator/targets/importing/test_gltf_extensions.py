@@ -9,8 +9,8 @@ import DracoPy
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.targets.importing.read.mesh_file import read_mesh
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
 
 REPORTS = Path(__file__).parents[3] / "data" / "reports"
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.errors import UserError
-from simulator.targets.importing.add import ImportOptions, read_surface
-from simulator.targets.importing.repair.coincident_faces import coincident_pairs
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.add import ImportOptions, read_surface
+from flyaround.simulator.targets.importing.repair.coincident_faces import coincident_pairs
 
 KEEP = ImportOptions(keep_holes=True, up="z")
 FILL = ImportOptions(fill_holes=True, up="z")

@@ -17,11 +17,11 @@ import trimesh
 from mesh_fuzz import damaged
 
 from flyaround.__main__ import run
-from simulator.errors import UserError
-from simulator.targets.glb.read import load_glb
-from simulator.targets.glb.write import write_glb
-from simulator.targets.importing.add import ImportOptions, read_surface
-from simulator.targets.library import load_target
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.glb.read import load_glb
+from flyaround.simulator.targets.glb.write import write_glb
+from flyaround.simulator.targets.importing.add import ImportOptions, read_surface
+from flyaround.simulator.targets.library import load_target
 
 BOX = trimesh.creation.box((2.0, 1.0, 0.5))
 BLOB = BOX.vertices.astype("<f4").tobytes() + BOX.faces.astype("<u4").tobytes()

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.errors import UserError
-from simulator.targets.importing.add import ImportOptions, read_surface
-from simulator.targets.importing.read.mesh_file import read_mesh
-from simulator.targets.importing.read.raw_model import UNNAMED_SURFACE
-from simulator.targets.importing.repair.placement import check_count, check_numbers, place_model
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.add import ImportOptions, read_surface
+from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
+from flyaround.simulator.targets.importing.read.raw_model import UNNAMED_SURFACE
+from flyaround.simulator.targets.importing.repair.placement import check_count, check_numbers, place_model
 
 CUBE = trimesh.creation.box((2.0, 1.0, 0.5))
 

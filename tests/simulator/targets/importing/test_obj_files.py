@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.targets.importing.read.mesh_file import read_mesh
-from simulator.targets.importing.read.textures import decode_image
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
+from flyaround.simulator.targets.importing.read.textures import decode_image
 
 REPORTS = Path(__file__).parents[3] / "data" / "reports"
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"

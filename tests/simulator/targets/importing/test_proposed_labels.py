@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.targets.geometry import sphere_directions
-from simulator.targets.importing.add import import_mesh
+from flyaround.simulator.targets.geometry import sphere_directions
+from flyaround.simulator.targets.importing.add import import_mesh
 
 SIZE = 192
 

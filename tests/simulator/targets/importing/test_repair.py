@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.errors import UserError
-from simulator.targets.geometry import distance_to_triangles
-from simulator.targets.glb.read import load_glb
-from simulator.targets.glb.write import write_glb
-from simulator.targets.importing.add import ImportOptions, import_mesh
-from simulator.targets.library import load_target
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.geometry import distance_to_triangles
+from flyaround.simulator.targets.glb.read import load_glb
+from flyaround.simulator.targets.glb.write import write_glb
+from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh
+from flyaround.simulator.targets.library import load_target
 
 SHEETS = ImportOptions(keep_holes=True)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.errors import UserError
-from simulator.targets.importing.read.mesh_file import read_mesh
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
 
 REPORTS = Path(__file__).parents[3] / "data" / "reports"
 BOX = trimesh.creation.box((2.0, 1.0, 0.5))

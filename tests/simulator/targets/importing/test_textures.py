@@ -9,11 +9,11 @@ import pytest
 import trimesh
 from PIL import Image
 
-from simulator.errors import UserError
-from simulator.targets.glb.read import load_glb
-from simulator.targets.glb.write import write_glb
-from simulator.targets.importing.add import ImportOptions, import_mesh
-from simulator.targets.importing.read.textures import decode_image
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.glb.read import load_glb
+from flyaround.simulator.targets.glb.write import write_glb
+from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh
+from flyaround.simulator.targets.importing.read.textures import decode_image
 
 SIZE = 64
 ROWS, COLUMNS = np.mgrid[0:SIZE, 0:SIZE] * (255.0 / (SIZE - 1))

@@ -6,10 +6,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.world.attitude.reaction_wheels import Wheels, WheelTrack, fly_wheels
-from simulator.world.frames.rotation import (
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.world.attitude.reaction_wheels import Wheels, WheelTrack, fly_wheels
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
     quat_from_rotvec,

@@ -7,23 +7,23 @@ import pickle
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.world.attitude.directions import PointingContext
-from simulator.world.attitude.target_attitude import Attitude, Point
-from simulator.world.attitude.torques import magnetic_field_t, torque_on
-from simulator.world.ephemeris.bodies import EARTH
-from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
-from simulator.world.ephemeris.sun_moon import sun_eci_m
-from simulator.world.frames.rotation import (
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.attitude.directions import PointingContext
+from flyaround.simulator.world.attitude.target_attitude import Attitude, Point
+from flyaround.simulator.world.attitude.torques import magnetic_field_t, torque_on
+from flyaround.simulator.world.ephemeris.bodies import EARTH
+from flyaround.simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
+from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_from_rotvec,
     quat_multiply,
     rotation_angle_rad,
 )
-from simulator.world.messages.aem import read_aem_history, write_aem
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.messages.aem import read_aem_history, write_aem
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from flyaround.simulator.world.time.instant import Instant
 
 EPOCH = Instant.from_utc("2026-03-20T12:00:00Z")
 SPAN = 3000.0

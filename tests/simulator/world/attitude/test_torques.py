@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from simulator.world.attitude.rigid_body import propagate_attitude
-from simulator.world.attitude.torques import gravity_gradient_torque, torque_on
-from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import propagate
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.attitude.rigid_body import propagate_attitude
+from flyaround.simulator.world.attitude.torques import gravity_gradient_torque, torque_on
+from flyaround.simulator.world.constants import MU_EARTH_M3_S2
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import propagate
+from flyaround.simulator.world.time.instant import Instant
 
 EPOCH = Instant.from_utc("2026-03-21T10:00:00Z")
 A_M = 7078e3

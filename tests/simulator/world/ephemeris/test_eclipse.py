@@ -8,19 +8,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.scenario.flight import fly
-from simulator.scenario.load import load_scenario
-from simulator.targets.library import load_target
-from simulator.world.constants import AU_M, EARTH_RADIUS_M, MOON_RADIUS_M, SUN_RADIUS_M
-from simulator.world.ephemeris.eclipse import (
+from flyaround.simulator.scenario.flight import fly
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.constants import AU_M, EARTH_RADIUS_M, MOON_RADIUS_M, SUN_RADIUS_M
+from flyaround.simulator.world.ephemeris.eclipse import (
     sun_fraction_past_earth_and_moon,
     sun_fraction_past_sphere,
     sun_visible_fraction,
 )
-from simulator.world.ephemeris.ephemeris_table import EphemerisTable
-from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.orbit.forces import EarthForces, Forces, Surface
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.orbit.forces import EarthForces, Forces, Surface
+from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
     from collections.abc import Callable

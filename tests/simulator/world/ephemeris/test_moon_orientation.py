@@ -6,10 +6,10 @@ import erfa
 import numpy as np
 import pytest
 
-from simulator.world.ephemeris.moon_orientation import _ARGUMENTS, R_moon_from_eci, q_moon_from_eci
-from simulator.world.ephemeris.sun_moon import moon_geometric_m
-from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.ephemeris.moon_orientation import _ARGUMENTS, R_moon_from_eci, q_moon_from_eci
+from flyaround.simulator.world.ephemeris.sun_moon import moon_geometric_m
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.time.instant import Instant
 
 
 def earth_seen_deg(t: Instant) -> np.ndarray:

@@ -8,21 +8,21 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.detector.sensor import Sensor
-from simulator.camera.lens.camera_model import Camera
-from simulator.scene.build import build_scene
-from simulator.scene.state import SceneState, TargetRef
-from simulator.world.attitude.pointing import Pointing
-from simulator.world.attitude.target_attitude import Attitude
-from simulator.world.flight.build import TargetStart, propagate_flight
-from simulator.world.flight.export import fly_table
-from simulator.world.flight.flight import Flight
-from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.guidance.chaser import Chaser
-from simulator.world.guidance.free_flight import FreeDrift, NaturalCircumnavigation
-from simulator.world.guidance.paths import ForcedFlyaround, Hold, VbarApproach
-from simulator.world.orbit.propagation import Elements, state_from_elements
-from simulator.world.time.instant import Instant
+from flyaround.simulator.camera.detector.sensor import Sensor
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.scene.build import build_scene
+from flyaround.simulator.scene.state import SceneState, TargetRef
+from flyaround.simulator.world.attitude.pointing import Pointing
+from flyaround.simulator.world.attitude.target_attitude import Attitude
+from flyaround.simulator.world.flight.build import TargetStart, propagate_flight
+from flyaround.simulator.world.flight.export import fly_table
+from flyaround.simulator.world.flight.flight import Flight
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.guidance.chaser import Chaser
+from flyaround.simulator.world.guidance.free_flight import FreeDrift, NaturalCircumnavigation
+from flyaround.simulator.world.guidance.paths import ForcedFlyaround, Hold, VbarApproach
+from flyaround.simulator.world.orbit.propagation import Elements, state_from_elements
+from flyaround.simulator.world.time.instant import Instant
 
 CAMERA = Camera(width_px=1920, height_px=1200, fx_px=3003.41, fy_px=3003.41, cx_px=960, cy_px=600)
 COM = (0.01, 0.02, 0.15)

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from flyaround.__main__ import run
-from flyaround.commands import flights
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.world.flight.export import fly_table, summarise_flight
-from simulator.world.flight.flight import Flight
-from simulator.world.flight.log import FlightLog
-from simulator.world.guidance.paths import VbarApproach, Waypoints
+from flyaround.cli import flights
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.world.flight.export import fly_table, summarise_flight
+from flyaround.simulator.world.flight.flight import Flight
+from flyaround.simulator.world.flight.log import FlightLog
+from flyaround.simulator.world.guidance.paths import VbarApproach, Waypoints
 
 HEAD = """
 epoch_utc = "2026-03-21T10:00:00Z"

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.scenario.write import replay_scenario
-from simulator.world.flight import recording
-from simulator.world.flight.flight import record
-from simulator.world.flight.recording import Recording
-from simulator.world.frames.rotation import rotation_angle_rad
-from simulator.world.guidance.manual_control import SteeringCommand, step
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scenario.write import replay_scenario
+from flyaround.simulator.world.flight import recording
+from flyaround.simulator.world.flight.flight import record
+from flyaround.simulator.world.flight.recording import Recording
+from flyaround.simulator.world.frames.rotation import rotation_angle_rad
+from flyaround.simulator.world.guidance.manual_control import SteeringCommand, step
 
 
 @pytest.mark.parametrize("name", ["tango-flyaround", "tango-vbar-approach", "tango-eclipse-pass"])

@@ -4,7 +4,7 @@ import doctest
 
 import pytest
 
-from simulator.world.frames import pose
+from flyaround.simulator.world.frames import pose
 
 
 @pytest.mark.parametrize("module", [pose])

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from simulator.world.frames.pose import Pose
-from simulator.world.frames.rotation import (
+from flyaround.simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
     quat_from_matrix,

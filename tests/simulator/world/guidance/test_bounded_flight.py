@@ -5,14 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.ephemeris.ephemeris_table import EphemerisTable
-from simulator.world.frames.lvlh import lvlh_frame
-from simulator.world.guidance.free_flight import NaturalCircumnavigation, SafeEllipse
-from simulator.world.orbit.forces import EarthForces
-from simulator.world.orbit.propagation import Elements, elements_from_state, propagate, state_from_elements
-from simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.constants import MU_EARTH_M3_S2
+from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
+from flyaround.simulator.world.frames.lvlh import lvlh_frame
+from flyaround.simulator.world.guidance.free_flight import NaturalCircumnavigation, SafeEllipse
+from flyaround.simulator.world.orbit.forces import EarthForces
+from flyaround.simulator.world.orbit.propagation import (
+    Elements,
+    elements_from_state,
+    propagate,
+    state_from_elements,
+)
+from flyaround.simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix
+from flyaround.simulator.world.time.instant import Instant
 
 ROUND = EarthForces(sky=EphemerisTable.of(Instant.from_utc("2026-03-20T12:00:00Z"), 3600.0))
 MODES = [

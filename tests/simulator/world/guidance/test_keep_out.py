@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.guidance.command_script import CommandScript, fly_script
-from simulator.world.guidance.keep_out import KeepOut
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import propagate
+from flyaround.simulator.world.guidance.command_script import CommandScript, fly_script
+from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import propagate
 
 RADIUS_M, BRAKE_M_S2, PERIOD_S = 10.0, 0.05, 0.5
 SPHERE = KeepOut(radius_m=RADIUS_M)

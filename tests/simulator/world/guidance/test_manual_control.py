@@ -6,14 +6,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.frames.rotation import rotation_angle_rad
-from simulator.world.guidance.command_script import CommandScript, ScriptedCommand, ScriptedTrack, fly_script
-from simulator.world.guidance.free_flight import SafeEllipse
-from simulator.world.guidance.keep_out import KeepOut
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
-from simulator.world.relative.clohessy_wiltshire import transition_matrix
+from flyaround.simulator.world.constants import MU_EARTH_M3_S2
+from flyaround.simulator.world.frames.rotation import rotation_angle_rad
+from flyaround.simulator.world.guidance.command_script import (
+    CommandScript,
+    ScriptedCommand,
+    ScriptedTrack,
+    fly_script,
+)
+from flyaround.simulator.world.guidance.free_flight import SafeEllipse
+from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
 
 ROUND = Gravity(j2=0.0)
 R0, V0 = state_from_elements(Elements(semi_major_axis_m=7e6, inclination_rad=1.0))

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.frames.lvlh import lvlh_frame
-from simulator.world.guidance.chaser import Chaser
-from simulator.world.guidance.free_flight import RangeKeeping
-from simulator.world.guidance.keep_out import KeepOut
-from simulator.world.guidance.paths import Glideslope, Hold, VbarApproach, Waypoints
-from simulator.world.guidance.thruster_control import ControlledTrack, fly_controlled
-from simulator.world.guidance.thrusters import Thrusters
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from flyaround.simulator.world.frames.lvlh import lvlh_frame
+from flyaround.simulator.world.guidance.chaser import Chaser
+from flyaround.simulator.world.guidance.free_flight import RangeKeeping
+from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.guidance.paths import Glideslope, Hold, VbarApproach, Waypoints
+from flyaround.simulator.world.guidance.thruster_control import ControlledTrack, fly_controlled
+from flyaround.simulator.world.guidance.thrusters import Thrusters
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
 
 R0, V0 = state_from_elements(Elements(semi_major_axis_m=7078e3, inclination_rad=1.7, eccentricity=0.001))
 N = np.sqrt(3.986004418e14 / 7078e3**3)

@@ -6,15 +6,15 @@ import erfa
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
-from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.messages.aem import read_aem_state
-from simulator.world.messages.ccsds import read_segments, read_time
-from simulator.world.messages.ccsds_frames import EARTH_RATE_RAD_S, R_gcrf_from, state_in_gcrf
-from simulator.world.messages.oem import read_oem_state
-from simulator.world.messages.tle import R_eci_from_teme
-from simulator.world.time.instant import Instant
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.messages.aem import read_aem_state
+from flyaround.simulator.world.messages.ccsds import read_segments, read_time
+from flyaround.simulator.world.messages.ccsds_frames import EARTH_RATE_RAD_S, R_gcrf_from, state_in_gcrf
+from flyaround.simulator.world.messages.oem import read_oem_state
+from flyaround.simulator.world.messages.tle import R_eci_from_teme
+from flyaround.simulator.world.time.instant import Instant
 
 EPOCH = Instant.from_utc("2024-05-10T06:00:00Z")
 

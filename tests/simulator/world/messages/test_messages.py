@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.world.flight.export import flight_messages
-from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply, rotation_angle_rad
-from simulator.world.messages.aem import read_aem_state, write_aem
-from simulator.world.messages.ccsds import read_time
-from simulator.world.messages.oem import read_oem_state, write_oem
-from simulator.world.messages.tle import R_eci_from_teme, state_from_tle
-from simulator.world.time.instant import Instant
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.world.flight.export import flight_messages
+from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply, rotation_angle_rad
+from flyaround.simulator.world.messages.aem import read_aem_state, write_aem
+from flyaround.simulator.world.messages.ccsds import read_time
+from flyaround.simulator.world.messages.oem import read_oem_state, write_oem
+from flyaround.simulator.world.messages.tle import R_eci_from_teme, state_from_tle
+from flyaround.simulator.world.time.instant import Instant
 
 # Vanguard 1, the first verification case of Vallado et al. (2006), and its state at the epoch in TEME
 LINE1 = "1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753"

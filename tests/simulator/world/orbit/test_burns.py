@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.frames.lvlh import lvlh_frame
-from simulator.world.guidance.manual_control import ChaserState, SteeringCommand, step
-from simulator.world.guidance.paths import Hold
-from simulator.world.guidance.thruster_control import fly_controlled
-from simulator.world.guidance.thrusters import Thrusters
-from simulator.world.orbit.burns import Burn
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from flyaround.simulator.world.constants import MU_EARTH_M3_S2
+from flyaround.simulator.world.frames.lvlh import lvlh_frame
+from flyaround.simulator.world.guidance.manual_control import ChaserState, SteeringCommand, step
+from flyaround.simulator.world.guidance.paths import Hold
+from flyaround.simulator.world.guidance.thruster_control import fly_controlled
+from flyaround.simulator.world.guidance.thrusters import Thrusters
+from flyaround.simulator.world.orbit.burns import Burn
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
 
 ROUND = Gravity(j2=0.0)
 R0, V0 = state_from_elements(Elements(semi_major_axis_m=7e6, inclination_rad=1.0, raan_rad=0.3))

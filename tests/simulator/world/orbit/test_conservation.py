@@ -7,11 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simulator.world.attitude.rigid_body import check_inertia, propagate_attitude
-from simulator.world.constants import EARTH_RADIUS_M
-from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import Elements, elements_from_state, propagate, state_from_elements
+from flyaround.simulator.world.attitude.rigid_body import check_inertia, propagate_attitude
+from flyaround.simulator.world.constants import EARTH_RADIUS_M
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import (
+    Elements,
+    elements_from_state,
+    propagate,
+    state_from_elements,
+)
 
 angle = st.floats(0.05, 6.2)
 orbits = st.builds(

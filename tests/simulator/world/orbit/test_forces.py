@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.special import lpmv
 
-from simulator.world.constants import AU_M, EARTH_RADIUS_M, MU_MOON_M3_S2, SOLAR_PRESSURE_PA
-from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci, pole_eci
-from simulator.world.ephemeris.ephemeris_table import EphemerisTable
-from simulator.world.ephemeris.sun_moon import moon_geometric_m
-from simulator.world.frames.lvlh import lvlh_frame
-from simulator.world.orbit.forces import (
+from flyaround.simulator.world.constants import AU_M, EARTH_RADIUS_M, MU_MOON_M3_S2, SOLAR_PRESSURE_PA
+from flyaround.simulator.world.ephemeris.earth_orientation import R_itrs_from_eci, pole_eci
+from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
+from flyaround.simulator.world.ephemeris.sun_moon import moon_geometric_m
+from flyaround.simulator.world.frames.lvlh import lvlh_frame
+from flyaround.simulator.world.orbit.forces import (
     _AIR_LAYERS,
     EarthForces,
     Forces,
@@ -25,10 +25,10 @@ from simulator.world.orbit.forces import (
     density_kg_m3,
     geodetic_altitude_m,
 )
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
-from simulator.world.orbit.spherical_harmonics import _coefficients, egm96, harmonic_field
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from flyaround.simulator.world.orbit.spherical_harmonics import _coefficients, egm96, harmonic_field
+from flyaround.simulator.world.time.instant import Instant
 
 EPOCH = Instant.from_utc("2025-03-21T06:00:00Z")
 SKY = EphemerisTable.of(EPOCH, 86400.0)

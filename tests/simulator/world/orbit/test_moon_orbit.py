@@ -6,22 +6,22 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.errors import UserError
-from simulator.scenario.checks import check_physics
-from simulator.scenario.load import load_scenario
-from simulator.scenario.plan import plan_flight
-from simulator.world.constants import AU_M, MOON_RADIUS_M, SOLAR_PRESSURE_PA
-from simulator.world.ephemeris.bodies import MOON
-from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from simulator.world.ephemeris.ephemeris_table import EphemerisTable
-from simulator.world.ephemeris.moon_orientation import R_moon_from_eci
-from simulator.world.flight.export import flight_messages
-from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.messages.oem import read_oem_state
-from simulator.world.orbit.forces import EarthForces, Forces, Surface
-from simulator.world.orbit.moon_forces import MoonForces
-from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
-from simulator.world.time.instant import Instant
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.checks import check_physics
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.world.constants import AU_M, MOON_RADIUS_M, SOLAR_PRESSURE_PA
+from flyaround.simulator.world.ephemeris.bodies import MOON
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
+from flyaround.simulator.world.ephemeris.moon_orientation import R_moon_from_eci
+from flyaround.simulator.world.flight.export import flight_messages
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.messages.oem import read_oem_state
+from flyaround.simulator.world.orbit.forces import EarthForces, Forces, Surface
+from flyaround.simulator.world.orbit.moon_forces import MoonForces
+from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from flyaround.simulator.world.time.instant import Instant
 
 EPOCH = Instant.from_utc("2024-06-06T05:00:00Z")
 HOUR = 3600.0

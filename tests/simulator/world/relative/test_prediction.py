@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.runtime.arrays import vec3
-from simulator.world.guidance.manual_control import ChaserState, predicted_drift_lvlh_m
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.world.guidance.manual_control import ChaserState, predicted_drift_lvlh_m
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 0.3])

@@ -5,18 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.frames.lvlh import lvlh_frame
-from simulator.world.frames.rotation import (
+from flyaround.simulator.world.frames.lvlh import lvlh_frame
+from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
     quat_from_rotvec,
     rotation_angle_rad,
 )
-from simulator.world.guidance.manual_control import ChaserState, SteeringCommand, step
-from simulator.world.guidance.paths import ForcedFlyaround, Hold, VbarApproach
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import Elements, OrbitTrack, propagate, state_from_elements
-from simulator.world.relative.clohessy_wiltshire import bounded_ellipse, mean_motion_rad_s, transition_matrix
+from flyaround.simulator.world.guidance.manual_control import ChaserState, SteeringCommand, step
+from flyaround.simulator.world.guidance.paths import ForcedFlyaround, Hold, VbarApproach
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import Elements, OrbitTrack, propagate, state_from_elements
+from flyaround.simulator.world.relative.clohessy_wiltshire import (
+    bounded_ellipse,
+    mean_motion_rad_s,
+    transition_matrix,
+)
 
 A_M = 7078e3
 N = mean_motion_rad_s(A_M, Gravity().mu_m3_s2)

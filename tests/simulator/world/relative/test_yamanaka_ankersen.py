@@ -5,12 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.frames.lvlh import lvlh_frame
-from simulator.world.orbit.gravity import Gravity
-from simulator.world.orbit.propagation import Elements, elements_from_state, propagate, state_from_elements
-from simulator.world.relative.clohessy_wiltshire import transition_matrix
-from simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix, true_anomaly_after
+from flyaround.simulator.world.constants import MU_EARTH_M3_S2
+from flyaround.simulator.world.frames.lvlh import lvlh_frame
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import (
+    Elements,
+    elements_from_state,
+    propagate,
+    state_from_elements,
+)
+from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
+from flyaround.simulator.world.relative.yamanaka_ankersen import (
+    elliptic_transition_matrix,
+    true_anomaly_after,
+)
 
 ROUND = Gravity(j2=0.0)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from simulator.world.time.instant import Instant
+from flyaround.simulator.world.time.instant import Instant
 
 
 @pytest.mark.parametrize(

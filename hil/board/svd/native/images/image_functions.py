@@ -8,7 +8,7 @@ from typing import Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.native.arrays import checked_pointer, contiguous
+from flyaround.hil.board.svd.native.arrays import checked_pointer, contiguous
 
 Array = np.ndarray
 

@@ -7,8 +7,8 @@ from typing import Any, Tuple
 
 import numpy as np
 
-from hil.board.svd.native.arrays import checked_pointer, contiguous
-from hil.board.svd.native.learned.convolution import whole_numbers
+from flyaround.hil.board.svd.native.arrays import checked_pointer, contiguous
+from flyaround.hil.board.svd.native.learned.convolution import whole_numbers
 
 Array = np.ndarray
 

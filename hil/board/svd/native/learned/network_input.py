@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any, Optional, Sequence
 
 import numpy as np
 
-from hil.board.svd.native.arrays import checked_pointer, contiguous
-from hil.board.svd.native.images.image_functions import region
+from flyaround.hil.board.svd.native.arrays import checked_pointer, contiguous
+from flyaround.hil.board.svd.native.images.image_functions import region
 
 if TYPE_CHECKING:
-    from hil.board.svd.geometry.camera import CameraIntrinsics
+    from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
 
 Array = np.ndarray
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import response
+from flyaround.hil.board.svd.geometry import response
 
 if TYPE_CHECKING:
-    from hil.board.svd.geometry.response import Response
+    from flyaround.hil.board.svd.geometry.response import Response
 
 Array = np.ndarray
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
-from hil.board.svd.native.arrays import checked_pointer, contiguous, pointer
-from hil.board.svd.native.photometric.image_formation import NativeStruct, gaussian, response_tables
+from flyaround.hil.board.svd.native.arrays import checked_pointer, contiguous, pointer
+from flyaround.hil.board.svd.native.photometric.image_formation import NativeStruct, gaussian, response_tables
 
 if TYPE_CHECKING:
-    from hil.board.svd.geometry.camera import CameraIntrinsics
-    from hil.board.svd.geometry.faces import Faces
-    from hil.board.svd.geometry.image_patch import ImagePatch
-    from hil.board.svd.geometry.shading import Shading
+    from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+    from flyaround.hil.board.svd.geometry.faces import Faces
+    from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+    from flyaround.hil.board.svd.geometry.shading import Shading
 
 Array = np.ndarray
 

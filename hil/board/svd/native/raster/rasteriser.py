@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
 
-from hil.board.svd.native.arrays import checked_pointer, contiguous, pointer
+from flyaround.hil.board.svd.native.arrays import checked_pointer, contiguous, pointer
 
 if TYPE_CHECKING:
-    from hil.board.svd.geometry.camera import CameraIntrinsics
-    from hil.board.svd.geometry.faces import Faces
-    from hil.board.svd.geometry.image_patch import ImagePatch
+    from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+    from flyaround.hil.board.svd.geometry.faces import Faces
+    from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
 
 Array = np.ndarray
 

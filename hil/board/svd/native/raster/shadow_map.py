@@ -7,14 +7,19 @@ from typing import TYPE_CHECKING, Any, Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.native.arrays import checked_pointer, contiguous
-from hil.board.svd.native.raster.rasteriser import PackedFaces, fill_faces, order_faces, pinhole_view
+from flyaround.hil.board.svd.native.arrays import checked_pointer, contiguous
+from flyaround.hil.board.svd.native.raster.rasteriser import (
+    PackedFaces,
+    fill_faces,
+    order_faces,
+    pinhole_view,
+)
 
 if TYPE_CHECKING:
-    from hil.board.svd.geometry.camera import CameraIntrinsics
-    from hil.board.svd.geometry.faces import Faces
-    from hil.board.svd.geometry.image_patch import ImagePatch
-    from hil.board.svd.geometry.shading import Shading
+    from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+    from flyaround.hil.board.svd.geometry.faces import Faces
+    from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+    from flyaround.hil.board.svd.geometry.shading import Shading
 
 Array = np.ndarray
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
 
-from hil.board.svd.native.arrays import checked_pointer, contiguous
+from flyaround.hil.board.svd.native.arrays import checked_pointer, contiguous
 
 if TYPE_CHECKING:
-    from hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles
+    from flyaround.hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles
 
 Array = np.ndarray
 

@@ -11,7 +11,7 @@ from math import comb
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry import quaternion as quat
 
 Array = np.ndarray
 

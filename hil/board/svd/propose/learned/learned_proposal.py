@@ -19,13 +19,13 @@ from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.image.region import Region
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.propose.learned.network import ProposalNetwork
-from hil.board.svd.propose.learned.network_input import ImageCrop, network_inputs
-from hil.board.svd.propose.learned.view_subspaces import QUARTERS, ViewSubspaces
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.propose.learned.network import ProposalNetwork
+from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop, network_inputs
+from flyaround.hil.board.svd.propose.learned.view_subspaces import QUARTERS, ViewSubspaces
 
 Array = np.ndarray
 
@@ -112,7 +112,7 @@ def shipped_network(name: str, folder: str = WEIGHTS) -> Optional[ProposalNetwor
         return None
     try:
         # a bundle is a zip file: its members are read through the importer
-        data = pkgutil.get_data("hil.board.svd.propose.learned", f"{folder}/{name}.npz")
+        data = pkgutil.get_data("flyaround.hil.board.svd.propose.learned", f"{folder}/{name}.npz")
         return None if data is None else ProposalNetwork.read(io.BytesIO(data))
     except (OSError, ValueError, KeyError):
         return None

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.learned import network_input as native_input
-from hil.board.svd.native.learned.convolution import Layers
-from hil.board.svd.native.learned.convolution import network_convolutions as native_convolutions
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.learned import network_input as native_input
+from flyaround.hil.board.svd.native.learned.convolution import Layers
+from flyaround.hil.board.svd.native.learned.convolution import network_convolutions as native_convolutions
 
 Array = np.ndarray
 

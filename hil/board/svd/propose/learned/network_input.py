@@ -8,13 +8,13 @@ from typing import Any, Optional, Sequence
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.vectors import length, swing
-from hil.board.svd.image.edge_field import area_mean
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.images.image_functions import readable
-from hil.board.svd.native.learned import network_input as native
-from hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.vectors import length, swing
+from flyaround.hil.board.svd.image.edge_field import area_mean
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.images.image_functions import readable
+from flyaround.hil.board.svd.native.learned import network_input as native
+from flyaround.hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
 
 Array = np.ndarray
 

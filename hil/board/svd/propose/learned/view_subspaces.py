@@ -19,18 +19,18 @@ import cv2
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.model.rasteriser import draw_faces, order_faces
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.model.view_tables import look_at, sphere_directions
-from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.learned import attitude_likelihood as native
-from hil.board.svd.propose.learned.attitude_basis import harmonics, quartered, turning_bumps
-from hil.board.svd.propose.learned.network import INPUT_FILL
-from hil.board.svd.propose.learned.network_input import ImageCrop, crop_image
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
+from flyaround.hil.board.svd.geometry.faces import Faces
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
+from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.model.view_tables import look_at, sphere_directions
+from flyaround.hil.board.svd.native.backend import accelerated
+from flyaround.hil.board.svd.native.learned import attitude_likelihood as native
+from flyaround.hil.board.svd.propose.learned.attitude_basis import harmonics, quartered, turning_bumps
+from flyaround.hil.board.svd.propose.learned.network import INPUT_FILL
+from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop, crop_image
 
 Array = np.ndarray
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.board.svd.native import backend, compiler, library_cache
+from flyaround.hil.board.svd.native import backend, compiler, library_cache
 
 STEM = "kernels-0"
 MARKED = """

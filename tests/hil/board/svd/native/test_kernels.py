@@ -18,25 +18,25 @@ import msgspec
 import numpy as np
 import pytest
 
-from hil.board.errors import KernelError
-from hil.board.svd import BoardModel, CameraIntrinsics, PoseEstimator
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
-from hil.board.svd.model import rasteriser as shade
-from hil.board.svd.model.face_gains import shade as shaded
-from hil.board.svd.model.rasteriser import order_faces
-from hil.board.svd.model.shadow_map import ShadowMap, ShadowMapTable
-from hil.board.svd.model.visibility import occluders, sample_edges, visible_samples
-from hil.board.svd.native import arrays, backend, compiler
-from hil.board.svd.native.learned.attitude_likelihood import likelihood
-from hil.board.svd.propose.learned.attitude_basis import even_attitudes, turning_bumps
-from hil.board.svd.propose.learned.learned_proposal import network_for
-from hil.board.svd.propose.learned.network_input import ImageCrop, network_inputs
-from hil.board.svd.propose.learned.view_subspaces import HARMONICS, _circle
-from hil.board.svd.propose.variants import _middle
-from hil.evaluate.metrics import compose, summarise
-from simulator.targets.board_model.write import board_record
-from simulator.targets.library import load_target
+from flyaround.hil.board.errors import KernelError
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, PoseEstimator
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
+from flyaround.hil.board.svd.model import rasteriser as shade
+from flyaround.hil.board.svd.model.face_gains import shade as shaded
+from flyaround.hil.board.svd.model.rasteriser import order_faces
+from flyaround.hil.board.svd.model.shadow_map import ShadowMap, ShadowMapTable
+from flyaround.hil.board.svd.model.visibility import occluders, sample_edges, visible_samples
+from flyaround.hil.board.svd.native import arrays, backend, compiler
+from flyaround.hil.board.svd.native.learned.attitude_likelihood import likelihood
+from flyaround.hil.board.svd.propose.learned.attitude_basis import even_attitudes, turning_bumps
+from flyaround.hil.board.svd.propose.learned.learned_proposal import network_for
+from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop, network_inputs
+from flyaround.hil.board.svd.propose.learned.view_subspaces import HARMONICS, _circle
+from flyaround.hil.board.svd.propose.variants import _middle
+from flyaround.hil.evaluate.metrics import compose, summarise
+from flyaround.simulator.targets.board_model.write import board_record
+from flyaround.simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
 
@@ -98,8 +98,8 @@ def test_who_asks_is_told_what_runs(
     choose: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from flyaround.__main__ import run
-    from flyaround.commands.doctor import _kernels
-    from hil.board.__main__ import main
+    from flyaround.cli.doctor import _kernels
+    from flyaround.hil.board.__main__ import main
 
     choose.setenv("FLYAROUND_KERNELS", "numpy")
     assert (
@@ -137,7 +137,7 @@ def test_an_array_of_another_kind_is_refused() -> None:
 
 
 def test_the_bundle_carries_the_sources(tmp_path: Path) -> None:
-    from hil.host.bundle import write_bundle
+    from flyaround.hil.host.bundle import write_bundle
 
     write_bundle(tmp_path / "board.pyz", [])
     names = zipfile.ZipFile(tmp_path / "board.pyz").namelist()
@@ -153,8 +153,8 @@ def test_each_c_function_stands_behind_a_numpy_function_of_the_same_arguments() 
     calls = set()
     for name, twin in backend.TWINS.items():
         assert len(arguments(twin.native)) == len(arguments(twin.reference)) + 1, name
-        assert twin.native.__module__.startswith("hil.board.svd.native."), name
-        assert not twin.reference.__module__.startswith("hil.board.svd.native."), name
+        assert twin.native.__module__.startswith("flyaround.hil.board.svd.native."), name
+        assert not twin.reference.__module__.startswith("flyaround.hil.board.svd.native."), name
         calls.add(Path(inspect.getfile(twin.native)))
     # every file that calls C has a twin in it, and what it calls was compiled
     native = Path(backend.__file__).parent
@@ -377,7 +377,7 @@ def test_no_kernel_reads_or_writes_beside_its_arrays(tmp_path: Path) -> None:
         "LD_PRELOAD": " ".join(name.strip() for name in runtime),
         "ASAN_OPTIONS": "detect_leaks=0",
     }
-    asked = "from hil.board.svd.native.backend import describe_backend; print(describe_backend())"
+    asked = "from flyaround.hil.board.svd.native.backend import describe_backend; print(describe_backend())"
     told = subprocess.run(
         [sys.executable, "-c", asked], env=environment, capture_output=True, text=True, check=True
     )

@@ -8,20 +8,20 @@ import cv2
 import numpy as np
 import pytest
 
-from hil.board.svd import BoardModel, CameraIntrinsics
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.image.edge_field import area_mean
-from hil.board.svd.image.line_segments import lsd_stream
-from hil.board.svd.image.noise import noise_sigma
-from hil.board.svd.native import backend
-from hil.board.svd.native.images.image_functions import area_average
-from hil.board.svd.native.learned import attitude_likelihood as kernel
-from hil.board.svd.native.learned.convolution import Layers, convolutions
-from hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, turning_bumps
-from hil.board.svd.propose.learned.learned_proposal import network_for
-from hil.board.svd.propose.learned.network import convolve
-from hil.board.svd.propose.learned.network_input import ImageCrop, crop_images, network_inputs
-from hil.board.svd.propose.learned.view_subspaces import QUARTERS, TURNS, ViewSubspaces
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.image.edge_field import area_mean
+from flyaround.hil.board.svd.image.line_segments import lsd_stream
+from flyaround.hil.board.svd.image.noise import noise_sigma
+from flyaround.hil.board.svd.native import backend
+from flyaround.hil.board.svd.native.images.image_functions import area_average
+from flyaround.hil.board.svd.native.learned import attitude_likelihood as kernel
+from flyaround.hil.board.svd.native.learned.convolution import Layers, convolutions
+from flyaround.hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, turning_bumps
+from flyaround.hil.board.svd.propose.learned.learned_proposal import network_for
+from flyaround.hil.board.svd.propose.learned.network import convolve
+from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop, crop_images, network_inputs
+from flyaround.hil.board.svd.propose.learned.view_subspaces import QUARTERS, TURNS, ViewSubspaces
 
 if TYPE_CHECKING:
     from ctypes import CDLL

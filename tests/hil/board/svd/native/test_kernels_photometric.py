@@ -10,21 +10,21 @@ import msgspec
 import numpy as np
 import pytest
 
-from hil.board.svd import BoardModel, CameraIntrinsics
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.model import face_gains as levels
-from hil.board.svd.model.rasteriser import draw_faces, order_faces
-from hil.board.svd.model.shadow_map import ShadowMap
-from hil.board.svd.native import backend
-from hil.board.svd.native.photometric import normal_equations as step
-from hil.board.svd.refine import motion_images as motion
-from hil.board.svd.refine import photometric
-from simulator.targets.board_model.write import board_record
-from simulator.targets.library import load_target
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
+from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
+from flyaround.hil.board.svd.model import face_gains as levels
+from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
+from flyaround.hil.board.svd.model.shadow_map import ShadowMap
+from flyaround.hil.board.svd.native import backend
+from flyaround.hil.board.svd.native.photometric import normal_equations as step
+from flyaround.hil.board.svd.refine import motion_images as motion
+from flyaround.hil.board.svd.refine import photometric
+from flyaround.simulator.targets.board_model.write import board_record
+from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from hil.board.svd.geometry.faces import Faces
+    from flyaround.hil.board.svd.geometry.faces import Faces
 
 pytestmark = pytest.mark.usefixtures("native_kernels")
 

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from simulator.errors import UserError
-from simulator.labels.request import LAYERS
-from simulator.scene.environments import ENVIRONMENTS
-from simulator.scene.state import Quality
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.request import LAYERS
+from flyaround.simulator.scene.environments import ENVIRONMENTS
+from flyaround.simulator.scene.state import Quality
 
 Seed = Annotated[
     int | None, typer.Option("--seed", min=0, help="Seed of every random choice (default: the scenario's).")

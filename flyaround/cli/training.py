@@ -8,9 +8,9 @@ from typing import Annotated
 import msgspec
 import typer
 
-from flyaround.commands.terminal import progress_bar, say
-from hil.train.residual_network import ARCHITECTURES
-from simulator.errors import UserError
+from flyaround.cli.terminal import progress_bar, say
+from flyaround.hil.train.residual_network import ARCHITECTURES
+from flyaround.simulator.errors import UserError
 
 
 def train(
@@ -39,8 +39,8 @@ def train(
     if output.is_dir() or not output.absolute().parent.is_dir():
         raise UserError(f"-o {output}: there is no folder for such a file; make it first")
     try:
-        from hil.train.fitting import Budget  # noqa: PLC0415 - PyTorch, which a mistake need not wait for
-        from hil.train.train import train_network  # noqa: PLC0415 - the same
+        from flyaround.hil.train.fitting import Budget  # noqa: PLC0415 - PyTorch, which a mistake need not wait for
+        from flyaround.hil.train.train import train_network  # noqa: PLC0415 - the same
     except ModuleNotFoundError as error:
         raise UserError(
             f"training needs {error.name}, which is not installed; run: pip install 'flyaround[train]'"

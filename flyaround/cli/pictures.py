@@ -13,19 +13,19 @@ import msgspec
 import typer
 from rich.table import Table
 
-from flyaround.commands.options import Device, Labels, Seed, World, quality_preset
-from flyaround.commands.scenario_argument import load_flown
-from flyaround.commands.terminal import progress_bar, say, terminal
-from simulator.errors import UserError
-from simulator.labels.request import LabelRequest, parse_labels
-from simulator.labels.truth import read_truth
-from simulator.render.earth.map_textures import EarthMaps, prefetch_earth_maps, prefetch_maps_of
-from simulator.scenario.poses import PosePlan, read_poses
-from simulator.scene.environments import environment_section
-from simulator.scene.illumination.bands import Bands
-from simulator.scene.state import SceneState
-from simulator.targets.library import load_target
-from simulator.targets.model import Target
+from flyaround.cli.options import Device, Labels, Seed, World, quality_preset
+from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.terminal import progress_bar, say, terminal
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.request import LabelRequest, parse_labels
+from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.render.earth.map_textures import EarthMaps, prefetch_earth_maps, prefetch_maps_of
+from flyaround.simulator.scenario.poses import PosePlan, read_poses
+from flyaround.simulator.scene.environments import environment_section
+from flyaround.simulator.scene.illumination.bands import Bands
+from flyaround.simulator.scene.state import SceneState
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import Target
 
 
 def render(
@@ -88,7 +88,7 @@ def render(
             # two at a time: an empty cache is filled while the target is built and flown
             in_bands = bands or flown.output.bands
             prefetched[in_bands] = prefetch_earth_maps(in_bands, flown.environment.layers(), flown.epoch_utc)
-        from simulator.scenario.plan import plan_flight  # noqa: PLC0415 - slow to import: maps are read before
+        from flyaround.simulator.scenario.plan import plan_flight  # noqa: PLC0415 - slow to import: maps are read before
 
         plan = plan_flight(flown, times=(time_s,), seed=seed, bands=bands, quality=quality_preset(quality))
         scene, target, request = plan.scene(0), plan.target, LabelRequest()
@@ -99,7 +99,7 @@ def render(
             raise UserError("--timings is about one picture; leave out --poses")
         _render_poses(scene, target, request, poses, output, gpu, prefetched, as_json=as_json)
         return
-    from simulator.dataset.single_frames import (  # noqa: PLC0415 - slow to import: maps are read before
+    from flyaround.simulator.dataset.single_frames import (  # noqa: PLC0415 - slow to import: maps are read before
         check_picture_path,
         render_scene,
         save_picture,
@@ -143,8 +143,8 @@ def _render_poses(
     as_json: bool,
 ) -> None:
     """One picture for each row: OUT-000000.png and so on."""
-    from simulator.dataset.single_frames import NumberedPictures  # noqa: PLC0415 - slow to import: maps are read before
-    from simulator.loop import open_frames, run_frames, whole_frame  # noqa: PLC0415 - the same
+    from flyaround.simulator.dataset.single_frames import NumberedPictures  # noqa: PLC0415 - slow to import: maps are read before
+    from flyaround.simulator.loop import open_frames, run_frames, whole_frame  # noqa: PLC0415 - the same
 
     plan = PosePlan(scene, target, read_poses(poses))
     sink = NumberedPictures(output, plan.n_frames)

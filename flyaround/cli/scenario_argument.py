@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
-from simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
 
 if TYPE_CHECKING:
-    from simulator.scenario.scenario import Scenario
+    from flyaround.simulator.scenario.scenario import Scenario
 
 
 def load_flown(name: str, command: str) -> Scenario:
@@ -38,7 +38,7 @@ def refuse_recipe(name: str, command: str, advice: str) -> None:
     UserError
         If it is one.
     """
-    from simulator.recipes.load import is_recipe  # noqa: PLC0415 - slow to import, and hardly ever asked for
+    from flyaround.simulator.recipes.load import is_recipe  # noqa: PLC0415 - slow to import, and hardly ever asked for
 
     if name not in list_scenarios() and is_recipe(name):
         raise UserError(

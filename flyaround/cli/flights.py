@@ -13,20 +13,20 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from flyaround.commands.scenario_argument import load_flown, refuse_recipe
-from flyaround.commands.terminal import say, terminal
-from simulator.camera.lens.files import list_cameras, load_camera, read_camera_file
-from simulator.camera.lens.formats.registry import CAMERA_FORMATS, WRITTEN, camera_text
-from simulator.contact_sheets.scenario_sheet import write_contact_sheets
-from simulator.errors import UserError
-from simulator.runtime.files import empty_folder, write_atomic
-from simulator.scenario.load import list_scenarios, load_scenario
-from simulator.scenario.messages import followed_words
-from simulator.scenario.plan import plan_flight
-from simulator.scenario.show import show_scenario
-from simulator.scenario.write import replay_scenario
-from simulator.world.flight.export import flight_messages, fly_table, summarise_flight
-from simulator.world.flight.flight import record
+from flyaround.cli.scenario_argument import load_flown, refuse_recipe
+from flyaround.cli.terminal import say, terminal
+from flyaround.simulator.camera.lens.files import list_cameras, load_camera, read_camera_file
+from flyaround.simulator.camera.lens.formats.registry import CAMERA_FORMATS, WRITTEN, camera_text
+from flyaround.simulator.contact_sheets.scenario_sheet import write_contact_sheets
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.simulator.scenario.messages import followed_words
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scenario.show import show_scenario
+from flyaround.simulator.scenario.write import replay_scenario
+from flyaround.simulator.world.flight.export import flight_messages, fly_table, summarise_flight
+from flyaround.simulator.world.flight.flight import record
 
 
 def fly(

@@ -11,27 +11,27 @@ import msgspec
 import typer
 from rich.table import Table
 
-from flyaround.commands.terminal import progress_bar, say, terminal
-from hil.board.svd import CameraIntrinsics, make_estimator
-from hil.evaluate.method_choice import board_model
-from simulator.camera.detector.presets import sensor_preset
-from simulator.camera.lens.files import load_camera
-from simulator.compare.comparison import compare_pictures
-from simulator.compare.fitted_page import HEAD, fit_row, write_fitted
-from simulator.compare.fitted_pairs import fit_pictures
-from simulator.compare.image_statistics import FIGURES
-from simulator.compare.page import write_comparison
-from simulator.compare.references import read_references
-from simulator.compare.similar_view import PoseEstimate
-from simulator.errors import UserError
-from simulator.render.renderer import Renderer
-from simulator.runtime.files import empty_folder
-from simulator.targets.library import load_target
-from simulator.world.frames.pose import Pose
+from flyaround.cli.terminal import progress_bar, say, terminal
+from flyaround.hil.board.svd import CameraIntrinsics, make_estimator
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.compare.comparison import compare_pictures
+from flyaround.simulator.compare.fitted_page import HEAD, fit_row, write_fitted
+from flyaround.simulator.compare.fitted_pairs import fit_pictures
+from flyaround.simulator.compare.image_statistics import FIGURES
+from flyaround.simulator.compare.page import write_comparison
+from flyaround.simulator.compare.references import read_references
+from flyaround.simulator.compare.similar_view import PoseEstimate
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.files import empty_folder
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
-    from simulator.compare.references import Reference
-    from simulator.targets.model import Target
+    from flyaround.simulator.compare.references import Reference
+    from flyaround.simulator.targets.model import Target
 
 
 def compare(

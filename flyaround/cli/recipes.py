@@ -9,13 +9,13 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from flyaround.commands.options import Device, Seed
-from flyaround.commands.terminal import progress_bar, say, terminal
-from simulator.errors import UserError
-from simulator.recipes.load import list_recipes, load_recipe, show_recipe
-from simulator.recipes.plan import plan_recipe
-from simulator.recipes.samples import samples_csv
-from simulator.runtime.files import empty_folder, write_atomic
+from flyaround.cli.options import Device, Seed
+from flyaround.cli.terminal import progress_bar, say, terminal
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.recipes.load import list_recipes, load_recipe, show_recipe
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.recipes.samples import samples_csv
+from flyaround.simulator.runtime.files import empty_folder, write_atomic
 
 
 def recipes(
@@ -68,7 +68,7 @@ def recipes(
             say(f"{plan.n_frames} samples of {plan.scenario_name} in {samples}")
         return
     if sheets is not None:
-        from simulator.contact_sheets.recipe_sheet import write_recipe_sheets  # noqa: PLC0415 - slow to import: it draws
+        from flyaround.simulator.contact_sheets.recipe_sheet import write_recipe_sheets  # noqa: PLC0415 - slow to import: it draws
 
         chosen = [load_recipe(r) for r in ((name,) if name is not None else list_recipes())]
         empty_folder(sheets, option="--contact-sheet")
@@ -116,7 +116,7 @@ def backgrounds(
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
     """Draw the library of backgrounds that a recipe puts its craft before, without the craft."""
-    from simulator.dataset.backgrounds import write_library  # noqa: PLC0415 - slow to import: it draws
+    from flyaround.simulator.dataset.backgrounds import write_library  # noqa: PLC0415 - slow to import: it draws
 
     plan = plan_recipe(recipe, 1)
     if plan.recipe.background is None:

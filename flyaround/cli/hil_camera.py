@@ -8,30 +8,30 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 
-from flyaround.commands.command_line import command_line
-from flyaround.commands.scenario_argument import load_flown
-from flyaround.commands.terminal import say
-from hil.host.camera_endpoint.camera import WARNING, run_camera
-from hil.host.camera_endpoint.camera_ledger import CameraLedger
-from hil.host.camera_endpoint.genicam_xml import OWN_NAME, read_xml, write_xml
-from hil.host.camera_endpoint.interface import check_address, find_interface
-from hil.host.camera_endpoint.messages import AnswerTerms, EndpointConfig
-from hil.host.camera_endpoint.pictures import DrawnPictures, check_one_channel, image_alone, loop_of
-from hil.host.camera_endpoint.registers import RATE_HZ, CameraTerms
-from hil.host.ledger.run_terms import FlownRecord
-from hil.host.link_process.host_link import choose_pixel_format
-from hil.host.link_process.ipc import LinkConfig
-from hil.host.truth_policy import check_access
-from hil.link.packets.messages import HelloAck, Mode
-from hil.link.security import read_key
-from simulator.errors import UserError
-from simulator.loop import open_frames
-from simulator.runtime.files import empty_folder
-from simulator.scenario.load import scenario_source
-from simulator.scenario.plan import plan_flight
+from flyaround.cli.command_line import command_line
+from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.terminal import say
+from flyaround.hil.host.camera_endpoint.camera import WARNING, run_camera
+from flyaround.hil.host.camera_endpoint.camera_ledger import CameraLedger
+from flyaround.hil.host.camera_endpoint.genicam_xml import OWN_NAME, read_xml, write_xml
+from flyaround.hil.host.camera_endpoint.interface import check_address, find_interface
+from flyaround.hil.host.camera_endpoint.messages import AnswerTerms, EndpointConfig
+from flyaround.hil.host.camera_endpoint.pictures import DrawnPictures, check_one_channel, image_alone, loop_of
+from flyaround.hil.host.camera_endpoint.registers import RATE_HZ, CameraTerms
+from flyaround.hil.host.ledger.run_terms import FlownRecord
+from flyaround.hil.host.link_process.host_link import choose_pixel_format
+from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.truth_policy import check_access
+from flyaround.hil.link.packets.messages import HelloAck, Mode
+from flyaround.hil.link.security import read_key
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.loop import open_frames
+from flyaround.simulator.runtime.files import empty_folder
+from flyaround.simulator.scenario.load import scenario_source
+from flyaround.simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
-    from simulator.scenario.plan import Plan
+    from flyaround.simulator.scenario.plan import Plan
 
 SCHEME = "gige://"
 # a picture without an answer after so long has none

@@ -16,14 +16,14 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from flyaround.commands.terminal import say, terminal
-from hil.board.errors import BoardModelError
-from hil.board.svd.native.backend import describe_backend
-from simulator.errors import UserError
-from simulator.render.bake.ray_cast import embree_is_here
-from simulator.render.renderer import Renderer
-from simulator.runtime.cache import cache_folder
-from simulator.runtime.cached_arrays import cache_bytes
+from flyaround.cli.terminal import say, terminal
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.svd.native.backend import describe_backend
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.render.bake.ray_cast import embree_is_here
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.cache import cache_folder
+from flyaround.simulator.runtime.cached_arrays import cache_bytes
 
 
 def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:

@@ -11,7 +11,7 @@ from rich.logging import RichHandler
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
-from flyaround.commands.terminal import terminal, with_literal_help
+from flyaround.cli.terminal import terminal, with_literal_help
 
 COMMANDS = {
     "sim": "console",
@@ -67,7 +67,7 @@ class LazyCommands(TyperGroup):
 
 
 def _module(name: str) -> Any:  # noqa: ANN401 - a module has the attributes that it has
-    return import_module(f"flyaround.commands.{name}")
+    return import_module(f"flyaround.cli.{name}")
 
 
 app = typer.Typer(
@@ -80,7 +80,7 @@ app = typer.Typer(
 )
 
 
-def _show_version(value: bool) -> None:  # noqa: FBT001 - typer passes the flag's value
+def _show_version(value: bool) -> None:
     if value:
         from importlib.metadata import version  # noqa: PLC0415 - slow to import, needed here alone
 

@@ -10,27 +10,27 @@ import msgspec
 import typer
 from rich.table import Column, Table
 
-from flyaround.commands.terminal import progress_bar, say, terminal
-from hil.board.errors import BoardModelError
-from hil.board.methods import ALL_METHODS
-from hil.board.svd import BoardModel, CameraIntrinsics
-from hil.board.svd.debug.stage_pictures import write_stage_pictures
-from hil.board.svd.methods import PUBLISHED
-from hil.board.svd.native.backend import describe_backend
-from hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS
-from hil.evaluate.added_estimators import any_estimator, check_any_method
-from hil.evaluate.dataset_evaluation import evaluate_dataset
-from hil.evaluate.estimate import checked_picture
-from hil.evaluate.evaluation_page import about_mean_predictor
-from hil.evaluate.greyscale import PLAIN, about_pictures
-from hil.evaluate.method_choice import MethodChoice, board_model
-from hil.evaluate.metrics import MethodMetrics
-from simulator.camera.lens.files import load_camera
-from simulator.dataset.card import read_card
-from simulator.dataset.formats.native import read_png
-from simulator.errors import UserError
-from simulator.runtime.files import empty_folder
-from simulator.targets.library import load_target
+from flyaround.cli.terminal import progress_bar, say, terminal
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.methods import ALL_METHODS
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
+from flyaround.hil.board.svd.debug.stage_pictures import write_stage_pictures
+from flyaround.hil.board.svd.methods import PUBLISHED
+from flyaround.hil.board.svd.native.backend import describe_backend
+from flyaround.hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS
+from flyaround.hil.evaluate.added_estimators import any_estimator, check_any_method
+from flyaround.hil.evaluate.dataset_evaluation import evaluate_dataset
+from flyaround.hil.evaluate.estimate import checked_picture
+from flyaround.hil.evaluate.evaluation_page import about_mean_predictor
+from flyaround.hil.evaluate.greyscale import PLAIN, about_pictures
+from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
+from flyaround.hil.evaluate.metrics import MethodMetrics
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.dataset.card import read_card
+from flyaround.simulator.dataset.formats.native import read_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import empty_folder
+from flyaround.simulator.targets.library import load_target
 
 Solver = Annotated[
     str | None,

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from flyaround.commands.terminal import progress_bar, terminal
-from hil.bench.estimator_time import bench_estimator
-from hil.bench.link_latency import bench_link
-from simulator.bench.combinations import bench_combinations, goals_of
-from simulator.bench.combinations_page import combinations_page
-from simulator.bench.parts import bench_capture, bench_sensor, bench_world
-from simulator.bench.scaling import bench_scaling
-from simulator.bench.scenes import BENCH_SCENES, bench_scenes
-from simulator.bench.start import bench_start
-from simulator.bench.throughput import THROUGHPUT_SCENES, bench_throughput
-from simulator.errors import UserError
-from simulator.runtime.files import write_atomic
+from flyaround.cli.terminal import progress_bar, terminal
+from flyaround.hil.bench.estimator_time import bench_estimator
+from flyaround.hil.bench.link_latency import bench_link
+from flyaround.simulator.bench.combinations import bench_combinations, goals_of
+from flyaround.simulator.bench.combinations_page import combinations_page
+from flyaround.simulator.bench.parts import bench_capture, bench_sensor, bench_world
+from flyaround.simulator.bench.scaling import bench_scaling
+from flyaround.simulator.bench.scenes import BENCH_SCENES, bench_scenes
+from flyaround.simulator.bench.start import bench_start
+from flyaround.simulator.bench.throughput import THROUGHPUT_SCENES, bench_throughput
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 from rich.table import Column, Table
 
-from flyaround.commands.terminal import say, terminal
-from simulator.errors import UserError
-from simulator.runtime.plugins import GROUPS, Plugin
-from simulator.runtime.plugins import plugins as plugins_of
+from flyaround.cli.terminal import say, terminal
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.plugins import GROUPS, Plugin
+from flyaround.simulator.runtime.plugins import plugins as plugins_of
 
 
 def plugins(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:

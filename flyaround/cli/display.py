@@ -13,23 +13,23 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from flyaround.commands.scenario_argument import load_flown
-from flyaround.commands.terminal import say
-from hil.corner_code import CodePlace, read_code
-from hil.display.calibration import calibrate, read_calibration, write_calibration
-from hil.display.patterns import calibration_patterns
-from hil.display.predistort import Predistorter
-from hil.display.screen_sink import ScreenSink
-from simulator.dataset.formats.native import encode_png, read_png
-from simulator.errors import UserError
-from simulator.frame import Frame
-from simulator.loop import open_frames, run_frames
-from simulator.runtime.files import empty_folder, write_atomic
-from simulator.scenario.plan import plan_flight
+from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.terminal import say
+from flyaround.hil.corner_code import CodePlace, read_code
+from flyaround.hil.display.calibration import calibrate, read_calibration, write_calibration
+from flyaround.hil.display.patterns import calibration_patterns
+from flyaround.hil.display.predistort import Predistorter
+from flyaround.hil.display.screen_sink import ScreenSink
+from flyaround.simulator.dataset.formats.native import encode_png, read_png
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.frame import Frame
+from flyaround.simulator.loop import open_frames, run_frames
+from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
-    from gui.full_screen import FullScreen
-    from simulator.runtime.arrays import FloatArray
+    from flyaround.gui.full_screen import FullScreen
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 def display(
@@ -67,7 +67,7 @@ def display(
         raise UserError("name a scenario to show, or --patterns to show the calibration's patterns")
     if save is not None:
         empty_folder(save, option="--save")
-    from gui.full_screen import FullScreen  # noqa: PLC0415 - an optional part, needed here alone
+    from flyaround.gui.full_screen import FullScreen  # noqa: PLC0415 - an optional part, needed here alone
 
     if patterns:
         with FullScreen(monitor) as screen:

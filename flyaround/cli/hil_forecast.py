@@ -9,11 +9,11 @@ from typing import Annotated
 import msgspec
 import typer
 
-from flyaround.commands.scenario_argument import load_flown
-from flyaround.commands.terminal import progress_bar, say
-from hil.host.attitude_forecast import FORECAST_PNG, fly_forecasts, write_forecasts
-from simulator.runtime.files import empty_folder
-from simulator.scenario.plan import plan_flight
+from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.terminal import progress_bar, say
+from flyaround.hil.host.attitude_forecast import FORECAST_PNG, fly_forecasts, write_forecasts
+from flyaround.simulator.runtime.files import empty_folder
+from flyaround.simulator.scenario.plan import plan_flight
 
 
 def forecast(

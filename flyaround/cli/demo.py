@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from flyaround.commands.terminal import progress_bar, say
-from hil.demo.demo import run_demo
+from flyaround.cli.terminal import progress_bar, say
+from flyaround.hil.demo.demo import run_demo
 
 
 def demo(

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from flyaround.commands.terminal import progress_bar, say
-from simulator.dataset.overlays import MARKS, parse_marks, write_overlays
+from flyaround.cli.terminal import progress_bar, say
+from flyaround.simulator.dataset.overlays import MARKS, parse_marks, write_overlays
 
 
 def overlay(

@@ -9,11 +9,11 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
-from flyaround.commands.scenario_argument import load_flown
-from flyaround.commands.terminal import progress_bar, say
-from hil.campaign.campaign import CAMPAIGN_JSON, PAGE, run_campaign
-from hil.campaign.delay_map import OUTCOME_JSON, map_delays, settings_for
-from simulator.errors import UserError
+from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.terminal import progress_bar, say
+from flyaround.hil.campaign.campaign import CAMPAIGN_JSON, PAGE, run_campaign
+from flyaround.hil.campaign.delay_map import OUTCOME_JSON, map_delays, settings_for
+from flyaround.simulator.errors import UserError
 
 # a board's side on this machine, as hil board has it
 BOARD_COMMAND = (sys.executable, "-m", "flyaround", "hil", "board")

@@ -10,21 +10,21 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from flyaround.commands.terminal import progress_bar, say, terminal
-from simulator.contact_sheets.targets_page import write_contact_sheet
-from simulator.errors import UserError
-from simulator.labels.part_classes import class_lines, classes_from, target_classes
-from simulator.runtime.files import empty_folder
-from simulator.runtime.untrusted_files import read_regular
-from simulator.scenario.load import toml_table
-from simulator.targets.board_model.outer_faces import MOST_TRIANGLES
-from simulator.targets.board_model.write import write_board_model
-from simulator.targets.glb.write import write_glb
-from simulator.targets.importing.add import ImportOptions, import_mesh
-from simulator.targets.installed import check_name, install, sheet_folder, user_targets
-from simulator.targets.installed import remove as remove_target
-from simulator.targets.library import built_in_targets, list_targets, load_target
-from simulator.targets.model import PartClass, Target
+from flyaround.cli.terminal import progress_bar, say, terminal
+from flyaround.simulator.contact_sheets.targets_page import write_contact_sheet
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.part_classes import class_lines, classes_from, target_classes
+from flyaround.simulator.runtime.files import empty_folder
+from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.simulator.scenario.load import toml_table
+from flyaround.simulator.targets.board_model.outer_faces import MOST_TRIANGLES
+from flyaround.simulator.targets.board_model.write import write_board_model
+from flyaround.simulator.targets.glb.write import write_glb
+from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh
+from flyaround.simulator.targets.installed import check_name, install, sheet_folder, user_targets
+from flyaround.simulator.targets.installed import remove as remove_target
+from flyaround.simulator.targets.library import built_in_targets, list_targets, load_target
+from flyaround.simulator.targets.model import PartClass, Target
 
 LARGEST_CLASSES_BYTES = 1 << 20
 
@@ -63,7 +63,7 @@ def overview(
             made = write_contact_sheet(rows, folder, page=page, progress=progress)
         say(f"{made}", stderr=as_json)
     if docs is not None:
-        from simulator.contact_sheets.targets_docs import write_docs  # noqa: PLC0415 - the page alone needs it
+        from flyaround.simulator.contact_sheets.targets_docs import write_docs  # noqa: PLC0415 - the page alone needs it
 
         built_in = [t for t in rows if t.name in built_in_targets()]
         with progress_bar("docs", quiet=as_json) as progress:
@@ -176,7 +176,7 @@ def _read_classes(path: Path, target: Target) -> dict[str, PartClass]:
 
 def _expected_of_the_estimator(target: Target) -> str:
     """What to expect of the estimator on a craft that it was not made for; empty where it has a learned proposal."""
-    from hil.board.svd.propose.learned.learned_proposal import shipped_network  # noqa: PLC0415 - slow to import, needed here alone
+    from flyaround.hil.board.svd.propose.learned.learned_proposal import shipped_network  # noqa: PLC0415 - slow to import, needed here alone
 
     if shipped_network(target.name) is not None:
         return ""

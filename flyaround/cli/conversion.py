@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from flyaround.commands.terminal import progress_bar, say
-from simulator.dataset.conversion import convert as convert_dataset
-from simulator.dataset.conversion import open_source
-from simulator.dataset.formats.registry import NATIVE, readable, writable
-from simulator.dataset.split import parse_split
+from flyaround.cli.terminal import progress_bar, say
+from flyaround.simulator.dataset.conversion import convert as convert_dataset
+from flyaround.simulator.dataset.conversion import open_source
+from flyaround.simulator.dataset.formats.registry import NATIVE, readable, writable
+from flyaround.simulator.dataset.split import parse_split
 
 
 def convert(

@@ -9,27 +9,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flyaround.commands.estimation import check_method
-from flyaround.commands.terminal import say
-from hil.board.agent import EstimatorFactory, describe_board, svd_factory
-from hil.board.answering import BoardEstimator
-from hil.board.gige.camera import SCHEME
-from hil.board.gige.camera_board import run_camera_board
-from hil.board.gige.options import CAMERA_OPTIONS, TITLE, camera_board_options, check_options
-from hil.board.options import AGENT_OPTIONS, make_agent
-from hil.board.service import ExitCode
-from hil.board.serving import NoSessionError, exit_at_once, exit_code, serve_sessions
-from hil.board.svd import BoardModel, CameraIntrinsics
-from hil.evaluate.added_estimators import any_estimator
-from hil.evaluate.method_choice import MethodChoice
-from simulator.runtime.plugins import plugins
-from simulator.targets.board_model.write import write_board_model
-from simulator.targets.library import load_target
+from flyaround.cli.estimation import check_method
+from flyaround.cli.terminal import say
+from flyaround.hil.board.agent import EstimatorFactory, describe_board, svd_factory
+from flyaround.hil.board.answering import BoardEstimator
+from flyaround.hil.board.gige.camera import SCHEME
+from flyaround.hil.board.gige.camera_board import run_camera_board
+from flyaround.hil.board.gige.options import CAMERA_OPTIONS, TITLE, camera_board_options, check_options
+from flyaround.hil.board.options import AGENT_OPTIONS, make_agent
+from flyaround.hil.board.service import ExitCode
+from flyaround.hil.board.serving import NoSessionError, exit_at_once, exit_code, serve_sessions
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
+from flyaround.hil.evaluate.added_estimators import any_estimator
+from flyaround.hil.evaluate.method_choice import MethodChoice
+from flyaround.simulator.runtime.plugins import plugins
+from flyaround.simulator.targets.board_model.write import write_board_model
+from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.board.frame_server import BoardSummary
+    from flyaround.hil.board.frame_server import BoardSummary
 
 
 def with_agent_options(command: Callable[..., None]) -> Callable[..., None]:

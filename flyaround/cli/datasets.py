@@ -11,28 +11,28 @@ import msgspec
 import typer
 from rich.text import Text
 
-from flyaround.commands.options import Device, Labels, Seed, World, quality_preset
-from flyaround.commands.terminal import progress_bar, say
-from simulator.camera.lens.files import read_camera_file
-from simulator.dataset.capture import CaptureSummary
-from simulator.dataset.capture import capture as capture_plan
-from simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
-from simulator.dataset.check.verify import check_dataset
-from simulator.dataset.clipping import ClippingSummary
-from simulator.dataset.formats.registry import parse_formats, writable
-from simulator.dataset.ray_frames import RayCluster
-from simulator.dataset.sensors import parse_sensors
-from simulator.dataset.split import parse_split
-from simulator.errors import UserError
-from simulator.labels.request import parse_labels
-from simulator.recipes.load import is_recipe, load_recipe
-from simulator.recipes.plan import RecipePlan, plan_recipe, varied_plan
-from simulator.recipes.vary_file import load_vary
-from simulator.scenario.load import list_scenarios, load_scenario
-from simulator.scenario.plan import Plan, plan_flight
-from simulator.scene.environments import environment_preset, environment_section
-from simulator.scene.illumination.bands import Bands
-from simulator.scene.state import Quality
+from flyaround.cli.options import Device, Labels, Seed, World, quality_preset
+from flyaround.cli.terminal import progress_bar, say
+from flyaround.simulator.camera.lens.files import read_camera_file
+from flyaround.simulator.dataset.capture import CaptureSummary
+from flyaround.simulator.dataset.capture import capture as capture_plan
+from flyaround.simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
+from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.dataset.clipping import ClippingSummary
+from flyaround.simulator.dataset.formats.registry import parse_formats, writable
+from flyaround.simulator.dataset.ray_frames import RayCluster
+from flyaround.simulator.dataset.sensors import parse_sensors
+from flyaround.simulator.dataset.split import parse_split
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.request import parse_labels
+from flyaround.simulator.recipes.load import is_recipe, load_recipe
+from flyaround.simulator.recipes.plan import RecipePlan, plan_recipe, varied_plan
+from flyaround.simulator.recipes.vary_file import load_vary
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.simulator.scenario.plan import Plan, plan_flight
+from flyaround.simulator.scene.environments import environment_preset, environment_section
+from flyaround.simulator.scene.illumination.bands import Bands
+from flyaround.simulator.scene.state import Quality
 
 
 def capture(

@@ -11,19 +11,19 @@ from typing import Annotated
 
 import typer
 
-from flyaround.commands.display import display, display_calibrate, display_match
-from flyaround.commands.hil_board import board
-from flyaround.commands.hil_camera import camera
-from flyaround.commands.hil_campaign import campaign, delay_map
-from flyaround.commands.hil_forecast import forecast
-from flyaround.commands.hil_host import host
-from flyaround.commands.terminal import say
-from hil.host.audit import MOST_TOLD, audit_pictures, pictures_of
-from hil.host.bundle import write_bundle
-from hil.host.ledger.frames_csv import read_ledger
-from hil.host.report import write_report
-from simulator.errors import UserError
-from simulator.targets.library import load_target
+from flyaround.cli.display import display, display_calibrate, display_match
+from flyaround.cli.hil_board import board
+from flyaround.cli.hil_camera import camera
+from flyaround.cli.hil_campaign import campaign, delay_map
+from flyaround.cli.hil_forecast import forecast
+from flyaround.cli.hil_host import host
+from flyaround.cli.terminal import say
+from flyaround.hil.host.audit import MOST_TOLD, audit_pictures, pictures_of
+from flyaround.hil.host.bundle import write_bundle
+from flyaround.hil.host.ledger.frames_csv import read_ledger
+from flyaround.hil.host.report import write_report
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.library import load_target
 
 
 def bundle(

@@ -10,46 +10,46 @@ import msgspec
 import typer
 from rich.text import Text
 
-from flyaround.commands.command_line import command_line
-from flyaround.commands.hil_camera import SCHEME, camera
-from flyaround.commands.scenario_argument import load_flown
-from flyaround.commands.terminal import progress_bar, say
-from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
-from hil.host.board_command import board_command, board_url
-from hil.host.closed_loop import (
+from flyaround.cli.command_line import command_line
+from flyaround.cli.hil_camera import SCHEME, camera
+from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.terminal import progress_bar, say
+from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
+from flyaround.hil.host.board_command import board_command, board_url
+from flyaround.hil.host.closed_loop import (
     fly_without_pictures,
     frame_every,
     summary_without_pictures,
     write_steps,
     write_summary,
 )
-from hil.host.flight_run import FlightOptions, FlightRun, interval_s
-from hil.host.ledger.frames_csv import LedgerRow
-from hil.host.ledger.run_terms import FlownRecord, terms_without_board, write_terms
-from hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary
-from hil.host.link_process.host_link import choose_pixel_format
-from hil.host.link_process.ipc import Compression, LinkConfig, PixelFormatName
-from hil.host.picture_frames import pictures_in
-from hil.host.pose_errors import read_pose_noise
-from hil.host.pose_link import PoseLink
-from hil.host.recording.ros_log import RosLog
-from hil.host.recording.space_packets import SpacePacketSink
-from hil.host.run import RunConfig
-from hil.host.serial_time import serial_advice
-from hil.host.truth_policy import check_access
-from hil.link.security import read_key
-from hil.link.session import SILENCE_S
-from hil.navigation.closed_loop import ClosedLoopConfig
-from simulator.errors import UserError
-from simulator.runtime.files import empty_folder
-from simulator.scenario.faults import NO_FAULTS, Faults, read_faults
-from simulator.scenario.load import scenario_source
-from simulator.scenario.plan import plan_flight
+from flyaround.hil.host.flight_run import FlightOptions, FlightRun, interval_s
+from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.ledger.run_terms import FlownRecord, terms_without_board, write_terms
+from flyaround.hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary
+from flyaround.hil.host.link_process.host_link import choose_pixel_format
+from flyaround.hil.host.link_process.ipc import Compression, LinkConfig, PixelFormatName
+from flyaround.hil.host.picture_frames import pictures_in
+from flyaround.hil.host.pose_errors import read_pose_noise
+from flyaround.hil.host.pose_link import PoseLink
+from flyaround.hil.host.recording.ros_log import RosLog
+from flyaround.hil.host.recording.space_packets import SpacePacketSink
+from flyaround.hil.host.run import RunConfig
+from flyaround.hil.host.serial_time import serial_advice
+from flyaround.hil.host.truth_policy import check_access
+from flyaround.hil.link.security import read_key
+from flyaround.hil.link.session import SILENCE_S
+from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import empty_folder
+from flyaround.simulator.scenario.faults import NO_FAULTS, Faults, read_faults
+from flyaround.simulator.scenario.load import scenario_source
+from flyaround.simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
-    from hil.host.recording.recorder import Recorder
-    from simulator.scenario.plan import Plan
-    from simulator.scenario.scenario import Scenario
+    from flyaround.hil.host.recording.recorder import Recorder
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.scenario.scenario import Scenario
 
 # Seconds for a pose, and for a board to connect, where --timeout does not say.
 POSE_S, CONNECT_S = 30.0, 60.0

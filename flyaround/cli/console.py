@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from flyaround.commands.scenario_argument import load_flown
-from simulator.errors import UserError
+from flyaround.cli.scenario_argument import load_flown
+from flyaround.simulator.errors import UserError
 
 FIRST = "tango-flyaround"
 
@@ -55,7 +55,7 @@ def sim(
     name = FIRST if scenario is None else scenario
     load_flown(name, "sim")  # a mistake in its name is said here, as by the other commands
     # the console's parts are an extra: only this command may need them
-    from gui.app import Request, run  # noqa: PLC0415
+    from flyaround.gui.app import Request, run  # noqa: PLC0415
 
     state = run(
         Request(
