@@ -195,7 +195,7 @@ def _tidy(folder: Path, tasks: Sequence[RunTask]) -> None:
 
 def _of_other_versions(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
     """Return the runs that were flown by other versions than this one's, each with what differs."""
-    found = {}
+    found: dict[RunTask, str] = {}
     for task in tasks:
         if not task.folder.is_dir():
             continue
@@ -205,7 +205,7 @@ def _of_other_versions(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
             ("model_sha256", "another model of the target"),
         ):
             if getattr(old, name) != getattr(new, name):
-                found[task] = value
+                found.setdefault(task, value)
         if old.board != new.board:
             found.setdefault(task, "another board")
     return found

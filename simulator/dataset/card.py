@@ -141,6 +141,11 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
         "images and labels made with Flyaround belong to whoever made them; Earth imagery: NASA Visible Earth"
     )
 
+    @property
+    def is_of_this_version(self) -> bool:
+        """True if this version wrote the data set. Cards of 0.1.0 do not have `image_bits`."""
+        return self.machine.flyaround == version("flyaround") and self.image_bits is not None
+
 
 def describe_machine(gl_vendor: str, gl_renderer: str, gl_version: str) -> CardMachine:
     """The machine section of the card."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from flyaround.simulator.dataset.card import CONVENTIONS, CardTarget, DatasetCard
@@ -47,7 +46,7 @@ def check_card(
         # flow of a single frame leads nowhere
         lacking = named - set(seen) - ({"flow"} if len(layers_of_frames) == 1 else set())
         yield from (f"labels names {name}, which no frame has" for name in sorted(lacking))
-    if card.machine.flyaround == version("flyaround"):
+    if card.is_of_this_version:
         for field, text in (("conventions", CONVENTIONS), ("record_fields", RECORD_FIELDS)):
             if getattr(card, field) != text:
                 yield f"{field} differ from those of flyaround {card.machine.flyaround}"

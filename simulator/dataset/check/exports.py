@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,8 +69,8 @@ def check_exports(
         return ExportCheck(0, tuple(faults))
     if not card.complete:
         return ExportCheck(0, tuple(faults), ("exports are finished at the end of a capture",))
-    if card.machine.flyaround != version("flyaround"):
-        reason = f"exports were written by flyaround {card.machine.flyaround}"
+    if not card.is_of_this_version:
+        reason = f"exports were written by another version, flyaround {card.machine.flyaround}"
         return ExportCheck(0, tuple(faults), (reason,))
     not_checked: list[str] = []
     try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -55,8 +54,10 @@ def check_scenes(card: DatasetCard, scenes: Mapping[int, SceneState], seed: int)
     """
     if not scenes:
         return SceneCheck()
-    if card.machine.flyaround != version("flyaround"):
-        return SceneCheck(reason=f"scenes were computed by flyaround {card.machine.flyaround}")
+    if not card.is_of_this_version:
+        return SceneCheck(
+            reason=f"scenes were computed by another version, flyaround {card.machine.flyaround}"
+        )
     try:
         plan = _plan_again(card, scenes)
         if plan is None:

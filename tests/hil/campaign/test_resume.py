@@ -93,7 +93,7 @@ def test_what_is_flown_is_kept_and_recorded(bench):
     ("change", "why"),
     [
         ({"flyaround": "0.0.1"}, "another version"),
-        ({"flyaround": ""}, "another version"),  # older than the record
+        ({"flyaround": "", "model_sha256": ""}, "another version"),  # older than the record
         ({"model_sha256": "ab"}, "another model of the target"),
         ({"board": "another OpenCV"}, "another board"),
     ],
