@@ -143,8 +143,8 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_of_this_version(self) -> bool:
-        """True if this version wrote the data set. Cards of 0.1.0 do not have `image_bits`."""
-        return self.machine.flyaround == version("flyaround") and self.image_bits is not None
+        """True if this version wrote the data set."""
+        return self.machine.flyaround == version("flyaround")
 
 
 def describe_machine(gl_vendor: str, gl_renderer: str, gl_version: str) -> CardMachine:
