@@ -15,7 +15,7 @@ def test_version_stands_in_one_place_and_the_others_agree():
     assert re.search(
         rf"^## {re.escape(PROJECT['version'])} - \d{{4}}-\d\d-\d\d$",
         (ROOT / "CHANGELOG.md").read_text(),
-        re.M,
+        re.MULTILINE,
     )
 
 
