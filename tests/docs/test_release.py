@@ -13,7 +13,7 @@ def test_version_stands_in_one_place_and_the_others_agree():
     assert version("flyaround") == PROJECT["version"]
     assert f"version: {PROJECT['version']}\n" in (ROOT / "CITATION.cff").read_text()
     assert re.search(
-        rf"^## {re.escape(PROJECT['version'])} - \d{{4}}-\d\d-\d\d$",
+        rf"^## {re.escape(PROJECT['version'])} \(\d{{4}}-\d\d-\d\d\)$",
         (ROOT / "CHANGELOG.md").read_text(),
         re.MULTILINE,
     )
