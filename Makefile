@@ -49,7 +49,7 @@ proof-captures: $(STAMP) system
 # Data sets in other formats, read by the libraries that people use.
 test-formats: $(STAMP) system
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[formats-test]'
-	$(BIN)/pytest -q tests/simulator/dataset/formats
+	$(BIN)/pytest -q tests/simulator/dataset/formats tests/simulator/dataset/check/test_exports.py
 
 # The console in real windows on a virtual screen: every panel, size and scenario, lost processes, an autopilot. Half an hour.
 test-console: $(STAMP) system

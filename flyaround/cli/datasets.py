@@ -223,7 +223,8 @@ def check(
             "--redraw",
             min=0.0,
             max=1.0,
-            help="Share of the images to draw again from their records and compare, at least three; 0: none, 1: all.",
+            help="Share of the images to draw again from their records and compare, at least three; 0: none, 1: all. "
+            "In the others manifest.sha256 alone tells of a change to a few pixels of a layer.",
         ),
     ] = REDRAWN_SHARE,
     redraw_seed: Annotated[
@@ -276,7 +277,12 @@ def check(
             f"{len(report.faults)} faults"
         )
         if 0 < report.n_redrawn < report.n_frames:
-            say(f"the same images are drawn again with --redraw-seed {report.redraw_seed}")
+            say(
+                f"the same images are drawn again with --redraw-seed {report.redraw_seed}; in the others "
+                "manifest.sha256 alone tells of a change to a few pixels of a layer (--redraw 1 draws all)"
+            )
+        if 0 < report.n_exported < report.n_frames:
+            say(f"exports were compared in {report.n_exported} frames; --all compares all")
     if report.faults:
         raise typer.Exit(1)
 

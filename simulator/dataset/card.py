@@ -52,6 +52,12 @@ CONVENTIONS = {
     "speed": "q_vbs2tango is q_camera_from_target_wxyz; r_Vo2To_vbs_true is t_camera_from_target_m",
 }
 
+LAYOUT = (
+    "images/NNNNNN.png image, images/NNNNNN.mask.png mask, images/NNNNNN.LAYER.png or .exr layers, "
+    "images/NNNNNN.SENSOR.npz of sensors, "
+    "images/NNNNNN.json truth, FORMAT/ each of formats; split.json frames of each split, where there is one"
+)
+
 
 class CardTarget(msgspec.Struct, frozen=True, kw_only=True):
     """Which model was drawn, with its keypoints in the model frame [m]; ``part_classes`` in the order of ``parts``."""
@@ -132,11 +138,7 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
     stereo: StereoCard | None = None
     conventions: dict[str, str] = msgspec.field(default_factory=lambda: dict(CONVENTIONS))
     record_fields: dict[str, str] = msgspec.field(default_factory=lambda: dict(RECORD_FIELDS))
-    layout: str = (
-        "images/NNNNNN.png image, images/NNNNNN.mask.png mask, images/NNNNNN.LAYER.png or .exr layers, "
-        "images/NNNNNN.SENSOR.npz of sensors, "
-        "images/NNNNNN.json truth, FORMAT/ each of formats; split.json frames of each split, where there is one"
-    )
+    layout: str = LAYOUT
     licence: str = (
         "images and labels made with Flyaround belong to whoever made them; Earth imagery: NASA Visible Earth"
     )

@@ -127,7 +127,19 @@ class SplitFile(msgspec.Struct, frozen=True, kw_only=True):
     test: tuple[int, ...]
 
     def by_frame(self) -> dict[int, str]:
-        """The split of each frame."""
+        """Return the split of each frame.
+
+        Raises
+        ------
+        UserError
+            If a frame is listed twice.
+        """
+        listed = Counter(k for name in SPLITS for k in getattr(self, name))
+        twice = [k for k, count in listed.items() if count > 1]
+        if twice:
+            raise UserError(
+                f"{SPLIT_NAME} lists frame {twice[0]} twice; run capture again with --resume to rewrite it"
+            )
         return {k: name for name in SPLITS for k in getattr(self, name)}
 
 
@@ -143,7 +155,7 @@ def read_split(folder: Path) -> dict[int, str]:
     Raises
     ------
     UserError
-        If ``split.json`` is there and damaged.
+        If ``split.json`` is there and damaged, or lists a frame twice.
     """
     path = folder / SPLIT_NAME
     if not path.exists():

@@ -6,20 +6,24 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
-from flyaround.simulator.dataset.card import CONVENTIONS, CardTarget, DatasetCard
+from flyaround.simulator.dataset.card import CONVENTIONS, LAYOUT, CardTarget, DatasetCard
+from flyaround.simulator.dataset.formats.labelled_frame import layer_ending
+from flyaround.simulator.dataset.formats.native import is_whole
 from flyaround.simulator.dataset.record_fields import RECORD_FIELDS
+from flyaround.simulator.dataset.split import SPLIT_NAME
 from flyaround.simulator.dataset.storage.manifest import MANIFEST_NAME, file_hash, read_manifest
 from flyaround.simulator.dataset.storage.store import FolderStore
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.threads import threads
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from flyaround.simulator.targets.model import Target
 
 MOST_FILE_BYTES = 2**32
+MOST_NAMED = 5  # files of a kind
 
 
 def check_card(
@@ -39,6 +43,9 @@ def check_card(
             said = getattr(card.target, name)
             if said and said != getattr(known, name):  # cards of earlier versions have none
                 yield f"target.{name} differ from the target's"
+    name = card.scenario.get("name")
+    if name and card.scenario_name != name:
+        yield f"scenario_name is {card.scenario_name!r}, the scenario's own name {name!r}"
     named = set(card.labels)
     seen = Counter(name for layers in layers_of_frames for name in layers)
     yield from (f"labels does not name {name}, which frames have" for name in sorted(set(seen) - named))
@@ -47,9 +54,46 @@ def check_card(
         lacking = named - set(seen) - ({"flow"} if len(layers_of_frames) == 1 else set())
         yield from (f"labels names {name}, which no frame has" for name in sorted(lacking))
     if card.is_of_this_version:
-        for field, text in (("conventions", CONVENTIONS), ("record_fields", RECORD_FIELDS)):
+        for field, text in (
+            ("conventions", CONVENTIONS),
+            ("record_fields", RECORD_FIELDS),
+            ("layout", LAYOUT),
+        ):
             if getattr(card, field) != text:
                 yield f"{field} differ from those of flyaround {card.machine.flyaround}"
+
+
+def check_frames_listed(
+    card: DatasetCard, splits: Mapping[int, str], assigned: Mapping[str, Sequence[int]], folder: Path
+) -> Iterator[str]:
+    """Compare the card's split, quarantine and sensors with the files.
+
+    Parameters
+    ----------
+    splits : of each frame in the data set's own list, by number. assigned : frames of each split, assigned again;
+        nothing where they cannot be.
+    """
+    for q in card.quarantined:
+        if q.frame >= card.n_frames or is_whole(folder, q.frame):
+            yield f"quarantined names frame {q.frame}, which is not kept apart"
+    if not card.complete:
+        return
+    numbers = range(card.n_frames)
+    if (card.split is None) != (not splits):
+        yield f"the card says split {card.split}, and {SPLIT_NAME} lists {len(splits)} frames"
+    elif splits and set(splits) != set(numbers):
+        first = min(set(splits) ^ set(numbers))
+        yield f"{SPLIT_NAME} does not list the card's {card.n_frames} frames: frame {first} is not in both"
+    elif card.is_of_this_version:
+        other = [k for name, frames in assigned.items() for k in frames if splits.get(k) != name]
+        if other:
+            yield f"{SPLIT_NAME} has frame {other[0]} in another split than the card's ratio {card.split} gives"
+    endings = ["png", "mask.png", "json", *(f"{name}.{layer_ending(name)}" for name in card.labels)]
+    sensors = {f"{k:06d}.{name}.npz" for k in numbers for name in card.sensors}
+    there = {path.name for path in (folder / "images").iterdir() if not path.name.startswith(".")}
+    yield from (f"images/{name} is missing" for name in sorted(sensors - there)[:MOST_NAMED])
+    strays = there - sensors - {f"{k:06d}.{ending}" for k in numbers for ending in endings}
+    yield from (f"images/{name} is of no frame, label or sensor" for name in sorted(strays)[:MOST_NAMED])
 
 
 def check_manifest(
@@ -84,6 +128,9 @@ def check_manifest(
                 wrong.append(f"{name} cannot be read ({error})")
         return wrong
 
+    if card.complete:
+        for k in sorted(manifest.keys() - files.keys())[:MOST_NAMED]:
+            yield None, f"{MANIFEST_NAME} lists frame {k}, which is not there"
     with ThreadPoolExecutor(threads()) as pool:  # hashing releases Python's lock
         for k, wrong in zip(frames, pool.map(faults, frames), strict=True):
             yield from ((k, what) for what in wrong)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from dataclasses import dataclass
@@ -12,7 +13,6 @@ import msgspec
 import numpy as np
 
 from flyaround.simulator.dataset.check.export_contents import LONGEST_END, Entry, entries, is_cut, is_same
-from flyaround.simulator.dataset.formats.labelled_frame import frame_from_folder
 from flyaround.simulator.dataset.formats.registry import BUILT_IN, NATIVE, find_format, writable
 from flyaround.simulator.dataset.split import read_split
 from flyaround.simulator.errors import UserError
@@ -20,14 +20,16 @@ from flyaround.simulator.labels.truth import Truth
 from flyaround.simulator.runtime.untrusted_files import read_regular, refuse_link_out
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from flyaround.simulator.dataset.card import DatasetCard
     from flyaround.simulator.dataset.formats.base import DatasetFormat
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
     from flyaround.simulator.world.frames.pose import Pose
 
-SHARE, FEWEST_OF_SPLIT = 0.05, 2
+SHARE = 0.05
 FEWEST, MOST_OF_SMALL, PICTURES = 4, 10, 24
 """Frames that are compared at least, those of few formats, and frames times formats between the two."""
 MOST_BYTES = 2**30
@@ -45,64 +47,85 @@ class ExportCheck:
     not_checked: tuple[str, ...] = ()
 
 
-def check_exports(
-    folder: Path, card: DatasetCard, poses: Mapping[int, Pose], seed: int, *, whole: bool
-) -> ExportCheck:
-    """Compare the exports of a data set with its native frames.
+class ExportsCheck:
+    """Comparison of a data set's exports with its native frames, which are taken one at a time.
 
     Of each frame's own files it is checked that they are there and not cut off, of lists of poses every row. The
     contents are compared of a sample of the frames, or of all.
 
     Parameters
     ----------
-    poses : of all readable frames, by number. seed : decides which frames are compared.
+    numbers : of all whole frames. seed : decides which frames are compared. whole : compare all.
     """
-    there = [name for name in writable()[1:] if (folder / name).is_dir()]
-    named = [name for name in card.formats if name != NATIVE]
-    faults: list[tuple[int | None, str]] = [
-        (None, f"{name}/ is there, and the card does not name that format")
-        for name in there
-        if name not in named
-    ]
-    names = list(dict.fromkeys([*named, *there]))
-    if not names or not poses:
-        return ExportCheck(0, tuple(faults))
-    if not card.complete:
-        return ExportCheck(0, tuple(faults), ("exports are finished at the end of a capture",))
-    if not card.is_of_this_version:
-        reason = f"exports were written by another version, flyaround {card.machine.flyaround}"
-        return ExportCheck(0, tuple(faults), (reason,))
-    not_checked: list[str] = []
-    try:
-        splits = read_split(folder)
-    except UserError as error:
-        return ExportCheck(0, (*faults, (None, str(error))))
-    numbers = sorted(poses) if whole else _sample(sorted(poses), splits, seed, len(names))
-    comparisons = []
-    # the card that a writer was given at the start of the capture
-    begun = msgspec.structs.replace(card, complete=False, quarantined=())
-    for name in names:
-        try:
-            form = find_format(name)
-            if form not in BUILT_IN:
-                not_checked.append(f"format {name} is of another package")
-                continue
-            comparisons.append(_Comparison(form, folder / name, begun, is_whole=whole))
-        except UserError as error:
-            not_checked.append(str(error))
-    for k in numbers:
-        frame = frame_from_folder(folder, k, splits.get(k, ""))  # decoded once for all formats
-        for comparison in comparisons:
-            comparison.take(frame)
-    for comparison in comparisons:
-        comparison.finish()
-        found = [
-            *comparison.faults,
-            *_check_others(comparison, poses, splits),
-            *_check_poses(comparison, poses),
+
+    def __init__(
+        self, folder: Path, card: DatasetCard, numbers: Sequence[int], seed: int, *, whole: bool
+    ) -> None:
+        self.splits: dict[int, str] = {}
+        self._faults: list[tuple[int | None, str]] = []
+        self._not_checked: list[str] = []
+        self._sample: frozenset[int] = frozenset()
+        self._comparisons: list[_Comparison] = []
+        there = [name for name in writable()[1:] if (folder / name).is_dir()]
+        named = [name for name in card.formats if name != NATIVE]
+        self._faults += [
+            (None, f"{name}/ is there, and the card does not name that format")
+            for name in there
+            if name not in named
         ]
-        faults += [(k, f"{comparison.form.name}/{what}") for k, what in found]
-    return ExportCheck(len(numbers), tuple(faults), tuple(not_checked))
+        names = list(dict.fromkeys([*named, *there]))
+        try:
+            self.splits = read_split(folder)
+        except UserError as error:
+            self._faults.append((None, str(error)))
+            return
+        if not names:
+            return
+        if not card.complete:
+            self._not_checked.append("exports are finished at the end of a capture")
+            return
+        if not card.is_of_this_version:
+            self._not_checked.append(
+                f"exports were written by another version, flyaround {card.machine.flyaround}"
+            )
+            return
+        # the card that a writer was given at the start of the capture
+        begun = msgspec.structs.replace(card, complete=False, quarantined=())
+        for name in names:
+            try:
+                form = find_format(name)
+                if form not in BUILT_IN:
+                    self._not_checked.append(f"format {name} is of another package")
+                    continue
+                self._comparisons.append(_Comparison(form, folder / name, begun, is_whole=whole))
+            except UserError as error:
+                self._not_checked.append(str(error))
+        self._sample = frozenset(numbers if whole else _sample(numbers, self.splits, seed, len(names)))
+
+    def take(self, frame: LabelledFrame) -> None:
+        """Compare the files of a frame, if it is one of the sample."""
+        if frame.number in self._sample:
+            for comparison in self._comparisons:
+                comparison.take(frame)
+
+    def finish(self, poses: Mapping[int, Pose]) -> ExportCheck:
+        """Compare the files of all frames.
+
+        Parameters
+        ----------
+        poses : of all readable frames, by number.
+        """
+        if not poses:
+            return ExportCheck(0, tuple(self._faults))
+        for comparison in self._comparisons:
+            comparison.finish()
+            found = [
+                *comparison.faults,
+                *_check_others(comparison, poses, self.splits),
+                *_check_poses(comparison, poses),
+            ]
+            self._faults += [(k, f"{comparison.form.name}/{what}") for k, what in found]
+        return ExportCheck(len(self._sample & set(poses)), tuple(self._faults), tuple(self._not_checked))
 
 
 def _sample(numbers: Sequence[int], splits: Mapping[int, str], seed: int, n_formats: int) -> list[int]:
@@ -111,7 +134,7 @@ def _sample(numbers: Sequence[int], splits: Mapping[int, str], seed: int, n_form
     fewest = min(MOST_OF_SMALL, max(FEWEST, PICTURES // n_formats))
     chosen = set(order[: max(fewest, math.ceil(SHARE * len(numbers)))])
     for split in set(splits.values()):
-        chosen |= set([k for k in order if splits.get(k) == split][:FEWEST_OF_SPLIT])
+        chosen.add(next((k for k in order if splits.get(k) == split), order[0]))
     return sorted(chosen)
 
 
@@ -131,7 +154,8 @@ class _Comparison:
         self._is_whole = is_whole
         self._frame: int | None = None
         self._is_varied = False
-        self._writer = form.open_writer(self, card, is_plain=True)
+        self._next_shard: dict[str, int] = {}
+        self._writer = form.open_writer(self, card)
 
     def take(self, frame: LabelledFrame) -> None:
         """Compare the files of one frame."""
@@ -149,6 +173,13 @@ class _Comparison:
 
     def write(self, name: str, data: bytes) -> None:
         """Compare one file."""
+        self._look(name, lambda: entries(name, data), data)
+
+    def write_arrays(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Compare one file of arrays."""
+        self._look(name, lambda: itertools.starmap(Entry, arrays.items()))
+
+    def _look(self, name: str, wanted: Callable[[], Iterable[Entry]], data: bytes | None = None) -> None:
         is_shard = _SHARD.fullmatch(name)
         of_frame = None if is_shard or name.startswith("models/") else self._frame
         self.written.setdefault(of_frame, []).append(name)
@@ -156,27 +187,31 @@ class _Comparison:
             Path(name).suffix == ".md" or (self._is_varied and name.startswith("models/"))
         ):
             return  # the text counts frames; models are numbered as frames come
-        for entry, what in self._compare(name, data, is_subset=of_frame is None and not self._is_whole):
+        is_subset = of_frame is None and not self._is_whole
+        for entry, what in self._compare(name, wanted, data, is_subset=is_subset):
             self.faults.append(
                 (of_frame if entry is None or entry.frame is None else entry.frame, f"{name}: {what}")
             )
 
-    def _compare(self, name: str, data: bytes, *, is_subset: bool) -> Iterator[tuple[Entry | None, str]]:
-        shard = _SHARD.fullmatch(name)
-        paths = [self.root / name]
-        if shard and is_subset:
+    def _compare(
+        self, name: str, expected: Callable[[], Iterable[Entry]], data: bytes | None, *, is_subset: bool
+    ) -> Iterator[tuple[Entry | None, str]]:
+        paths, first = [self.root / name], 0
+        shard = _SHARD.fullmatch(name) if is_subset else None
+        if shard:
             of_split = (self.root / name).parent.glob(Path(shard[1]).name + "*" + shard[2])
             paths = sorted(p for p in of_split if _SHARD.fullmatch(p.name)) or paths
+            first = self._next_shard.get(shard[1], 0)  # frames are in order, here and there
         wanted: dict[str, Entry] | None = None
         missing: set[str] = set()
-        for path in paths:
+        for number, path in enumerate(paths[first:], first):
             try:
                 refuse_link_out(path, self.root)
                 found = read_regular(path, MOST_BYTES)
                 if found == data:
                     return
                 if wanted is None:
-                    wanted = {entry.key: entry for entry in entries(name, data)}
+                    wanted = {entry.key: entry for entry in expected()}
                     missing = set(wanted)
                 for entry in entries(name, found):
                     if entry.key in missing:
@@ -194,6 +229,9 @@ class _Comparison:
                 return
             except (UserError, AttributeError, TypeError, ValueError) as error:
                 yield None, str(error)
+                return
+            if shard and not missing:
+                self._next_shard[shard[1]] = number
                 return
         for key in sorted(missing):
             yield wanted[key] if wanted else None, f"{key} is missing"

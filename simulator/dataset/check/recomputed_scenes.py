@@ -12,19 +12,24 @@ import numpy as np
 
 from flyaround.simulator.dataset.stereo import SecondCameraPlan
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.recipes.checks import check_recipe
 from flyaround.simulator.recipes.file import Recipe
 from flyaround.simulator.recipes.plan import plan_recipe, varied_plan
 from flyaround.simulator.recipes.vary_file import Vary
+from flyaround.simulator.scenario.checks import check_physics
 from flyaround.simulator.scenario.flight import frame_times
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.scene.second_camera import SECOND_SEED
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Container, Mapping
 
     from flyaround.simulator.dataset.capture_plan import CapturePlan
     from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.scene.environments import Environment
     from flyaround.simulator.scene.state import SceneState
 
 RELATIVE = 1e-7
@@ -33,16 +38,16 @@ ABSOLUTE = {"_m": 1e-5, "_m_s": 1e-6}
 """The same [m, m/s], by the end of a field's name; differences of large ECI vectors carry it."""
 ABSOLUTE_OF_OTHERS = 1e-9
 MOST_SAMPLES = 50  # of a recipe: a constrained pose takes as long as some labels do
-NOT_COMPARED = ("exposure_s", "camera", "target")
-"""Fields that other checks compare, or that automatic exposure makes slow to compute."""
+NOT_COMPARED = ("camera", "target")
+"""Fields that other checks compare."""
 
 
 @dataclass(frozen=True)
 class SceneCheck:
-    """Wrong fields, by frame, and why scenes were not computed again, or nothing."""
+    """Wrong fields, by frame, and what was not computed again, and why."""
 
     faults: tuple[tuple[int | None, str], ...] = ()
-    reason: str = ""
+    not_checked: tuple[str, ...] = ()
 
 
 def check_scenes(card: DatasetCard, scenes: Mapping[int, SceneState], seed: int) -> SceneCheck:
@@ -55,41 +60,102 @@ def check_scenes(card: DatasetCard, scenes: Mapping[int, SceneState], seed: int)
     if not scenes:
         return SceneCheck()
     if not card.is_of_this_version:
-        return SceneCheck(
-            reason=f"scenes were computed by another version, flyaround {card.machine.flyaround}"
-        )
+        reason = f"scenes were computed by another version, flyaround {card.machine.flyaround}"
+        return SceneCheck(not_checked=(reason,))
+    numbers = sorted(scenes)
     try:
-        plan = _plan_again(card, scenes)
-        if plan is None:
-            return SceneCheck(reason="scenes are of no scenario or recipe")
-        numbers = sorted(scenes)
-        if card.scenario["schema"] == RECIPE:
-            order = np.random.default_rng([seed % 2**63, 2]).permutation(numbers)
-            numbers = sorted(order[:MOST_SAMPLES].tolist())
-        wrong = {k: _differences(plan.scene(k), scenes[k], card) for k in numbers}
-    except (UserError, msgspec.ValidationError, KeyError, IndexError) as error:
-        return SceneCheck(reason=f"the card's scenario cannot be planned here: {error}")
-    wrong = {k: fields for k, fields in wrong.items() if fields}
+        document = _read_document(card)
+    except (UserError, ValueError) as error:  # msgspec's errors are ValueErrors
+        return SceneCheck(((None, f"the card's scenario is not valid: {error}"),))
+    if isinstance(document, Recipe):
+        order = np.random.default_rng([seed % 2**63, 2]).permutation(numbers)
+        numbers = sorted(order[:MOST_SAMPLES].tolist())
+    try:
+        if load_target(document.target).name != card.target.name:
+            return SceneCheck(
+                ((None, f"the scenario's target is {document.target}, not {card.target.name}"),)
+            )
+        reasons, wrong = _wrong_fields(card, document, scenes, numbers)
+    except (UserError, KeyError, IndexError, ValueError) as error:
+        return SceneCheck(not_checked=(f"the card's scenario cannot be planned here: {error}",))
     if len(wrong) > max(1, len(numbers) // 2):
         common = Counter(name for fields in wrong.values() for name in fields)
         names = ", ".join(name for name, _ in common.most_common())
         return SceneCheck(
-            ((None, f"scenes of {len(wrong)} frames are not those of the card's scenario in {names}"),)
+            ((None, f"scenes of {len(wrong)} frames are not those of the card's scenario in {names}"),),
+            tuple(reasons),
         )
     return SceneCheck(
         tuple(
             (k, f"the scene is not that of the card's scenario in {', '.join(fields)}")
             for k, fields in wrong.items()
-        )
+        ),
+        tuple(reasons),
     )
 
 
-RECIPE, SCENARIO = "flyaround.recipe", "flyaround.scenario"
+def _read_document(card: DatasetCard) -> Recipe | Scenario:
+    """Return the recipe or scenario in the card.
+
+    Raises
+    ------
+    ValueError
+        If it is neither, or a field is wrong.
+    UserError
+        If physics does not allow it.
+    """
+    kind = card.scenario.get("schema")
+    if kind == "flyaround.recipe":
+        recipe = msgspec.convert(card.scenario, Recipe)
+        check_recipe(recipe, "it")
+        return recipe
+    if kind != "flyaround.scenario":
+        raise ValueError(f"it is neither a scenario nor a recipe but {kind!r}")
+    document = {key: value for key, value in card.scenario.items() if key != "vary"}
+    scenario = msgspec.convert(document, Scenario)
+    Instant.from_utc(scenario.epoch_utc)
+    check_physics(scenario, "it")
+    return scenario
 
 
-def _plan_again(card: DatasetCard, scenes: Mapping[int, SceneState]) -> CapturePlan | None:
-    document = dict(card.scenario)
-    kind = document.get("schema")
+def _wrong_fields(
+    card: DatasetCard, document: Recipe | Scenario, scenes: Mapping[int, SceneState], numbers: list[int]
+) -> tuple[list[str], dict[int, list[str]]]:
+    """Return what was not compared, in words, and the names of each frame's wrong fields."""
+    left_out = set(NOT_COMPARED)
+    if document.sensor.auto_exposure is not None:
+        left_out.add("exposure_s")  # slow to compute
+
+    def differences(environment: Environment | None) -> dict[int, list[str]]:
+        plan = _plan_again(card, document, scenes, environment)
+        wrong = {k: _differences(plan.scene(k), scenes[k], left_out) for k in numbers}
+        return {k: fields for k, fields in wrong.items() if fields}
+
+    def is_other(wrong: dict[int, list[str]]) -> bool:
+        return 2 * sum("environment" in fields for fields in wrong.values()) > len(numbers)
+
+    reasons = []
+    if isinstance(document, Scenario):
+        if document.camera_model != card.camera:
+            reasons.append("the camera is not the scenario's")
+        if not _has_usual_times(card, document, scenes):
+            reasons.append("the frames' times are not those that the scenario's duration gives")
+    wrong = differences(None)
+    if isinstance(document, Recipe) and is_other(wrong):
+        reasons.append("the environment is not the recipe's, as --environment replaces it")
+        wrong = differences(Counter(scene.environment for scene in scenes.values()).most_common(1)[0][0])
+        if is_other(wrong):
+            left_out.add("environment")
+            wrong = differences(None)
+    return reasons, wrong
+
+
+def _plan_again(
+    card: DatasetCard,
+    document: Recipe | Scenario,
+    scenes: Mapping[int, SceneState],
+    environment: Environment | None,
+) -> CapturePlan:
     is_second = card.stereo is not None and card.stereo.camera == "second"
     first_seed = card.seed - (SECOND_SEED if is_second else 0)
     options: dict[str, Any] = {
@@ -97,36 +163,37 @@ def _plan_again(card: DatasetCard, scenes: Mapping[int, SceneState]) -> CaptureP
         for name in ("bands", "quality")
     }
     plan: Any
-    if kind == RECIPE:
-        recipe = msgspec.convert(document, Recipe)
-        made = plan_recipe(recipe, card.n_frames, seed=first_seed, target=card.target.name, **options)
+    if isinstance(document, Recipe):
+        target = card.target.name
+        made = plan_recipe(
+            document, card.n_frames, seed=first_seed, target=target, environment=environment, **options
+        )
         plan = replace(made, camera=card.camera)
-    elif kind == SCENARIO:
-        vary = document.pop("vary", None)
-        scenario = msgspec.convert(document, Scenario)
-        times = tuple(_times(card, scenario, scenes))
-        flown = plan_flight(scenario, times=times, seed=first_seed, **options)
-        plan = replace(flown, camera=card.camera, exposures=None)
-        plan = plan if vary is None else varied_plan(plan, msgspec.convert(vary, Vary))
     else:
-        return None
+        times = tuple(_times(card, document, scenes))
+        flown = plan_flight(document, times=times, seed=first_seed, **options)
+        plan = replace(flown, camera=card.camera, exposures=None)
+        vary = card.scenario.get("vary")
+        plan = plan if vary is None else varied_plan(plan, msgspec.convert(vary, Vary))
     return SecondCameraPlan(plan, plan.second_camera) if is_second else plan
+
+
+def _has_usual_times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int, SceneState]) -> bool:
+    """Return True if most frames are at the times that the command line would choose."""
+    usual = frame_times(scenario.duration_s, card.n_frames, card.every_s).tolist()
+    agreeing = sum(math.isclose(scene.t_s, usual[k], abs_tol=1e-9) for k, scene in scenes.items())
+    return card.every_s is not None or 2 * agreeing > len(scenes)
 
 
 def _times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int, SceneState]) -> list[float]:
     """Return the times of the frames: those of the command line, unless the records follow other ones."""
-    usual = frame_times(scenario.duration_s, card.n_frames, card.every_s).tolist()
-    agreeing = sum(math.isclose(scene.t_s, usual[k], abs_tol=1e-9) for k, scene in scenes.items())
-    if card.every_s is not None or 2 * agreeing > len(scenes):
-        return list(usual)
+    if _has_usual_times(card, scenario, scenes):
+        return list(frame_times(scenario.duration_s, card.n_frames, card.every_s).tolist())
     return [scenes[k].t_s if k in scenes else 0.0 for k in range(card.n_frames)]
 
 
-def _differences(expected: SceneState, found: SceneState, card: DatasetCard) -> list[str]:
+def _differences(expected: SceneState, found: SceneState, left_out: Container[str]) -> list[str]:
     """Return the names of the fields in which two scenes differ by more than rounding."""
-    left_out = set(NOT_COMPARED)
-    if card.scenario["schema"] == RECIPE:
-        left_out.add("environment")  # --environment of a recipe is not in its document
     a, b = (msgspec.to_builtins(scene) for scene in (expected, found))
     return [
         name

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.dataset.card import CARD_NAME, DatasetCard, read_card
-from flyaround.simulator.dataset.check.card_facts import check_card, check_manifest
+from flyaround.simulator.dataset.check.card_facts import check_card, check_frames_listed, check_manifest
 from flyaround.simulator.dataset.check.clean_twin import check_clean
-from flyaround.simulator.dataset.check.exports import check_exports
+from flyaround.simulator.dataset.check.export_contents import refuse_repeated_keys
+from flyaround.simulator.dataset.check.exports import ExportsCheck
 from flyaround.simulator.dataset.check.feasibility import check_silhouette_inside
 from flyaround.simulator.dataset.check.geometry import check_box_3d, check_keypoints, check_visible_on_mask
 from flyaround.simulator.dataset.check.imported import check_imported
@@ -29,8 +30,11 @@ from flyaround.simulator.dataset.check.redraw import Redrawn, check_pictures, fr
 from flyaround.simulator.dataset.check.row_poses import check_rows
 from flyaround.simulator.dataset.check.signal import check_states_by_signal, check_steps_by_signal
 from flyaround.simulator.dataset.check.wireframe import check_wireframe
-from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_layer, read_png
+from flyaround.simulator.dataset.formats.labelled_frame import frame_from_folder
+from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_layer
+from flyaround.simulator.dataset.split import SplitAssigner
 from flyaround.simulator.dataset.stereo import pair_faults, second_folder
+from flyaround.simulator.dataset.storage.manifest import MANIFEST_NAME
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.boxes import mask_box
 from flyaround.simulator.labels.feasible import infeasible_reason
@@ -39,7 +43,6 @@ from flyaround.simulator.labels.layers import pixel_hash
 from flyaround.simulator.labels.truth import Truth
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -51,6 +54,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.frames.pose import Pose
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,10 @@ def check_dataset(
     folder = Path(folder)
     card = read_card(folder)
     faults: list[Fault] = []
+    try:
+        refuse_repeated_keys((folder / CARD_NAME).read_bytes(), CARD_NAME)
+    except UserError as error:
+        faults.append(Fault(None, str(error)))
     target: Target | None = load_target(card.target.name)
     if target is not None and target.sha256 != card.target.sha256:
         faults.append(
@@ -118,40 +126,48 @@ def check_dataset(
         target = None
     frames = [k for k in range(card.n_frames) if is_whole(folder, k)]
     faults += _check_count(folder, card, len(frames))
+    seed = fresh_seed() if redraw_seed is None else redraw_seed
     readable = []
     poses: dict[int, Pose] = {}
+    exports = ExportsCheck(folder, card, frames, seed, whole=whole_exports)
+    is_second = card.stereo is not None and card.stereo.camera == "second"
+    assigner = None if card.split is None or is_second else SplitAssigner(card.split)
     layers_of_frames: list[tuple[str, ...]] = []
     scenes: dict[int, SceneState] = {}
     if card.complete:
         faults += [Fault(k, "files are missing") for k in range(card.n_frames) if not is_whole(folder, k)]
-    seed = fresh_seed() if redraw_seed is None else redraw_seed
     drawn = sample(frames, redraw, seed)
     n_labels = n_imported = 0
     previous: Truth | None = None
     for done, k in enumerate(frames):
+        frame = frame_from_folder(folder, k, exports.splits.get(k, ""))  # decoded once for all checks
         try:
             truth = read_label_record(frame_paths(folder, k).truth)
-            image = read_png(frame_paths(folder, k).image)
-            mask = read_png(frame_paths(folder, k).mask)
+            refuse_repeated_keys(frame.read("json"), str(frame_paths(folder, k).truth))
+            image, mask = frame.image, frame.mask
+            if assigner is not None:
+                assigner.assign(frame)
             if isinstance(truth, ImportedTruth):
-                imported = check_imported(k, truth, image, np.asarray(mask, np.uint8), card, target)
+                imported = check_imported(k, truth, image, mask, card, target)
                 faults += [Fault(k, what) for what in imported]
                 n_imported += 1
                 n_labels += len(truth.keypoints) + 7
                 progress(done + 1, len(frames))
                 continue
             layers = {name: read_layer(folder / "images", f"{k:06d}", name) for name in truth.layer_sha256}
+            frame.decoded.update(layers)
         except UserError as error:
             faults.append(Fault(k, str(error)))
             continue
         readable.append(k)
-        poses[k] = Pose("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
+        poses[k] = frame.pose
+        exports.take(frame)
         layers_of_frames.append(truth.layers)
         scenes[k] = truth.scene
         faults += _check_flow_to(k, truth, previous)
         previous = truth
         craft = None if target is None else truth.scene.target.drawn(target)
-        found = check_frame(k, truth, image, np.asarray(mask, np.uint8), card, craft, layers)
+        found = check_frame(k, truth, image, mask, card, craft, layers)
         faults += [Fault(k, what) for what in found]
         n_labels += len(truth.keypoints) + len(truth.layers) + 7
         progress(done + 1, len(frames) + len(drawn))
@@ -164,11 +180,15 @@ def check_dataset(
         )
         faults += [Fault(k, what) for k, what in again.faults]
     faults += [Fault(None, what) for what in check_card(card, target, layers_of_frames)]
+    is_all = len(readable) + n_imported == card.n_frames
+    assigned = assigner.numbers if assigner is not None and is_all else {}
+    faults += [Fault(None, what) for what in check_frames_listed(card, exports.splits, assigned, folder)]
     faults += [Fault(k, what) for k, what in check_manifest(folder, card, frames)]
+    unlisted = () if (folder / MANIFEST_NAME).is_file() else (f"there is no {MANIFEST_NAME}",)
     planned = check_scenes(card, scenes, seed)
     faults += [Fault(k, what) for k, what in planned.faults]
-    exports = check_exports(folder, card, poses, seed, whole=whole_exports)
-    faults += [Fault(k, what) for k, what in exports.faults]
+    compared = exports.finish(poses)
+    faults += [Fault(k, what) for k, what in compared.faults]
     report = CheckReport(
         len(frames),
         n_labels,
@@ -176,8 +196,8 @@ def check_dataset(
         again.n_frames,
         again.reason,
         seed,
-        exports.n_frames,
-        tuple(filter(None, (planned.reason, *exports.not_checked))),
+        compared.n_frames,
+        (*planned.not_checked, *compared.not_checked, *unlisted),
     )
     faults += [Fault(k, what) for k, what in pair_faults(folder, card)]
     other = second_folder(folder, card)
@@ -214,7 +234,8 @@ def _check_flow_to(k: int, truth: Truth, previous: Truth | None) -> list[Fault]:
 def _check_count(folder: Path, card: DatasetCard, n_whole: int) -> list[Fault]:
     """The card's number of frames against the files."""
     faults = []
-    surplus = [p.stem for p in (folder / "images").glob("*.json") if int(p.stem) >= card.n_frames]
+    numbers = [p.stem for p in (folder / "images").glob("*.json") if p.stem.isdecimal()]
+    surplus = [number for number in numbers if int(number) >= card.n_frames]
     if surplus:
         faults.append(Fault(None, f"images/ holds {len(surplus)} frames beyond the card's {card.n_frames}"))
     if n_whole == 0:

@@ -7,48 +7,56 @@ the image, the mask and the layers as float channels; pose and camera in ``SPLIT
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
+from flyaround.simulator.dataset.formats.base import ArraysOutput, DatasetFormat, FormatOutput, FormatWriter
 from flyaround.simulator.dataset.formats.eight_bits import image_bits
-from flyaround.simulator.dataset.formats.exr import encode_exr
+from flyaround.simulator.dataset.formats.exr import encode_channels
 from flyaround.simulator.dataset.formats.native import EXR_CHANNELS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from flyaround.simulator.dataset.card import DatasetCard
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
+Arrays: TypeAlias = "dict[str, NDArray[Any]]"
 NO_CHANNELS = ("amodal",)  # reaches beyond the image
 
 
 class NpzWriter:
-    """Writes NPZ.
+    """Writes NPZ."""
 
-    Parameters
-    ----------
-    is_plain : without compression, which takes most of the time.
-    """
-
-    def __init__(self, output: FormatOutput, *, is_plain: bool = False) -> None:
+    def __init__(self, output: FormatOutput) -> None:
         self._output = output
-        self._save = np.savez if is_plain else np.savez_compressed
 
     def write(self, frame: LabelledFrame) -> None:
         """One file."""
-        place = io.BytesIO()
-        known: dict[str, Any] = dict(arrays_of(frame))
-        self._save(place, **known)
-        self._output.write(f"{frame.split or 'train'}/{frame.number:06d}.npz", place.getvalue())
+        _put(self._output, f"{frame.split or 'train'}/{frame.number:06d}.npz", arrays_of(frame), encode_npz)
 
     def finish(self) -> None:
         """Nothing is known of all frames alone."""
 
 
-def arrays_of(frame: LabelledFrame) -> dict[str, NDArray[Any]]:
+def _put(output: FormatOutput, name: str, arrays: Arrays, encode: Callable[[Arrays], bytes]) -> None:
+    if isinstance(output, ArraysOutput):
+        output.write_arrays(name, arrays)
+    else:
+        output.write(name, encode(arrays))
+
+
+def encode_npz(arrays: Arrays) -> bytes:
+    """Return the bytes of a compressed NPZ file."""
+    place = io.BytesIO()
+    np.savez_compressed(place, **arrays)  # type: ignore[arg-type]
+    return place.getvalue()
+
+
+def arrays_of(frame: LabelledFrame) -> Arrays:
     """Everything of a frame that is numbers or names, by name."""
     truth, camera = frame.truth, frame.camera
     nan = (np.nan, np.nan)
@@ -74,29 +82,23 @@ def arrays_of(frame: LabelledFrame) -> dict[str, NDArray[Any]]:
 
 
 class ExrWriter:
-    """Writes EXR.
+    """Writes EXR."""
 
-    Parameters
-    ----------
-    is_plain : without compression, which takes most of the time.
-    """
-
-    def __init__(self, output: FormatOutput, *, is_plain: bool = False) -> None:
-        self._output, self._is_plain = output, is_plain
+    def __init__(self, output: FormatOutput) -> None:
+        self._output = output
 
     def write(self, frame: LabelledFrame) -> None:
         """One picture of many channels, and the record."""
         stem = f"{frame.split or 'train'}/{frame.number:06d}"
-        channels = channels_of(frame)
-        planes = np.stack([np.asarray(plane, np.float32) for plane in channels.values()], axis=-1)
-        self._output.write(f"{stem}.exr", encode_exr(tuple(channels), planes, is_plain=self._is_plain))
+        channels = {name: np.asarray(plane, np.float32) for name, plane in channels_of(frame).items()}
+        _put(self._output, f"{stem}.exr", channels, encode_channels)
         self._output.write(f"{stem}.json", frame.read("json"))
 
     def finish(self) -> None:
         """Nothing is known of all frames alone."""
 
 
-def channels_of(frame: LabelledFrame) -> dict[str, NDArray[Any]]:
+def channels_of(frame: LabelledFrame) -> Arrays:
     """Image, mask and layers by channel: Y or R G B in digital numbers, ``mask`` 0 or 1, ``depth.Z``."""
     image = frame.image
     planes: dict[str, NDArray[Any]] = {"mask": frame.mask > 0}
@@ -116,16 +118,8 @@ def _npz(output: FormatOutput, _card: DatasetCard) -> FormatWriter:
     return NpzWriter(output)
 
 
-def _plain_npz(output: FormatOutput, _card: DatasetCard) -> FormatWriter:
-    return NpzWriter(output, is_plain=True)
-
-
 def _exr(output: FormatOutput, _card: DatasetCard) -> FormatWriter:
     return ExrWriter(output)
-
-
-def _plain_exr(output: FormatOutput, _card: DatasetCard) -> FormatWriter:
-    return ExrWriter(output, is_plain=True)
 
 
 NPZ = DatasetFormat(
@@ -134,7 +128,6 @@ NPZ = DatasetFormat(
     carries="image, pose, camera, mask, box, keypoints with their states, and layers",
     lacks="the scene and its light",
     writer=_npz,
-    plain_writer=_plain_npz,
     deep_images=True,
 )
 EXR = DatasetFormat(
@@ -143,6 +136,5 @@ EXR = DatasetFormat(
     carries="image, mask and layers as float channels, and the native record",
     lacks="the amodal mask, which reaches beyond the image",
     writer=_exr,
-    plain_writer=_plain_exr,
     deep_images=True,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from flyaround.simulator.dataset.formats.eight_bits import image_bits, scale_sentence, with_eight_bits
 from flyaround.simulator.errors import UserError
@@ -13,6 +13,8 @@ from flyaround.simulator.runtime.files import write_atomic
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from flyaround.simulator.dataset.card import DatasetCard
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
@@ -24,6 +26,14 @@ class FormatOutput(Protocol):
 
     def write(self, name: str, data: bytes) -> None:
         """Put one file; a file of that name is replaced."""
+
+
+@runtime_checkable
+class ArraysOutput(FormatOutput, Protocol):
+    """Output that takes a file's arrays before they are encoded, to compare them."""
+
+    def write_arrays(self, name: str, arrays: dict[str, NDArray[Any]]) -> None:
+        """Take the arrays of one file, by name."""
 
 
 class FormatWriter(Protocol):
@@ -85,7 +95,6 @@ class DatasetFormat:
     name : on the command line, and of the folder beside the native layout. title : what it is.
     carries, lacks : what it does and does not hold, as they stand in a sentence.
     writer : makes what writes a data set of a card into an output; None of a format that is read alone.
-    plain_writer : writes the same contents without compression, for a comparison; None where that saves nothing.
     read : the pictures with poses of a folder or a list, None of a folder of another kind; None of a format that is
         written alone.
     problem : why a data set of a card cannot be written so, or None.
@@ -98,7 +107,6 @@ class DatasetFormat:
     carries: str = ""
     lacks: str = ""
     writer: Callable[[FormatOutput, DatasetCard], FormatWriter] | None = None
-    plain_writer: Callable[[FormatOutput, DatasetCard], FormatWriter] | None = None
     read: Callable[[Path], PosedPictures | None] | None = None
     problem: Callable[[DatasetCard], str | None] | None = None
     needs: tuple[str, str] | None = None
@@ -111,12 +119,8 @@ class DatasetFormat:
         scaled = f"; its {scale_sentence(bits)}" if bits > 8 and not self.deep_images else ""
         return f"{self.name} holds {self.carries}{without}{scaled}"
 
-    def open_writer(self, output: FormatOutput, card: DatasetCard, *, is_plain: bool = False) -> FormatWriter:
+    def open_writer(self, output: FormatOutput, card: DatasetCard) -> FormatWriter:
         """What writes a data set.
-
-        Parameters
-        ----------
-        is_plain : without compression, if the format can; the contents are the same.
 
         Raises
         ------
@@ -126,8 +130,7 @@ class DatasetFormat:
         self.check(card)
         if self.writer is None:
             raise RuntimeError(f"format {self.name} has no writer")
-        make = self.plain_writer if is_plain and self.plain_writer is not None else self.writer
-        writer = make(output, card)
+        writer = self.writer(output, card)
         return writer if self.deep_images else EightBitWriter(writer, output)
 
     def check(self, card: DatasetCard) -> None:

@@ -41,4 +41,4 @@ def with_eight_bits(frame: LabelledFrame) -> LabelledFrame:
         values = decode_png(data, f"{frame.where}.{ending}") * np.float32(255 / (2**bits - 1))
         return encode_png(np.rint(values).astype(np.uint8))
 
-    return replace(frame, read=read)
+    return replace(frame, read=read, decoded={})

@@ -12,6 +12,8 @@ import OpenEXR
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
 
@@ -21,17 +23,16 @@ MOST_CHANNELS = 4
 MOST_BYTES = 2**32  # of a file of so many numbers
 
 
-def encode_exr(names: tuple[str, ...], values: NDArray[Any], *, is_plain: bool = False) -> bytes:
-    """OpenEXR bytes of (H, W) or (H, W, C) floats, a channel per name; float16 stays half, NaN stays NaN.
-
-    Parameters
-    ----------
-    is_plain : without compression.
-    """
+def encode_exr(names: tuple[str, ...], values: NDArray[Any]) -> bytes:
+    """OpenEXR bytes of (H, W) or (H, W, C) floats, a channel per name; float16 stays half, NaN stays NaN."""
     planes = values[..., None] if values.ndim == 2 else values
-    channels = {name: np.ascontiguousarray(planes[..., k]) for k, name in enumerate(names)}
-    compression = OpenEXR.NO_COMPRESSION if is_plain else OpenEXR.ZIP_COMPRESSION
-    header = {"compression": compression, "type": OpenEXR.scanlineimage}
+    return encode_channels({name: planes[..., k] for k, name in enumerate(names)})
+
+
+def encode_channels(planes: Mapping[str, NDArray[Any]]) -> bytes:
+    """Return OpenEXR bytes of float channels (H, W), by name."""
+    channels = {name: np.ascontiguousarray(plane) for name, plane in planes.items()}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "layer.exr"
         OpenEXR.File(header, channels).write(str(place))

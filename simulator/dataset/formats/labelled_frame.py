@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,12 +42,14 @@ class LabelledFrame:
     number : in its data set. read : the bytes of one of its files by the ending of its native name: ``png``,
         ``mask.png``, ``json``, ``depth.exr``. where : what errors call it.
     split : train, validation, test, or empty where the data set is not split.
+    decoded : layers that were decoded before, by name.
     """
 
     number: int
     read: Callable[[str], bytes]
     where: str = "frame"
     split: str = ""
+    decoded: dict[str, NDArray[Any]] = field(default_factory=dict, repr=False)
 
     @cached_property
     def image(self) -> NDArray[np.unsignedinteger]:
@@ -96,6 +98,11 @@ class LabelledFrame:
         """
         if name not in self.layers:
             raise KeyError(f"{self.where} has no layer {name!r}; it has {', '.join(self.layers) or 'none'}")
+        if name not in self.decoded:
+            self.decoded[name] = self._decode(name)
+        return self.decoded[name]
+
+    def _decode(self, name: str) -> NDArray[Any]:
         data = self.layer_bytes(name)
         if name in EXR_CHANNELS:
             return decode_exr(data, EXR_CHANNELS[name], f"{self.where}.{name}.exr")

@@ -18,8 +18,9 @@ from flyaround.cli.app import app
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.card import read_card
-from flyaround.simulator.dataset.check.exports import check_exports
+from flyaround.simulator.dataset.check.exports import ExportsCheck
 from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.dataset.formats.labelled_frame import frame_from_folder
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.labels.request import LAYERS
 from flyaround.simulator.labels.truth import read_truth
@@ -58,14 +59,21 @@ def folder(original, tmp_path):
     return shutil.copytree(original, tmp_path / "set")
 
 
-def faults(folder, poses, *, whole=True, seed=1):
-    return check_exports(folder, read_card(folder), poses, seed, whole=whole).faults
+def compare(folder, poses, *, whole=True, seed=1):
+    check = ExportsCheck(folder, read_card(folder), sorted(poses), seed, whole=whole)
+    for k in sorted(poses):
+        check.take(frame_from_folder(folder, k, check.splits.get(k, "")))
+    return check.finish(poses)
+
+
+def faults(*args, **options):
+    return compare(*args, **options).faults
 
 
 @pytest.mark.parametrize("whole", [False, True])
 def test_untouched_exports_have_no_fault(original, poses, whole):
     for seed in range(1 if whole else 2):
-        found = check_exports(original, read_card(original), poses, seed, whole=whole)
+        found = compare(original, poses, seed=seed, whole=whole)
         assert found.faults == ()
         assert found.n_frames == N if whole else 4 <= found.n_frames < N
         assert found.not_checked == ()
@@ -233,6 +241,9 @@ PLANTED = {
         "coco/annotations/train_polygons.json",
         lambda d: d["annotations"][0]["segmentation"][0].__setitem__(0, 1.0),
     ),
+    "coco: key twice": lambda folder: one_of(folder, "coco/annotations/train.json").write_text(
+        one_of(folder, "coco/annotations/train.json").read_text().replace("{", '{"images": [],', 1)
+    ),
     "yolo: picture": exchange("yolo/images/train/*.png"),
     "yolo: box": word("yolo/labels/train/*.txt", 0, 1, " "),
     "yolo: keypoint": word("yolo/labels/train/*.txt", 0, 5, " "),
@@ -254,6 +265,59 @@ PLANTED = {
         one_of(folder, "mcap/test-*.mcap"), one_of(folder, "mcap/train-*.mcap")
     ),
 }
+
+
+def table(change):
+    """Change the rows of a Parquet file; its schema stays."""
+
+    def spoil(folder):
+        parquet = pytest.importorskip("pyarrow.parquet", reason="format parquet needs pyarrow")
+        path = one_of(folder, "parquet/data/train-*.parquet")
+        there = parquet.read_table(path)
+        rows = there.to_pylist()
+        change(rows)
+        parquet.write_table(type(there).from_pylist(rows, schema=there.schema), path)
+
+    return spoil
+
+
+PARQUET = {
+    "another frame's picture": table(lambda rows: rows[0].update(image=rows[1]["image"])),
+    "another frame's mask": table(lambda rows: rows[0]["mask"].update(bytes=rows[1]["mask"]["bytes"])),
+    "name of the picture": table(lambda rows: rows[0]["image"].update(path="000001.png")),
+    "box": table(lambda rows: rows[0]["box_px"].reverse()),
+    "quaternion": table(lambda rows: rows[0]["q_camera_from_target_wxyz"].reverse()),
+    "position": table(lambda rows: rows[0]["t_camera_from_target_m"].__setitem__(2, 9.0)),
+    "order of keypoints": table(lambda rows: rows[0]["keypoints_name"].reverse()),
+    "keypoint's pixel": table(lambda rows: rows[0]["keypoints_pixel_px"][0].reverse()),
+    "camera": table(lambda rows: rows[0]["camera_matrix"].__setitem__(0, 1.0)),
+    "feasible": table(lambda rows: rows[0].update(feasible=not rows[0]["feasible"])),
+    "no depth": table(lambda rows: rows[0].update(depth_file=None)),
+    "another frame's record": table(lambda rows: rows[0].update(truth_json=rows[1]["truth_json"])),
+    "row lost": table(lambda rows: rows.pop(0)),
+    "row twice": table(lambda rows: rows.append(rows[0])),
+    "cut": cut("parquet/data/train-*.parquet"),
+    "shard lost": remove("parquet/data/train-*.parquet"),
+}
+
+
+@pytest.fixture
+def parquet_alone(original, tmp_path):
+    """Return the data set with no other export."""
+    pytest.importorskip("pyarrow", reason="format parquet needs pyarrow")
+    others = [name for name in writable() if name not in ("native", "parquet")]
+    folder = shutil.copytree(original, tmp_path / "set", ignore=shutil.ignore_patterns(*others))
+    edit("dataset.json", lambda d: d.update(formats=["native", "parquet"]))(folder)
+    return folder
+
+
+@pytest.mark.parametrize("kind", PARQUET)
+def test_faults_planted_in_parquet_are_found(parquet_alone, poses, kind):
+    folder = parquet_alone
+    PARQUET[kind](folder)
+    found = [what for _, what in faults(folder, poses)]
+    assert found
+    assert all(what.startswith("parquet/data/train-00000.parquet: ") for what in found)
 
 
 def rounds():
