@@ -43,9 +43,9 @@ def check_card(
             said = getattr(card.target, name)
             if said and said != getattr(known, name):  # cards of earlier versions have none
                 yield f"target.{name} differ from the target's"
-    name = card.scenario.get("name")
-    if name and card.scenario_name != name:
-        yield f"scenario_name is {card.scenario_name!r}, the scenario's own name {name!r}"
+    own_name = card.scenario.get("name")
+    if own_name and card.scenario_name != own_name:
+        yield f"scenario_name is {card.scenario_name!r}, the scenario's own name {own_name!r}"
     named = set(card.labels)
     seen = Counter(name for layers in layers_of_frames for name in layers)
     yield from (f"labels does not name {name}, which frames have" for name in sorted(set(seen) - named))
