@@ -1,6 +1,6 @@
 """A run as ROS 2 messages: in an MCAP file, and live to Foxglove or Lichtblick over a WebSocket.
 
-Optional parts: the extra ``logs`` (foxglove-sdk, mcap-ros2-support).
+Optional parts: the extra ``logs`` (foxglove-sdk, rosbags).
 """
 
 from __future__ import annotations
@@ -112,7 +112,8 @@ class RosLog:
     def __init__(self, path: Path | None, live: tuple[str, int] | None = None) -> None:
         try:
             import foxglove  # noqa: PLC0415 - an optional part
-            from mcap_ros2._dynamic import serialize_dynamic  # noqa: PLC0415
+
+            from flyaround.hil.host.recording.cdr import CdrEncoder  # noqa: PLC0415 - an optional part
         except ImportError as error:
             raise UserError(
                 f"MCAP files and the live view need {error.name}, which is not installed; "
@@ -120,12 +121,11 @@ class RosLog:
             ) from error
         # channels know their context weakly: it lives as long as the log
         self._context = context = foxglove.Context()
-        self._encoders: dict[str, Any] = {}
+        definitions = DEFINITIONS | {FRAME_TIMING: FRAME_TIMING_DEFINITION}
+        self._encoder = CdrEncoder({kind: definitions[kind] for kind in TOPICS.values()})
         self._channels: dict[str, Any] = {}
         for topic, kind in TOPICS.items():
-            text = FRAME_TIMING_DEFINITION if kind == FRAME_TIMING else DEFINITIONS[kind]
-            self._encoders[topic] = serialize_dynamic(kind, text)[kind]
-            schema = foxglove.Schema(name=kind, encoding="ros2msg", data=text.encode())
+            schema = foxglove.Schema(name=kind, encoding="ros2msg", data=definitions[kind].encode())
             self._channels[topic] = foxglove.Channel(
                 topic, schema=schema, message_encoding="cdr", context=context
             )
@@ -172,7 +172,9 @@ class RosLog:
         self._log("/timing", frame_timing(row), epoch)
 
     def _log(self, topic: str, value: dict[str, Any], epoch_utc: str) -> None:
-        self._channels[topic].log(self._encoders[topic](value), log_time=nanoseconds_utc(epoch_utc))
+        self._channels[topic].log(
+            self._encoder.encode(TOPICS[topic], value), log_time=nanoseconds_utc(epoch_utc)
+        )
         if self._data is not None and self._data.error is not None:
             sentence = self._give_up_file()
             if self._server is None:

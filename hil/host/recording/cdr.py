@@ -1,0 +1,48 @@
+"""ROS 2 messages as CDR, by rosbags (extra ``logs``)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class CdrEncoder:
+    """Encoder of messages that are given as dictionaries.
+
+    Parameters
+    ----------
+    definitions : mapping
+        Text of each message type, with those of its parts, by the type's name.
+    """
+
+    def __init__(self, definitions: Mapping[str, str]) -> None:
+        self._store = get_typestore(Stores.EMPTY)
+        for kind, text in definitions.items():
+            types = get_types_from_msg(text, kind)
+            self._store.register({k: v for k, v in types.items() if k not in self._store.fielddefs})
+
+    def encode(self, kind: str, value: Mapping[str, Any]) -> bytes:
+        """Return a message as little-endian CDR."""
+        return bytes(self._store.serialize_cdr(self._message(kind, value), kind))
+
+    def _message(self, kind: str, value: Mapping[str, Any]) -> object:
+        fields = self._store.fielddefs[kind][1]
+        return self._store.types[kind](**{name: self._field(of, value[name]) for name, of in fields})
+
+    def _field(self, of: Any, value: Any) -> Any:  # noqa: ANN401 - a field of any type
+        node, inner = of
+        if node is Nodetype.NAME:
+            return self._message(inner, value)
+        if node is Nodetype.BASE:
+            return value
+        element, _length = inner
+        if element[0] is Nodetype.NAME or element[1][0] == "string":
+            return [self._field(element, one) for one in value]
+        dtype = np.dtype(element[1][0])
+        return np.frombuffer(value, dtype) if isinstance(value, bytes) else np.asarray(value, dtype)
