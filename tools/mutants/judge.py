@@ -47,6 +47,7 @@ _LIBRARIES = [
     "serial",
     "yaml",
     "OpenEXR",
+    "pyrr",  # warns where it is compiled, which would be an error in a test
 ]
 """Imported once, before the first fork: a judge then starts with them. Not what pytest rewrites (hypothesis)."""
 _MEMORY_BYTES = 12 << 30

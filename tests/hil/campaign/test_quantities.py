@@ -203,8 +203,21 @@ def rows(*e2e_ms: float | None) -> tuple[LedgerRow, ...]:
     )
 
 
+EARLY_AND_LATE_MS = (-40.0, -8.0, 0.5, 1.0, 2.0)
+
+
 def of(name: str, given: tuple[LedgerRow, ...]) -> float | str | None:
     return QUANTITIES[name].of(RunRecord(summarise(given, **RUN), given, {}))
+
+
+def test_pictures_that_come_too_early_are_as_wrong_as_late_ones() -> None:
+    given = tuple(
+        replace(row, handover_error_ms=error)
+        for row, error in zip(rows(*[5.0] * 5), EARLY_AND_LATE_MS, strict=True)
+    )
+    sizes = sorted(abs(x) for x in EARLY_AND_LATE_MS)
+    assert of("handover_error_ms_p50", given) == sizes[2]
+    assert of("handover_error_ms_max", given) == sizes[-1] == 40.0
 
 
 @pytest.mark.parametrize(

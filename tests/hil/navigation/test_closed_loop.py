@@ -10,7 +10,7 @@ import pytest
 
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, ClosedLoopResult, fly_closed_loop
 from flyaround.hil.navigation.consistency import nees_band
-from flyaround.hil.navigation.measurement import PoseNoise
+from flyaround.hil.navigation.measurement import PoseNoise, rotvec_between
 from flyaround.hil.navigation.pose_sources import NoisyPoses, TruePoses
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.flight import fly
@@ -52,6 +52,12 @@ def test_it_arrives_on_noisy_poses_and_on_the_truth(name: str) -> None:
     assert arrives(noisy), noisy.reason
     assert 2.5 < noisy.min_range_m < 3.1
     assert 0.1 < noisy.delta_v_m_s < 0.5
+    # of the last step: where the camera looks, and how the target is taken to lie
+    last, flight = noisy.steps[-1], flown(name)[0]
+    assert last.estimate is not None
+    lies = rotvec_between(last.estimate.q_eci_from_target_wxyz, flight.attitude(last.t_s)[0])
+    wrong_rad = max(last.pointing_error_rad, float(np.linalg.norm(lies)))
+    assert noisy.final_error_deg == pytest.approx(np.degrees(wrong_rad))
     assert arrives(run(name, 3, None))
 
 

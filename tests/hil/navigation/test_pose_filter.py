@@ -282,6 +282,32 @@ def test_a_bias_goes_with_the_view() -> None:
     assert memory.kept(0.0, 4.0) == memory.kept(0.0, 0.25) == pytest.approx(np.exp(-1.0))
 
 
+def test_what_goes_of_a_bias_is_replaced_by_what_nobody_knows() -> None:
+    """Of unit variance it stays so, however much is left; a part of a part is what both leave together."""
+    rng = np.random.default_rng(2)
+    mixed = rng.standard_normal((18, 18)) / 3
+    known = estimate_at_rest(mixed @ mixed.T)
+    none_known = estimate_at_rest(np.eye(18))
+    for kept in (1.0, 0.7, 0.2, 0.0):
+        np.testing.assert_allclose(none_known.with_older_bias(kept).joint_covariance, np.eye(18), atol=1e-12)
+    once, twice = known.with_older_bias(0.42), known.with_older_bias(0.7).with_older_bias(0.6)
+    np.testing.assert_allclose(once.joint_covariance, twice.joint_covariance, atol=1e-12)
+    np.testing.assert_allclose(once.pose_bias, twice.pose_bias)
+
+
+def estimate_at_rest(covariance: np.ndarray) -> RelativeEstimate:
+    """An estimate of some covariance, of a target at rest."""
+    return RelativeEstimate(
+        t_s=0.0,
+        position_lvlh_m=np.array([0.0, 10.0, 0.0]),
+        velocity_lvlh_m_s=np.zeros(3),
+        q_eci_from_target_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+        omega_target_rad_s=np.zeros(3),
+        joint_covariance=covariance,
+        pose_bias=np.arange(6.0),
+    )
+
+
 def test_commanded_thrust_is_flown_as_the_simulator_flies_it() -> None:
     model = MotionModel(n_rad_s=N_RAD_S)
     estimate = RelativeEstimate(

@@ -236,3 +236,12 @@ def test_declared_sigma_of_a_binned_pattern_is_the_pictures(b, charge_binning):
     declared = noise_sigma(s, 0.4, 0.05)
     assert declared == pytest.approx(image.std() * 5 / s.saturation_e, rel=0.02)
     assert declared > 0.9 * 0.1 / b * 0.4
+
+
+@pytest.mark.parametrize("charge_binning", [True, False])
+@pytest.mark.parametrize("b", [1, 2, 4])
+def test_declared_sigma_of_binned_dark_current_is_the_pictures(b, charge_binning):
+    """In the dark, where the current of all pixels of a bin adds up, and its differences average."""
+    s = sensor(dark_current_e_s=20_000.0, dark_nonuniformity=0.02, binning=b, charge_binning=charge_binning)
+    image = digitise(np.zeros((240, 240), np.float32), s, 1, 2, 0.05).astype(float)
+    assert noise_sigma(s, 0.0, 0.05) == pytest.approx(image.std() * 5 / s.saturation_e, rel=0.02)

@@ -148,3 +148,15 @@ def test_a_point_s_picture_is_the_measured_kernel_and_not_its_mirror_image(shape
     assert np.abs(patch / seen.sum() - kernel).max() <= tolerance
     for mirrored in (kernel[::-1], kernel[:, ::-1], kernel[::-1, ::-1]):
         assert np.abs(patch / seen.sum() - mirrored).max() > 0.2 * kernel.max()
+
+
+@pytest.mark.parametrize(("focus_m", "distance_m"), [(10.0, 3.0), (3.0, 10.0), (10.0, 10.0), (0.0, 5.0)])
+def test_a_disc_of_defocus_is_where_the_cone_behind_a_thin_lens_meets_the_detector(focus_m, distance_m):
+    """Gauss's lens formula: the cone of a point's light is as wide as its image is away from the detector."""
+    camera = Camera(width_px=64, height_px=48, fx_px=5000.0, fy_px=5000.0, cx_px=31.5, cy_px=23.5)
+    optics = Optics(f_number=2.8, defocus=True, focus_distance_m=focus_m)
+    f = 5000.0 * SQUARE.pixel_pitch_x_m
+    detector, image = (1 / (1 / f - (1 / d if d else 0.0)) for d in (focus_m, distance_m))
+    cone_m = f / 2.8 * abs(detector - image) / image
+    found = optics.defocus_diameter_px(camera, SQUARE, distance_m)
+    assert found == pytest.approx(cone_m / SQUARE.pixel_pitch_x_m, rel=1e-9, abs=1e-9)

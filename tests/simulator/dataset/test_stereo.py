@@ -129,6 +129,18 @@ def test_a_flight_has_pairs_whose_rates_are_of_one_body():
     np.testing.assert_allclose(places[0], places[1], atol=1e-6)
 
 
+def test_the_second_camera_moves_as_the_end_of_an_arm_of_the_first():
+    """Central differences of the way between the two, which a turning pair carries round."""
+    pair = SecondCamera(position_m=(0.5, -0.2, 0.1), turn_deg=(1.0, -4.0, 2.0))
+    plan = plan_flight(load_scenario("tango-flyaround"), times=(9.9, 10.0, 10.1))
+    scenes = [(plan.scene(k), seen_by_second(plan.scene(k), pair)) for k in range(3)]
+    arms = [np.subtract(second.r_camera_eci_m, first.r_camera_eci_m) for first, second in scenes]
+    speed = (arms[2] - arms[0]) / 0.2
+    first, second = scenes[1]
+    assert np.linalg.norm(speed) > 2e-3
+    np.testing.assert_allclose(np.subtract(second.v_camera_eci_m_s, first.v_camera_eci_m_s), speed, atol=1e-4)
+
+
 def test_a_lamp_of_the_first_camera_cannot_be_told_to_a_turned_one():
     recipe = msgspec.structs.replace(load_recipe("eval-black"), lamp=Lamp(power_w=50.0))
     scene = plan_recipe(recipe, 1).scene(0)

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.lens.camera_model import Camera, Distortion
 from flyaround.simulator.imaging.image_formation import noise_sigma
 from flyaround.simulator.labels.feasible import wireframe_step_share
@@ -71,11 +72,13 @@ def test_a_keypoint_is_saturated_when_all_of_its_patch_is(scene):
         assert _radiometric_state(scene, np.array([20.0, 15.0]), one) == "visible"
 
 
-def test_contrast_counts_from_one_sigma_of_the_noise_on(scene):
+@pytest.mark.parametrize(("preset", "level"), [("speed", 0.3), ("thesis", 0.8), ("imx174", 0.8)])
+def test_contrast_counts_from_one_sigma_of_the_noise_on(scene, preset, level):
+    """Of the noise at that brightness: speckle and photons have more where there is more light."""
+    scene = replace(scene, sensor=sensor_preset(preset))
     for steps, state in ((0.8, "below_noise"), (1.2, "visible")):
-        signal = flat()
-        # the noise of a speckled sensor grows with the signal: that of the patch's mean is asked
-        signal[:, :20] += steps * noise_sigma(scene.sensor, LEVEL, scene.exposure_s)
+        signal = flat(level)
+        signal[:, :20] += steps * noise_sigma(scene.sensor, level, scene.exposure_s)
         assert _radiometric_state(scene, np.array([20.0, 15.0]), signal) == state
 
 

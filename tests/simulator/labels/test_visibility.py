@@ -1,8 +1,10 @@
 """Visibility of points by projection, against geometry that can be done by hand and against ray casting."""
 
+from dataclasses import replace
 from functools import lru_cache
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 import trimesh
@@ -10,9 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.labels.keypoints import geometric_states
 from flyaround.simulator.labels.visibility import hidden_from_direction, occluded_from_camera
 from flyaround.simulator.labels.wireframe import view_edges
-from flyaround.simulator.targets.joined_mesh import JoinedMesh
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.targets.joined_mesh import JoinedMesh, mesh_of
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Part
 from flyaround.simulator.world.frames.pose import Pose
@@ -47,6 +52,20 @@ def test_a_bar_that_reaches_past_the_camera_hides_what_lies_behind_its_part_befo
     points = np.array([[0.2, 0.0, 1.0], [0.2, 0.08, 1.0], [0.2, 0.12, 1.0], [-0.1, 0.0, 1.0]]) * 1.5
     camera = Pose.of("camera", "target", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0))
     assert occluded_from_camera(bar, points - (0, 0, 5), camera).tolist() == [True, True, False, False]
+
+
+@pytest.mark.parametrize(("sunlight", "share"), [(True, 1.0), (True, 0.0), (False, 1.0), (False, 0.0)])
+def test_keypoints_without_sunlight_are_eclipsed_whatever_takes_it(sunlight, share):
+    """The Earth, or the environment's switch; those in sight alone."""
+    plan = plan_flight(load_scenario("tango-space-10m"), n=1)
+    scene = plan.scene(0)
+    environment = msgspec.structs.replace(scene.environment, sunlight=sunlight)
+    scene = replace(scene, environment=environment, sun_visible_fraction=share)
+    states = geometric_states(scene, plan.target, mesh_of(plan.target))
+    in_sight = {state for state in states if state not in {"out_of_frame", "self_occluded"}}
+    assert in_sight
+    assert ("eclipsed" in in_sight) == (not sunlight or share == 0.0)
+    assert in_sight <= {None, "shadowed"} or in_sight == {"eclipsed"}
 
 
 class _Wires:

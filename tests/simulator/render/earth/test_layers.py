@@ -21,14 +21,18 @@ from flyaround.simulator.render.earth.sea_ice import (
     near_ice,
     sea_ice,
 )
-from flyaround.simulator.render.earth.seasons import ANCHORS, season
+from flyaround.simulator.render.earth.seasons import ANCHORS, HEIGHT_MAP, season
 from flyaround.simulator.render.gl.library import gl_library
 from flyaround.simulator.render.gl.mipmaps import mipmapped_texture
 from flyaround.simulator.render.software import tiles as cells
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
 from flyaround.simulator.scene.state import TargetRef
-from flyaround.simulator.scene.viewpoint import scene_above
+from flyaround.simulator.scene.viewpoint import place_itrs_m, scene_above
+from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.time.instant import Instant
 
 pytestmark = pytest.mark.gl
 CAMERA = Camera(width_px=96, height_px=64, fx_px=140.0, fy_px=140.0, cx_px=47.5, cy_px=31.5)
@@ -89,6 +93,58 @@ def test_mountains_turn_to_the_sun(draw):
     assert (a * b).mean() / (a.std() * b.std()) < -0.3  # what is lit in the morning is dark in the evening
 
 
+@pytest.mark.parametrize("hour", ["06", "11", "16"])
+def test_mountains_are_bright_on_the_side_of_the_sun(draw, hour):
+    """East, south and west of the Alps: the slope of the ground by which light changes most falls towards the Sun."""
+    epoch, place = f"2026-02-20T{hour}:30:00Z", (46.5, 10.0, 500.0)
+    if hour == "06":
+        epoch = "2026-05-20T06:00:00Z"
+    bare = msgspec.structs.replace(CLEAR, atmosphere=False)
+    light = draw(epoch, place, bare) / draw(epoch, place, msgspec.structs.replace(bare, relief=False))
+    # north is up; both about the middle of the picture, where a pixel is 3.6 km and a map's texel 9.9 km
+    height = decode_map(HEIGHT_MAP, cv2.IMREAD_GRAYSCALE, None).astype(float)
+    texel_deg = 180 / height.shape[0]
+    x, y = np.meshgrid(np.arange(96) - 47.5, 31.5 - np.arange(64))
+    east_deg, north_deg = (k * 500 / 140 / 111.2 for k in (x / np.cos(np.radians(place[0])), y))
+    column = ((place[1] + east_deg + 180) / texel_deg).astype(int)
+    row = ((90 - place[0] - north_deg) / texel_deg).astype(int)
+    falls = [-np.diff(height, axis=1, append=0)[row, column], np.diff(height, axis=0, append=0)[row, column]]
+    moment = Instant.from_utc(epoch)
+    sun = (
+        place_itrs_m(*place)[1]
+        @ matrix_from_quat(q_itrs_from_eci(moment))
+        @ sun_eci_m(moment.tt1, moment.tt2)
+    )
+    brighter, *_ = np.linalg.lstsq(
+        np.stack([f.ravel() for f in falls], axis=1), light.ravel() - light.mean(), rcond=None
+    )
+    assert brighter @ sun[:2] > 0.85 * np.linalg.norm(brighter) * np.linalg.norm(sun[:2])
+
+
+@pytest.mark.parametrize("quality", ["default", "high"])
+def test_clouds_lie_between_their_shadows_and_the_sun(draw, monkeypatch, quality):
+    """From straight above: what grows darker as clouds rise from the ground has a cloud on the side of the Sun."""
+    world = msgspec.structs.replace(CLEAR, atmosphere=False)
+    camera = Camera(width_px=96, height_px=96, fx_px=800.0, fy_px=800.0, cx_px=47.5, cy_px=47.5)
+    # the Sun in the east, to the right, and in the west
+    for epoch, sunward in (("2026-03-20T05:40:00Z", 1), ("2026-03-20T14:50:00Z", -1)):
+        images = []
+        for clouds, height_km in ((False, 0.0), (True, 0.0), (True, 2.0)):
+            monkeypatch.setattr(passes, "CLOUD_KM", height_km)
+            # programs are kept by their environment: one switch more, of what is not in view, makes another
+            seen = msgspec.structs.replace(world, clouds=clouds, planets=height_km == 0)
+            images.append(draw(epoch, (14.0, 28.0, 500.0), seen, quality=quality, camera=camera))
+        clear, low, high = images
+        cloud, darker = low / clear, (low - high) / clear
+        # a shadow is 5 km long, 8 pixels
+        before, behind = (
+            np.corrcoef(np.roll(cloud, k * sunward, axis=1)[:, 8:-8].ravel(), darker[:, 8:-8].ravel())[0, 1]
+            for k in (-8, 8)
+        )
+        assert before > 0.05
+        assert behind < 0
+
+
 @pytest.mark.parametrize("quality", ["default", "high"])
 def test_the_ground_stays_where_it_is_whatever_the_height_of_the_clouds(draw, monkeypatch, quality):
     world = msgspec.structs.replace(CLEAR, atmosphere=False)
@@ -96,10 +152,11 @@ def test_the_ground_stays_where_it_is_whatever_the_height_of_the_clouds(draw, mo
     low, high = [], []
     for kept, height_km in ((low, 0.0), (high, 6.0)):
         monkeypatch.setattr(passes, "CLOUD_KM", height_km)
-        kept += [
-            draw("2026-07-10T10:00:00Z", (26.0, 14.0, 500.0), w, **view)
-            for w in (world, msgspec.structs.replace(world, clouds=True))
-        ]
+        for clouds in (False, True):
+            # programs are kept by their environment: one switch more, of what is not in view, makes another
+            seen = msgspec.structs.replace(world, clouds=clouds, planets=height_km == 0, sun=False)
+            kept.append(draw("2026-07-10T10:00:00Z", (26.0, 14.0, 500.0), seen, **view))
+    assert not np.array_equal(low[1], high[1])
     assert low[0].std() / low[0].mean() > 0.02  # there is detail to be moved
     assert np.allclose(low[0], high[0], rtol=1e-4)
     # under clouds too, beside them: the desert is clear but for a few

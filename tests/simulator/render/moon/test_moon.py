@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.render.moon.craters import BROAD_LARGEST_PX, SIZE, SLOPE_MAX, crater_texture
+from flyaround.simulator.render.moon.moon_pass import BROAD_KM
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
 from flyaround.simulator.scene.illumination.moonlight import disc_phase, lommel_seeliger_disc
@@ -131,6 +133,31 @@ def test_no_slope_is_lit_from_below_the_horizon_nor_from_behind(renderer, draw_k
     assert 0.1 < np.mean(over < 2 * earthlight) < 0.6
     assert over.min() > 0.5 * under.min()
     assert np.median(over) > 5 * earthlight
+
+
+@pytest.mark.parametrize("pole", [1.0, -1.0])
+def test_ground_that_rises_to_the_sun_is_dark_and_ground_that_falls_to_it_bright(
+    renderer, draw_kit, speck, pole
+):
+    """Over a pole, where the plane of the craters has the Moon's own x and y; or craters would look like hills."""
+    moon_km = 1737.4
+    broad = crater_texture(BROAD_LARGEST_PX)[..., :2].astype(float) / 255 - 0.5
+    for azimuth in np.radians([10.0, 130.0, 250.0]):
+        sun = np.array([np.cos(azimuth), np.sin(azimuth), 0.5 * pole])
+        scene = _scene(
+            draw_kit, speck, camera_eci=(MOON_M, 0, 1e3 * pole * (moon_km + 100)), look_eci=(0, 0, -pole),
+            moon_eci=(MOON_M, 0, 0), sun_eci=np.array([MOON_M, 0, 0]) + AU_M * sun, fov_rad=0.4,
+            environment=msgspec.structs.replace(draw_kit.nothing, moon=True), q_moon_from_eci_wxyz=(1.0, 0, 0, 0),
+        )  # fmt: skip
+        image = renderer.render(scene, speck).radiance.astype(float).ravel()
+        v, u = np.mgrid[:96, :96]
+        rays = scene.camera.rays(np.stack([u, v], axis=-1).reshape(-1, 2).astype(float))
+        d = rays @ matrix_from_quat(scene.q_camera_from_eci_wxyz)
+        ground_km = 100 * d[:, :2] / np.abs(d[:, 2:])
+        at = ground_km + moon_km * np.array([0.12, -0.08]) * pole  # the tile's place at the pole
+        column, row = (np.floor(at / BROAD_KM * SIZE).astype(int) % SIZE).T
+        rise = 2 * SLOPE_MAX * broad[row, column] @ sun[:2]  # towards the Sun
+        assert np.corrcoef(image, rise)[0, 1] < -0.5
 
 
 def test_phase_of_the_lommel_seeliger_disc():

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from flyaround.simulator.world.attitude.rigid_body import propagate_attitude
 from flyaround.simulator.world.attitude.torques import gravity_gradient_torque, torque_on
 from flyaround.simulator.world.constants import MU_EARTH_M3_S2
+from flyaround.simulator.world.ephemeris.bodies import EARTH, MOON, Body
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
 from flyaround.simulator.world.orbit.gravity import Gravity
 from flyaround.simulator.world.orbit.propagation import propagate
@@ -84,3 +85,17 @@ def test_torque_acts_along_the_axes_of_a_body_that_points_anywhere() -> None:
     assert abs(q @ end[:4]) == pytest.approx(1.0, abs=1e-12)
     assert w == pytest.approx(end[4:], abs=1e-9)
     assert np.linalg.norm(w - rate) > 0.01  # the torque did act
+
+
+@pytest.mark.parametrize("body", [EARTH, MOON], ids=lambda body: body.name)
+def test_gravitys_gradient_is_that_of_the_body_that_is_circled(body: Body) -> None:
+    """A dumbbell's torque from the pull on each of its two ends."""
+    r = np.array([2.1, -1.3, 0.7]) * body.radius_m
+    end, mass = np.array([0.3, 0.8, -0.4]), 5.0
+    pulls = [-body.mu_m3_s2 * (r + x) / np.linalg.norm(r + x) ** 3 for x in (end, -end)]
+    dumbbell = mass * np.cross(end, pulls[0] - pulls[1])
+    inertia = 2 * mass * (end @ end * np.eye(3) - np.outer(end, end))
+    orbit = propagate(r, np.zeros(3), 1.0, Gravity(j2=0.0, mu_m3_s2=body.mu_m3_s2))
+    torque = torque_on(orbit, inertia, EPOCH, gravity_gradient=True)
+    assert torque is not None
+    assert torque(0.0, np.eye(3)) == pytest.approx(dumbbell, rel=1e-5)

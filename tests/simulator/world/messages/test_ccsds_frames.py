@@ -194,3 +194,12 @@ def test_every_kind_of_attitude_gives_the_same_one() -> None:
 def test_mistakes_of_an_aem(kind: str, more: str, sentence: str) -> None:
     with pytest.raises(UserError, match=sentence):
         read_aem_state(aem(kind, more, "0 0 0 1"), "a.aem", EPOCH)
+
+
+@pytest.mark.parametrize("frame", ["EME2000", "J2000"])
+def test_the_pole_and_equinox_of_j2000_are_off_those_of_gcrf_by_the_frame_bias(frame: str) -> None:
+    """IERS Conventions (2010), 5.21 and 5.33: the mean pole of J2000.0 in GCRS, and the offset in right ascension."""
+    x_pole, y_pole, ascension = np.radians(np.array([-16.6170, -6.8192, -14.6]) / 3.6e6)
+    R = R_gcrf_from(frame, EPOCH)
+    assert R[:, 2] == pytest.approx([x_pole, y_pole, 1.0], abs=1e-12)
+    assert R[:, 0] == pytest.approx([1.0, ascension, -x_pole], abs=1e-10)

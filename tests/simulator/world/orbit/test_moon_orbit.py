@@ -19,7 +19,7 @@ from flyaround.simulator.world.flight.export import flight_messages
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.messages.oem import read_oem_state
 from flyaround.simulator.world.orbit.forces import EarthForces, Forces, Surface
-from flyaround.simulator.world.orbit.moon_forces import MoonForces
+from flyaround.simulator.world.orbit.moon_forces import MoonForces, lunar_degree_2
 from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
 from flyaround.simulator.world.time.instant import Instant
 
@@ -153,3 +153,25 @@ def test_forces_that_the_moon_lacks_are_refused(change: dict[str, object], says:
     forces = msgspec.structs.replace(scenario.forces, **change)
     with pytest.raises(UserError, match=says):
         check_physics(msgspec.structs.replace(scenario, forces=forces), "mine.toml")
+
+
+@pytest.mark.parametrize("about_moon", [True, False])
+def test_forces_at_a_time_are_those_of_a_flight_that_starts_then(about_moon: bool) -> None:  # noqa: FBT001
+    """All that turns and moves meanwhile: the Moon's bulge, the Earth with its harmonics, Sun and Moon."""
+    later_s = 2 * 86400.0
+    forces = Forces(gravity_degree=2, sun=True, moon=True)
+
+    def model(epoch: Instant, span_s: float) -> EarthForces | MoonForces:
+        sky = EphemerisTable.of(epoch, span_s)
+        if about_moon:
+            return MoonForces(epoch=epoch, sky=sky, forces=forces)
+        return EarthForces(sky=sky, forces=forces, harmonics=lunar_degree_2())
+
+    r, v = np.array([1.2e6, -0.9e6, 1.1e6]), np.array([900.0, 1100.0, -80.0])
+    p, w = np.array([300.0, 200.0, -100.0]), np.zeros(3)
+    once, again = (
+        model(epoch, 3 * 86400.0).pair(t, r, v, p, w)
+        for epoch, t in ((EPOCH, later_s), (EPOCH.plus(later_s), 0.0))
+    )
+    for a, b in zip(once, again, strict=True):
+        assert np.linalg.norm(a - b) < 1e-8 * np.linalg.norm(a)
