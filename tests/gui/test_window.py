@@ -21,6 +21,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.world.flight.recording import Recording
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from tests.harness.screen import SCREEN, virtual_screen, xdotool
 
 pytestmark = pytest.mark.gui
@@ -50,7 +51,7 @@ def fly(display: str, folder: Path, operate: Callable[[], None]) -> tuple[dict[s
     """Run the console, operate it once its first picture is up, quit, and return its last state and last look."""
     screenshot = folder / "console.png"
     command = [sys.executable, "-m", "flyaround", "-v", "sim", "tango-flyaround", "--json"]
-    command += ["--seconds", str(START_TIMEOUT_S), "--screenshot", str(screenshot)]
+    command += ["--seconds", str(START_TIMEOUT_S), "--screenshot", str(screenshot), "--record", "flown"]
     environment = {**os.environ, "DISPLAY": display, "FLYAROUND_CONSOLE_LAYOUT": str(folder / "layout.json")}
     with subprocess.Popen(
         command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -71,10 +72,34 @@ def fly(display: str, folder: Path, operate: Callable[[], None]) -> tuple[dict[s
     return json.loads(out), cv2.cvtColor(cv2.imread(str(screenshot)), cv2.COLOR_BGR2RGB)
 
 
+def last_state(folder: Path) -> dict[str, np.ndarray] | None:
+    """Return the newest sample of the flight that is being recorded, or None if there is none yet."""
+    with contextlib.suppress(OSError, UserError):
+        return {
+            name: array[-1] for name, array in Recording.read(folder / "flown" / "flight.csv").arrays.items()
+        }
+    return None
+
+
+def closing_m_s(state: dict[str, np.ndarray] | None) -> float:
+    """Return how fast the craft approach each other [m/s]."""
+    if state is None:
+        return 0.0
+    r, v = state["relative_eci_m"], state["relative_eci_m_s"]
+    return float(-r @ v / np.linalg.norm(r))
+
+
+def target_right_m(state: dict[str, np.ndarray] | None) -> float:
+    """Return the target's x in the camera [m]."""
+    if state is None:
+        return 0.0
+    return float((matrix_from_quat(state["q_camera_from_eci_wxyz"]) @ -state["relative_eci_m"])[0])
+
+
 def test_keys_fly_the_chaser_and_the_view_is_drawn(display: str, tmp_path: Path) -> None:
     def forward() -> None:
         xdotool(display, "key", "Insert", "keydown", "w")
-        time.sleep(4.0)
+        wait_until(lambda: closing_m_s(last_state(tmp_path)) > 0.1)
         xdotool(display, "keyup", "w", "key", "p")
         wait_until(lambda: is_saved(tmp_path))
 
@@ -97,7 +122,7 @@ def test_keys_fly_the_chaser_and_the_view_is_drawn(display: str, tmp_path: Path)
 def test_turning_right_moves_the_target_left_and_pause_freezes(display: str, tmp_path: Path) -> None:
     def turn_and_pause() -> None:
         xdotool(display, "key", "Insert", "keydown", "l")
-        time.sleep(2.5)
+        wait_until(lambda: target_right_m(last_state(tmp_path)) < -0.2)
         xdotool(display, "keyup", "l", "key", "space", "key", "F1", "key", "p")
         wait_until(lambda: is_saved(tmp_path))
 
@@ -120,13 +145,6 @@ def drawing_process(console: int) -> int:
     pytest.fail("the console has no drawing process")
 
 
-def flown_s(table: Path) -> float:
-    """How long a recording that is being written is by now."""
-    with contextlib.suppress(OSError, UserError):
-        return Recording.read(table).duration_s
-    return 0.0
-
-
 def test_a_killed_console_leaves_its_flight(display: str, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "flyaround", "-v", "sim", "tango-flyaround", "--record", "flown"]
     environment = {
@@ -140,8 +158,7 @@ def test_a_killed_console_leaves_its_flight(display: str, tmp_path: Path) -> Non
         assert console.stderr is not None
         assert any("first picture" in line for line in console.stderr), "no picture came"
         xdotool(display, "key", "Insert", "keydown", "w")
-        time.sleep(2.0)
-        wait_until(lambda: flown_s(tmp_path / "flown" / "flight.csv") > 1.0)
+        wait_until(lambda: closing_m_s(last_state(tmp_path)) > 0.02)
         drawing = drawing_process(console.pid)
         console.kill()
         xdotool(display, "keyup", "w")
