@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Callable, Dict, Optional, Tuple, TypeVar, cast
 
 from flyaround.hil.board.errors import KernelError
-from flyaround.hil.board.svd.native.compiler import compiled_library
+from flyaround.hil.board.svd.native.library import choose_library, load_library
 
 # Environment variable that chooses: auto (C where it can be had), numpy, native (C, or refuse to run).
 BACKEND_VARIABLE = "FLYAROUND_KERNELS"
@@ -95,10 +95,8 @@ def _loaded() -> Tuple[Optional[ctypes.CDLL], str]:
     if choice == "numpy":
         return None, f"{BACKEND_VARIABLE} asks for it"
     try:
-        return compiled_library(), ""
-    except (OSError, KernelError) as error:
+        return load_library(choose_library()), ""
+    except KernelError as error:
         if choice == "native":
-            raise KernelError(
-                f"{BACKEND_VARIABLE} asks for native kernels, but {error}; install a C compiler, or set it to auto"
-            ) from error
+            raise KernelError(f"{BACKEND_VARIABLE} asks for native kernels, but {error}") from error
         return None, str(error)

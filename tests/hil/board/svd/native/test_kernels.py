@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import inspect
-import os
 import re
-import subprocess
-import sys
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,8 +14,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.hil.board.errors import KernelError
-from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, PoseEstimator
+from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
 from flyaround.hil.board.svd.geometry import quaternion as quat
 from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
 from flyaround.hil.board.svd.model import rasteriser as shade
@@ -27,12 +22,7 @@ from flyaround.hil.board.svd.model.face_gains import shade as shaded
 from flyaround.hil.board.svd.model.rasteriser import order_faces
 from flyaround.hil.board.svd.model.shadow_map import ShadowMap, ShadowMapTable
 from flyaround.hil.board.svd.model.visibility import occluders, sample_edges, visible_samples
-from flyaround.hil.board.svd.native import arrays, backend, compiler
-from flyaround.hil.board.svd.native.learned.attitude_likelihood import likelihood
-from flyaround.hil.board.svd.propose.learned.attitude_basis import even_attitudes, turning_bumps
-from flyaround.hil.board.svd.propose.learned.learned_proposal import network_for
-from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop, network_inputs
-from flyaround.hil.board.svd.propose.learned.view_subspaces import HARMONICS, _circle
+from flyaround.hil.board.svd.native import arrays, backend
 from flyaround.hil.board.svd.propose.variants import _middle
 from flyaround.hil.evaluate.metrics import compose, summarise
 from flyaround.simulator.targets.board_model.write import board_record
@@ -52,46 +42,6 @@ def some_pose(model: BoardModel, rng: np.random.Generator) -> tuple[np.ndarray, 
     """Anywhere in view, now and then cut off by the picture's border."""
     t = np.array([0.0, 0.0, model.radius_m * rng.uniform(4, 12)])
     return quat.matrix(quat.normalise(rng.normal(size=4))), t + rng.normal(size=3) * model.radius_m * 0.4
-
-
-@needs_compiler
-def test_kernels_are_compiled_once_and_kept(choose: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    choose.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
-    choose.setenv("FLYAROUND_KERNELS", "native")
-    assert backend.describe_backend() == "native"
-    made = list((tmp_path / "kernels").iterdir())
-    assert [p.suffix for p in made] == [".so"]
-    when = made[0].stat().st_mtime_ns
-    backend._loaded.cache_clear()
-    assert backend.native_library() is not None
-    assert made[0].stat().st_mtime_ns == when
-
-
-def test_without_a_compiler_numpy_works_and_says_why(choose: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    choose.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
-    choose.delenv("FLYAROUND_KERNELS", raising=False)
-    choose.setenv("CC", "no-such-compiler")
-    assert backend.native_library() is None
-    assert backend.describe_backend().startswith("numpy (no C compiler was found")
-    choose.setenv("CC", "false")
-    backend._loaded.cache_clear()
-    assert "false fails" in backend.describe_backend()
-    choose.setenv("FLYAROUND_KERNELS", "numpy")
-    backend._loaded.cache_clear()
-    assert backend.describe_backend() == "numpy (FLYAROUND_KERNELS asks for it)"
-
-
-def test_kernels_that_cannot_be_had_are_refused_in_one_sentence(
-    choose: pytest.MonkeyPatch, tmp_path: Path, tango: BoardModel
-) -> None:
-    choose.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
-    choose.setenv("FLYAROUND_KERNELS", "fast")
-    with pytest.raises(KernelError, match="'fast': choose one of auto, numpy, native"):
-        PoseEstimator(tango, CAMERA)
-    choose.setenv("FLYAROUND_KERNELS", "native")
-    choose.setenv("CC", "no-such-compiler")
-    with pytest.raises(KernelError, match="no C compiler was found"):
-        PoseEstimator(tango, CAMERA)
 
 
 def test_who_asks_is_told_what_runs(
@@ -134,14 +84,6 @@ def test_an_array_of_another_kind_is_refused() -> None:
         arrays.checked_pointer(np.zeros((4, 6))[:, ::2], "float64")
     with pytest.raises(ValueError, match="float64"):
         arrays.checked_pointer(np.zeros((2, 3)), "float64", (3, 2))
-
-
-def test_the_bundle_carries_the_sources(tmp_path: Path) -> None:
-    from flyaround.hil.host.bundle import write_bundle
-
-    write_bundle(tmp_path / "board.pyz", [])
-    names = zipfile.ZipFile(tmp_path / "board.pyz").namelist()
-    assert {f"hil/board/svd/native/{name}" for name in compiler.SOURCES} <= set(names)
 
 
 @needs_compiler
@@ -299,41 +241,6 @@ def test_what_hides_the_wireframe_is_numpys(tango: BoardModel, radius_m: float) 
         assert len(visible_samples(samples, occ, np.array(place, float))[0]) == len(samples)
 
 
-@pytest.mark.slow
-@needs_compiler
-def test_wider_instructions_change_no_bit(
-    tango: BoardModel, choose: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    if not compiler._simd_flags():
-        pytest.skip("this processor has none")
-    choose.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
-    faces, (R, t) = tango.faces, some_pose(tango, np.random.default_rng(11))
-    net, bumps = network_for(tango), turning_bumps(even_attitudes(5))
-    assert net is not None
-    picture = cv2.GaussianBlur(np.random.default_rng(2).uniform(0, 255, (160, 200)), (0, 0), 3.0).astype(
-        np.uint8
-    )
-    said = np.random.default_rng(3).normal(0, 4, (4, 768)).astype(np.float32)
-    canvas = shade.ImagePatch(np.zeros((100, 120), np.float32), 1.0, 10.0, 5.0, 1.6, 2, tall=1.02)
-
-    def answers() -> list[bytes]:
-        backend._loaded.cache_clear()
-        seen = shade.draw_faces(faces, order_faces(faces, -R.T @ t), CAMERA, R, t, canvas)
-        sun = ShadowMap.of(faces, np.array([0.3, 0.4, 0.8]), 96)
-        dark = sun.shadows(faces, seen, canvas, CAMERA, R, t)
-        samples, native = sample_edges(tango, 0.02), backend.native_library()
-        visible, _ = visible_samples(samples, occluders(tango), -R.T @ t)
-        assert native is not None
-        likely = likelihood(native, bumps, said, HARMONICS, _circle())
-        looks = network_inputs(picture, 2.0, CAMERA, [ImageCrop.at(CAMERA, 90.0, 70.0, 80.0)])
-        return [a.tobytes() for a in (seen, sun.height, dark, visible, likely, looks, *net(looks))]
-
-    wide = answers()
-    choose.setattr(compiler, "_simd_flags", lambda: ())
-    assert answers() == wide
-    assert len(list((tmp_path / "kernels").iterdir())) == 2
-
-
 @needs_compiler
 def test_poses_that_are_none_draw_nothing_and_harm_nothing(tango: BoardModel) -> None:
     faces = tango.faces
@@ -354,42 +261,3 @@ def test_poses_that_are_none_draw_nothing_and_harm_nothing(tango: BoardModel) ->
         sun.shadows(faces, np.maximum(seen, 1), canvas, CAMERA, R, t)
     nothing = replace(canvas, gray=np.zeros((0, 4), np.float32))
     assert shade.draw_faces(faces, np.arange(9), CAMERA, np.eye(3), np.array([0, 0, 4.0]), nothing).size == 0
-
-
-@pytest.mark.slow
-@needs_compiler
-@pytest.mark.timeout(900)
-def test_no_kernel_reads_or_writes_beside_its_arrays(tmp_path: Path) -> None:
-    """All tests of the kernels again, by ones that stop at the first such access and at undefined arithmetic."""
-    compiler = tmp_path / "checked-cc"
-    compiler.write_text('#!/bin/sh\nexec cc -g -fsanitize=address,undefined -fno-sanitize-recover "$@"\n')
-    compiler.chmod(0o755)
-    # the checks look for C++'s exceptions when they are loaded, which is before anything that throws one
-    runtime = [
-        subprocess.run(["cc", f"-print-file-name={name}"], capture_output=True, text=True, check=True).stdout
-        for name in ("libasan.so", "libstdc++.so")
-    ]
-    if not all(Path(name.strip()).is_absolute() for name in runtime):
-        pytest.skip("this compiler has no address sanitizer")
-    environment = os.environ | {
-        "CC": str(compiler),
-        "FLYAROUND_CACHE_DIR": str(tmp_path / "cache"),
-        "LD_PRELOAD": " ".join(name.strip() for name in runtime),
-        "ASAN_OPTIONS": "detect_leaks=0",
-    }
-    asked = "from flyaround.hil.board.svd.native.backend import describe_backend; print(describe_backend())"
-    told = subprocess.run(
-        [sys.executable, "-c", asked], env=environment, capture_output=True, text=True, check=True
-    )
-    assert told.stdout.strip() == "native", told.stderr
-    files = sorted(str(f) for f in Path(__file__).parent.glob("test_kernels*.py"))
-    # what compiles them once more does not finish in time on a busy machine
-    which = ["-m", "not slow", "-k", "not compiled_once", "-p", "no:cacheprovider"]
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-x", *which, *files],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
