@@ -16,9 +16,8 @@ import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
@@ -43,8 +42,7 @@ FLAGS = (
 )
 
 
-@dataclass(frozen=True)
-class Variant:
+class Variant(NamedTuple):
     """One library of a platform.
 
     Parameters
@@ -59,8 +57,7 @@ class Variant:
     flags: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Platform:
+class Platform(NamedTuple):
     """A platform that wheels are made for.
 
     Parameters

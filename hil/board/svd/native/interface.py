@@ -22,7 +22,7 @@ SCALARS: Dict[str, Any] = {
     "double": ctypes.c_double,
 }
 
-# Kinds of arrays behind a pointer.
+# Kinds of arrays behind a pointer; any, by its address, behind one to void.
 ELEMENTS = {
     "uint8_t": ("uint8", "bool"),
     "uint16_t": ("uint16",),
@@ -33,7 +33,27 @@ ELEMENTS = {
     "double": ("float64",),
 }
 
+# Built once: to compare a dtype with a name builds one each time.
+DTYPES = {kind: np.dtype(kind) for kinds in ELEMENTS.values() for kind in kinds}
+
 _FIRST = ctypes.c_char.from_buffer  # type: ignore[attr-defined]
+
+
+def contiguous(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> Array:
+    """Return the array in C order and of this dtype: itself if it is so already, else a copy.
+
+    Parameters
+    ----------
+    shape : what the library takes it for, where that does not follow from other arguments.
+
+    Raises
+    ------
+    ValueError
+        If its shape is another: the library would read beside it.
+    """
+    if shape is not None and a.shape != shape:
+        raise ValueError(f"the library takes {kind} {shape}, not {a.shape}")
+    return a if a.dtype == DTYPES[kind] and a.flags.c_contiguous else np.ascontiguousarray(a, dtype=kind)
 
 
 def address(a: Array) -> int:
@@ -77,18 +97,32 @@ class Structure(ctypes.Structure):
         names = [field[0] for field in self._fields_]
         if set(values) != set(names):
             raise TypeError(f"{type(self).__name__} takes {', '.join(names)}, not {', '.join(values)}")
-        self.arrays = [value for name, value in values.items() if name in self.pointers]
-        for name, kind in self.pointers.items():
-            values[name] = kind.from_param(values[name])
-        super().__init__(**values)
+        self.values = values
+        super().__init__(**{**values, **{k: t.from_param(values[k]) for k, t in self.pointers.items()}})
+
+    def __reduce__(self) -> Tuple[Any, ...]:
+        # pointers mean nothing to another process: it makes the structure anew
+        return make_structure, (type(self).__name__, self.values)
 
 
 def _array_pointer(element: str) -> Type[ArrayPointer]:
-    dtypes = tuple(np.dtype(kind) for kind in ELEMENTS[element])
+    dtypes = tuple(DTYPES[kind] for kind in ELEMENTS[element])
     return type(str(dtypes[0]), (ArrayPointer,), {"dtypes": dtypes})
 
 
-POINTERS = {element: _array_pointer(element) for element in ELEMENTS}
+class AnyPointer(ArrayPointer):
+    """Type of a pointer to void: takes any array, or an address in one."""
+
+    @classmethod
+    def from_param(cls, a: Any) -> ctypes.c_void_p:  # noqa: ANN401 - see the class
+        """Return the pointer for ctypes."""
+        return ctypes.c_void_p(address(a) if isinstance(a, np.ndarray) else int(a))
+
+
+POINTERS: Dict[str, Type[ArrayPointer]] = {
+    **{element: _array_pointer(element) for element in ELEMENTS},
+    "void": AnyPointer,
+}
 
 
 def _declarations(text: str) -> Iterator[Tuple[str, bool, str]]:
@@ -114,9 +148,7 @@ def _structures(text: str) -> Dict[str, Type[Structure]]:
             (Structure,),
             {
                 "_fields_": [(field, _field(kind, pointer=star)) for kind, star, field in fields],
-                "pointers": {
-                    field: POINTERS.get(kind, ctypes.c_void_p) for kind, star, field in fields if star
-                },
+                "pointers": {field: POINTERS[kind] for kind, star, field in fields if star},
             },
         )
     return out
@@ -126,7 +158,7 @@ def _argument(kind: str, *, pointer: bool) -> Any:  # noqa: ANN401 - a ctypes ty
     if kind.startswith("struct "):
         return ctypes.POINTER(STRUCTURES[kind[7:]])
     if pointer:
-        return POINTERS.get(kind, ctypes.c_void_p)
+        return POINTERS[kind]
     return SCALARS[kind]
 
 
@@ -147,6 +179,11 @@ STRUCTURES = _structures(_TEXT)
 
 FUNCTIONS = _functions(_TEXT)
 """Type of the result and types of the arguments of each of the header's functions."""
+
+
+def make_structure(name: str, values: Dict[str, Any]) -> Structure:
+    """Return a structure of the header by its name."""
+    return STRUCTURES[name](**values)
 
 
 def checksum() -> str:

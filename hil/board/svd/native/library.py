@@ -22,8 +22,6 @@ import numpy as np
 from flyaround.hil.board.errors import KernelError
 from flyaround.hil.board.svd.native.interface import FUNCTIONS, checksum, layout
 
-IDENTITY = ("fly_sources", "fly_interface", "fly_layout")
-
 # As sha256sum writes them, of each file of the folder.
 CHECKSUMS = "SHA256SUMS"
 
@@ -58,7 +56,7 @@ def is_available() -> bool:
 
 
 def describe_library() -> str:
-    """Return ``native (NAME)`` of the loaded file, or ``none (REASON)``."""
+    """Return ``native`` and the loaded file, or ``none`` and the reason, in brackets."""
     found, text = _loaded()
     return f"native ({text})" if found is not None else f"none ({text})"
 
@@ -133,8 +131,6 @@ def _declare(found: ctypes.CDLL) -> None:
         If one is missing.
     """
     for name, (result, arguments) in FUNCTIONS.items():
-        if name not in IDENTITY:  # the calls of the others declare their own types
-            continue
         function = getattr(found, name)
         function.restype, function.argtypes = result, arguments
 
