@@ -111,14 +111,16 @@ format: $(STAMP)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-# The environment, from pinned versions.
-$(STAMP): pyproject.toml constraints.txt
+# The environment, from pinned versions, and the estimator's C for all Linux processors.
+NATIVE := $(shell find hil/board/svd/native -name '*.[ch]')
+$(STAMP): pyproject.toml constraints.txt hatch_build.py $(NATIVE)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "Flyaround needs Python >= 3.11, found $$($(PYTHON) --version); set PYTHON=python3.12 or newer"; exit 2; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null \
 	  || { echo "Python's venv is missing; run: sudo apt-get install -y python3-venv"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[gui,logs,dev]'
+	$(BIN)/python hatch_build.py
 	@touch $@
 
 # OpenGL by EGL, and a virtual screen for the window's tests: installed where that is allowed, else said.

@@ -42,10 +42,6 @@ from numpy._core._multiarray_umath import __cpu_features__ as features
 on = [name for name in {NAMES!r} if features[name]]
 assert not on, f"NumPy still uses {on}"
 """
-KERNELS = """
-from flyaround.hil.board.svd.native.backend import describe_backend
-assert describe_backend().startswith({NAME!r}), describe_backend()
-"""
 THREADS = """
 import numpy, scipy.linalg, threadpoolctl
 threads = {p["num_threads"] for p in threadpoolctl.threadpool_info() if p["internal_api"] == "openblas"}
@@ -99,12 +95,6 @@ def _numpy(name: str, features: tuple[str, ...], *needs: str) -> Factor:
     )
 
 
-def _kernels(name: str) -> Factor:
-    return Factor(
-        f"kernels-{name}", {"FLYAROUND_KERNELS": name}, KERNELS.replace("{NAME!r}", repr(name)), ESTIMATOR
-    )
-
-
 def _threads(number: int) -> Factor:
     names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "LP_NUM_THREADS")
     # the library takes no more than there are processors
@@ -131,17 +121,13 @@ def factors() -> tuple[Factor, ...]:
         _blas("SkylakeX", "avx512f", "avx512vl"),
         _numpy("numpy-no-avx512", AVX512, "avx512f"),
         _numpy("numpy-no-avx2", AVX2, "avx2"),
-        _kernels("native"),
-        _kernels("numpy"),
         _threads(1),
         _threads(2),
         _vectors(128),
         _vectors(256),
     )
     by_name = {factor.name: factor for factor in single}
-    together = [
-        by_name[n] for n in ("blas-prescott", "numpy-no-avx2", "kernels-numpy", "threads-1", "vectors-128")
-    ]
+    together = [by_name[n] for n in ("blas-prescott", "numpy-no-avx2", "threads-1", "vectors-128")]
     environment = {name: value for factor in together for name, value in factor.environment.items()}
     shown = "\n".join(factor.shown for factor in together)
     needs = tuple(sorted({flag for factor in together for flag in factor.needs}))

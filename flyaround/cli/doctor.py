@@ -1,4 +1,4 @@
-"""doctor: what this machine has of OpenGL, compilers and optional parts, and how to get the rest."""
+"""doctor: what this machine has of OpenGL, the estimator's library and optional parts, and how to get the rest."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from rich.table import Table
 from rich.text import Text
 
 from flyaround.cli.terminal import say, terminal
-from flyaround.hil.board.errors import BoardModelError
-from flyaround.hil.board.svd.native.backend import describe_backend
+from flyaround.hil.board.errors import KernelError
+from flyaround.hil.board.svd.native.library import describe_library, library
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.render.bake.ray_cast import embree_is_here
 from flyaround.simulator.render.renderer import Renderer
@@ -57,7 +57,7 @@ class Finding:
 
 def examine() -> tuple[Finding, ...]:
     """Look at Python, OpenGL, the screen and the optional parts."""
-    return (_python(), _opengl(), _rays(), _kernels(), _cache(), _screen(), *_optional())
+    return (_python(), _opengl(), _rays(), _library(), _cache(), _screen(), *_optional())
 
 
 def _python() -> Finding:
@@ -82,17 +82,13 @@ def _rays() -> Finding:
     return Finding("rays for baked light", there, False, found, "" if there else advice)
 
 
-def _kernels() -> Finding:
-    part = "estimator's kernels"
+def _library() -> Finding:
+    part = "estimator's library"
     try:
-        found = describe_backend()
-    except BoardModelError as error:
+        library()
+    except KernelError as error:
         return Finding(part, False, False, "none", str(error))
-    native = found == "native"
-    advice = (
-        "the estimator takes about twice as long in numpy: apt-get install gcc, or name a C compiler in CC"
-    )
-    return Finding(part, native, False, found, "" if native else advice)
+    return Finding(part, True, False, describe_library(), "")
 
 
 def _cache() -> Finding:

@@ -16,7 +16,7 @@ from flyaround.hil.board.methods import ALL_METHODS
 from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
 from flyaround.hil.board.svd.debug.stage_pictures import write_stage_pictures
 from flyaround.hil.board.svd.methods import PUBLISHED
-from flyaround.hil.board.svd.native.backend import describe_backend
+from flyaround.hil.board.svd.native.library import describe_library
 from flyaround.hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS
 from flyaround.hil.evaluate.added_estimators import any_estimator, check_any_method
 from flyaround.hil.evaluate.dataset_evaluation import evaluate_dataset
@@ -108,7 +108,7 @@ def estimate(
                 "t_camera_from_target_m": None if t is None else [float(x) for x in t],
                 "confidence": float(result.confidence),
                 "method": result.method,
-                "kernels": describe_backend(),
+                "kernels": describe_library(),
                 "stages_ms": {k: float(v) for k, v in result.stages_ms.items()},
                 "counts": {k: int(v) for k, v in result.counts.items()},
                 "covariance": None if result.covariance is None else result.covariance.tolist(),

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from flyaround.hil.board.svd.native.backend import BACKEND_VARIABLE
 from flyaround.simulator.bench.parts import PartCost, cost
 from flyaround.simulator.loop import run_frames
 from flyaround.simulator.render.renderer import Renderer
@@ -36,7 +35,7 @@ BOARD = """
 import json, sys
 import cv2, numpy as np
 from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
-from flyaround.hil.board.svd.native.backend import describe_backend
+from flyaround.hil.board.svd.native.library import describe_library
 cv2.setNumThreads(1)
 folder, every_s = sys.argv[1], float(sys.argv[2])
 model = BoardModel.read(folder + "/model.json")
@@ -54,7 +53,7 @@ try:  # getrusage would count what the parent held
     peak = int(status["VmHWM"].split()[0]) / 1024
 except OSError:
     peak = None
-print(json.dumps({"single": single, "tracked": tracked, "peak_mb": peak, "kernels": describe_backend()}))
+print(json.dumps({"single": single, "tracked": tracked, "peak_mb": peak, "kernels": describe_library()}))
 """
 
 
@@ -69,28 +68,25 @@ def bench_estimator() -> tuple[PartCost, ...]:
         with Renderer() as renderer:
             np.save(folder / "single.npy", _pictures(renderer, scattered, N_SINGLE))
             np.save(folder / "sequence.npy", _pictures(renderer, close, N_TRACKED))
-        costs = _in_a_process(folder, None)
-        # what a board without a compiler takes, beside what this one does
-        return costs + (_in_a_process(folder, "numpy") if costs[0].kernels == "native" else ())
+        return _in_a_process(folder)
 
 
-def _in_a_process(folder: Path, choice: str | None) -> tuple[PartCost, ...]:
-    """The costs with the kernels of this machine, or those of ``choice``."""
+def _in_a_process(folder: Path) -> tuple[PartCost, ...]:
+    """The costs of all frames, one at a time."""
     # threads on matrices this small cost more than they give (docs/svd.md)
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     answer = subprocess.run(
         [sys.executable, "-c", BOARD, str(folder), str(EVERY_S)],
-        env=environment | ({BACKEND_VARIABLE: choice} if choice else {}),
+        env=environment,
         stdout=subprocess.PIPE,
         check=True,
         text=True,
     )
     figures = json.loads(answer.stdout)
-    how = f", {choice}" if choice else ""
     # the first frame pays for what is made once
-    costs = [cost(f"initialisation, one thread{how}", figures["single"][1:])]
+    costs = [cost("initialisation, one thread", figures["single"][1:])]
     if figures["tracked"]:
-        costs.append(cost(f"tracking, one thread{how}", figures["tracked"]))
+        costs.append(cost("tracking, one thread", figures["tracked"]))
     return tuple(replace(c, peak_mb=figures["peak_mb"], kernels=figures["kernels"]) for c in costs)
 
 

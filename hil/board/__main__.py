@@ -150,7 +150,7 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
     """
     import cv2  # noqa: PLC0415 - a board that only relays has none
 
-    from flyaround.hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - the same
+    from flyaround.hil.board.svd.native.library import describe_library  # noqa: PLC0415 - the same
 
     if camera is None:
         raise LinkError("--image needs the camera it was taken with: name its file with --camera")
@@ -172,7 +172,7 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
             "t_camera_from_target_m": None if t is None else [float(v) for v in t],
             "confidence": float(result.confidence),
             "stages_ms": {name: float(ms) for name, ms in result.stages_ms.items()},
-            "kernels": describe_backend(),
+            "kernels": describe_library(),
         }
     )
 

@@ -42,16 +42,19 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
     Raises
     ------
     LinkError
-        If the model file, the method or the kernels that are asked for cannot be used.
+        If the model file, the method or the compiled library cannot be used.
     """
     from flyaround.hil.board.methods import check_method_name, estimator_by_name  # noqa: PLC0415 - needs OpenCV
     from flyaround.hil.board.svd import BoardModel, CameraIntrinsics  # noqa: PLC0415 - the same
-    from flyaround.hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - the same
+    from flyaround.hil.board.svd.methods import WITH_LIBRARY  # noqa: PLC0415 - the same
+    from flyaround.hil.board.svd.native.library import describe_library, library  # noqa: PLC0415 - the same
 
     try:
-        # built and loaded before a host is met
-        logger.info("kernels of the estimator: %s", describe_backend())
         check_method_name(method)
+        logger.info("library of the estimator: %s", describe_library())
+        if method in WITH_LIBRARY:
+            # refused before a host is met
+            library()
     except BoardModelError as error:
         raise LinkError(str(error)) from error
 
@@ -80,9 +83,9 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
     if compiled:
         import cv2  # noqa: PLC0415 - a board with an estimator of its own needs none
 
-        from flyaround.hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - needs OpenCV
+        from flyaround.hil.board.svd.native.library import describe_library  # noqa: PLC0415 - needs OpenCV
 
-        runs_on += f", OpenCV {cv2.__version__}, {describe_backend().split()[0]}"
+        runs_on += f", OpenCV {cv2.__version__}, {describe_library().split()[0]}"
     return Hello(
         encodings=supported_encodings(),
         model_name=model_name,

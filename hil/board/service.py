@@ -118,10 +118,6 @@ TimeoutStartSec=15min
 TimeoutStopSec=10
 # alive, though its estimator may be stuck: --watchdog sees to that first
 WatchdogSec=30
-# compiled kernels are kept here, which is this user's alone
-CacheDirectory=flyaround
-CacheDirectoryMode=0700
-Environment=FLYAROUND_CACHE_DIR=%C/flyaround
 # threads on matrices this small cost more than they give
 Environment=OPENBLAS_NUM_THREADS=1
 UMask=0077

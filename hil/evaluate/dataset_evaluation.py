@@ -10,7 +10,7 @@ import msgspec
 
 from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.svd import BoardModel
-from flyaround.hil.board.svd.native.backend import describe_backend
+from flyaround.hil.board.svd.native.library import describe_library
 from flyaround.hil.evaluate.evaluation_page import write_page
 from flyaround.hil.evaluate.evaluator import Evaluator, answer_in_worker, start_worker
 from flyaround.hil.evaluate.greyscale import about_pictures
@@ -119,7 +119,7 @@ def _metrics(folder: Path, labels: Sequence[str], rows: Sequence[EvaluatedFrame]
     kind, colour = _pictures(folder, rows)
     return compose(
         [method_metrics(label, [r for r in rows if r.method == label]) for label in labels],
-        describe_backend(),
+        describe_library(),
         kind,
         grey_from_colour=colour,
         mean_predictor=_mean_predictor(folder, rows),

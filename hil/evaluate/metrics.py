@@ -137,7 +137,7 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    kernels : what the estimators' inner loops ran in: ``native``, or ``numpy`` with the reason.
+    kernels : what the estimators' inner loops ran in: ``native`` and the library's file, or ``none`` and the reason.
     pictures : what they were, in words. grey_from_colour : whether they were in colour and taken in grey.
     mean_predictor : errors of the mean pose of the feasible frames, told for each of them; None where there is none.
     """

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 import flyaround.hil
+from flyaround.hil.board.svd.native.library import CHECKSUMS
 from flyaround.hil.board.svd.propose.learned.learned_proposal import KIN
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
@@ -75,13 +76,16 @@ def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
         if source.parent.name != "debug":
             yield f"flyaround/hil/{source.relative_to(root).as_posix()}", source.read_bytes()
     names = {KIN.get(target.name, target.name) for target in targets}
-    for kind in ("*.npz", "*.c", "*.h"):
+    for kind in ("*.npz", "kernels.h", "linux-*.so", CHECKSUMS):
         for data in (root / "board").rglob(kind):
             # a network is over a megabyte: only those of the crafts that go along
             if WEIGHTS not in data.parts or data.stem in names:
                 yield f"flyaround/hil/{data.relative_to(root).as_posix()}", data.read_bytes()
     for target in targets:
-        yield f"hil/board/models/{target.name}.board.json", msgspec.json.encode(board_record(target))
+        yield (
+            f"flyaround/hil/board/models/{target.name}.board.json",
+            msgspec.json.encode(board_record(target)),
+        )
     spec = importlib.util.find_spec("serial")
     if spec is None or spec.origin is None:
         raise UserError("the bundle carries pyserial, which is not installed here; pip install pyserial")

@@ -8,7 +8,7 @@ from flyaround.hil.board.svd import CameraIntrinsics
 from flyaround.hil.board.svd.geometry import quaternion as quat
 from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
 from flyaround.hil.board.svd.image.observation import Observation
-from flyaround.hil.board.svd.model.face_gains import blurred
+from flyaround.hil.board.svd.model.many_groups import blurred
 from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from typing import TYPE_CHECKING
 
 import cv2
 import pytest
 
-from flyaround.hil.board.svd.native import backend
+from flyaround.hil.board.svd.native import library
 from flyaround.hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.link.transports import udp_peer
@@ -17,6 +15,7 @@ from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from flyaround.hil.board.svd import BoardModel
 
@@ -37,20 +36,13 @@ def one_thread() -> Iterator[None]:
 
 
 @pytest.fixture
-def choose(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
-    """The environment, by which kernels are chosen anew in this test and in the next."""
-    backend._loaded.cache_clear()
-    yield monkeypatch
+def no_library(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
+    """A machine that the estimator has no compiled library for."""
+    monkeypatch.setattr(library, "library_folder", lambda: tmp_path / "no-library")
+    library._loaded.cache_clear()
+    yield
     monkeypatch.undo()
-    backend._loaded.cache_clear()
-
-
-@pytest.fixture
-def native_kernels(choose: pytest.MonkeyPatch) -> None:
-    """The C kernels or a failure, never numpy beside itself; skips where there is no compiler."""
-    if shutil.which(os.environ.get("CC", "") or "cc") is None:
-        pytest.skip("no C compiler here")
-    choose.setenv(backend.BACKEND_VARIABLE, "native")
+    library._loaded.cache_clear()
 
 
 @pytest.fixture(scope="session")

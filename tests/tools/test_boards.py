@@ -209,7 +209,7 @@ def test_a_board_with_a_long_name_still_tells_its_versions(monkeypatch: pytest.M
     monkeypatch.setattr(
         platform, "node", lambda: "a-machine-with-the-longest-name-that-anybody-has-given-one-so-far"
     )
-    monkeypatch.setattr("flyaround.hil.board.svd.native.backend.describe_backend", lambda: "native")
+    monkeypatch.setattr("flyaround.hil.board.svd.native.library.describe_library", lambda: "native")
     monkeypatch.setattr(platform, "machine", lambda: "aarch64")
     said = Hello.decode(describe_board("tango", "", "svd", compiled=True).encode()).board
     assert len(said) == Hello.BOARD_BYTES

@@ -58,7 +58,7 @@ def prove(options: argparse.Namespace) -> int:
         pictures(scenario, options.n, folder / "pictures")
         log.info("the host's estimator on them")
         here = run_here(scenario, folder / "pictures", options.n, folder)
-        log.info("the emulated board's: it starts, compiles the kernels, and takes seconds for each picture")
+        log.info("the emulated board's: it starts, and takes seconds for each picture")
         with served_board(image, line, folder) as (_, url):
             run_host(scenario, folder / "pictures", options.n, url, folder / "board")
         runs.append(compare_runs(here, folder / "board", processor, system, line.text))
@@ -68,7 +68,7 @@ def prove(options: argparse.Namespace) -> int:
 
 def start(options: argparse.Namespace) -> int:
     """A board that stays on until Ctrl-C, and what to type for it."""
-    log.info("the board starts and compiles the kernels: a minute or more")
+    log.info("the board starts: half a minute or more")
     with (
         TemporaryDirectory() as name,
         served_board(board_image(), LINES[options.line], Path(name)) as (board, url),

@@ -30,7 +30,7 @@ SCENARIO, TARGET = "tango-flyaround", "tango"
 # QEMU carries a byte or a few for each turn of its threads: 88 kB/s on a quiet machine, 6 on a busy one
 UART_BAUD = 38_400
 
-# an estimator takes some forty times as long as on the host, the first frame and the kernels' compiler besides
+# an estimator takes some forty times as long as on the host, the first frame longer
 BOARD_WATCHDOG_S, ANSWER_S, READY_S = 600.0, 300.0, 1200.0
 # and holds the interpreter for seconds, in which the board says nothing
 SILENT_S = 120.0
@@ -46,7 +46,6 @@ cp board.pyz /opt/flyaround/
 python3 /opt/flyaround/board.pyz '{url}' --model {target} --watchdog {watchdog:g} --silence {silence:g} \\
   --systemd-unit > /etc/systemd/system/flyaround-board.service
 systemctl enable --now flyaround-board || {{ systemctl status --no-pager --lines=50 flyaround-board; exit 1; }}
-echo "kernels kept: $(find /var/cache/flyaround/ -name '*.so' | wc -l)"
 echo {ready}
 exec journalctl --follow --output=cat --unit=flyaround-board
 """

@@ -13,7 +13,7 @@ from flyaround.hil.board.svd.hypotheses.ambiguity import Alternative
 from flyaround.hil.board.svd.hypotheses.hypothesis import PoseFit
 from flyaround.hil.board.svd.image.observation import Observation, Trace
 from flyaround.hil.board.svd.model.target_model import BoardModel
-from flyaround.hil.board.svd.native.backend import native_library
+from flyaround.hil.board.svd.native.library import library
 
 Array = np.ndarray
 
@@ -59,7 +59,7 @@ class Estimator:
     Raises
     ------
     KernelError
-        If compiled kernels are asked for that cannot be had.
+        If the method needs the compiled library, which cannot be used here.
     """
 
     method = ""
@@ -67,9 +67,13 @@ class Estimator:
     # Whether a frame's answer depends on the frames before it.
     keeps_state = False
 
+    # Whether it computes with the compiled library.
+    needs_library = False
+
     def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
-        # built and loaded here, not while a frame waits
-        native_library()
+        if self.needs_library:
+            # loaded here, not while a frame waits
+            library()
         self.model, self.camera = model, camera
 
     def estimate(

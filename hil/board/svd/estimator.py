@@ -402,6 +402,7 @@ class PoseEstimator(Estimator):
     """
 
     method = "svd"
+    needs_library = True
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics, accept_at: float = ACCEPT_AT) -> None:
         super().__init__(model, camera)

@@ -14,6 +14,9 @@ from flyaround.hil.board.svd.published.published_estimator import PublishedEstim
 from flyaround.hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS, SVD_2018, SVD_THESIS
 from flyaround.hil.board.svd.tracking.tracking_estimator import TrackingEstimator
 
+# Methods that compute with the compiled library.
+WITH_LIBRARY = ("svd", "svd-track")
+
 METHODS = ("svd", "svd-2018", "svd-thesis", "svd-track")
 
 PUBLISHED = {"svd-2018": SVD_2018, "svd-thesis": SVD_THESIS}

@@ -392,47 +392,18 @@ def bundle(tmp_path_factory):
     return path
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
-@pytest.mark.parametrize("stopped", [False, True])
-def test_what_the_bundle_unpacks_is_its_users_alone_and_cleaned_up(bundle, tmp_path, stopped):
-    """C sources lie in a folder of their own while they are compiled, also where that is broken off."""
-    temporary, cache, begun = tmp_path / "tmp", tmp_path / "cache", tmp_path / "begun"
+def test_the_bundle_leaves_nothing_behind(bundle, tmp_path):
+    temporary, cache = tmp_path / "tmp", tmp_path / "cache"
     temporary.mkdir()
-    compiler = tmp_path / "compiler"
-    slowly = (
-        f"ls -ld $TMPDIR/* > {begun}.new; mv {begun}.new {begun}; exec sleep 60"
-        if stopped
-        else 'exec cc "$@" -O0'
-    )
-    compiler.write_text(f'#!/bin/sh\ncase "$1" in --version) echo some compiler;; *) {slowly};; esac\n')
-    compiler.chmod(0o700)
-    environment = {
-        **os.environ,
-        "CC": str(compiler),
-        "TMPDIR": str(temporary),
-        "FLYAROUND_CACHE_DIR": str(cache),
-    }
-    environment.pop("FLYAROUND_KERNELS", None)
-    process = subprocess.Popen(
+    environment = {**os.environ, "TMPDIR": str(temporary), "FLYAROUND_CACHE_DIR": str(cache), "PATH": ""}
+    done = subprocess.run(
         [sys.executable, str(bundle), "tcp://127.0.0.1:1", "--model", "tango", "--timeout", "0.1"],
-        stderr=subprocess.PIPE,
+        capture_output=True,
         text=True,
+        check=False,
         env=environment,
         cwd=tmp_path,
     )
-    try:
-        if stopped:
-            deadline = time.monotonic() + PATIENCE_S
-            while not begun.exists() and time.monotonic() < deadline:
-                time.sleep(0.02)
-            assert begun.read_text().startswith("drwx------")
-            process.terminate()
-        _, said = process.communicate(timeout=PATIENCE_S)
-    finally:
-        process.kill()
-        process.communicate()
-    assert process.returncode == (ExitCode.TERMINATED if stopped else ExitCode.NO_SESSION), said
+    assert done.returncode == ExitCode.NO_SESSION, done.stderr
     assert list(temporary.iterdir()) == []
-    (kernels,) = cache.iterdir()
-    assert kernels.stat().st_mode & 0o777 == 0o700
-    assert len(list(kernels.iterdir())) == (0 if stopped else 1)
+    assert not cache.exists()

@@ -13,8 +13,9 @@ from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
 from flyaround.hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD, alternatives, same_end
 from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.svd.image.observation import Observation
-from flyaround.hil.board.svd.model.face_gains import OPTICS_PX, blurred
+from flyaround.hil.board.svd.model.face_gains import OPTICS_PX
 from flyaround.hil.board.svd.model.image_patch import Box, cut_patch, target_box
+from flyaround.hil.board.svd.model.many_groups import blurred
 from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from flyaround.hil.board.svd.refine.final import refine_to_end
 from flyaround.hil.board.svd.refine.shadows import LitView, search_sun, sharpen_shadows

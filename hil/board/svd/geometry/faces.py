@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import base64
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Dict, Tuple
 
 import numpy as np
+
+from flyaround.hil.board.svd.native.interface import STRUCTURES, contiguous
 
 Array = np.ndarray
 
@@ -27,6 +29,7 @@ class Faces:
     group : (T,) index of material and direction: one brightness. groups : how many. material : (T,).
     plane : (N, 4) of each node of the tree, zero at leaves. children : (N, 2) in front of and behind it, -1 none.
     members : per node its faces; node 0 is the root.
+    native : all of it as the library takes it.
     """
 
     corners: Array
@@ -38,6 +41,22 @@ class Faces:
     plane: Array
     children: Array
     members: Tuple[Array, ...]
+    native: Any = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        native = STRUCTURES["faces"](
+            corners=contiguous(self.corners, "float64"),
+            normals=contiguous(self.normals, "float64"),
+            offset=contiguous(self.offset, "float64"),
+            middles=contiguous(self.middles, "float64"),
+            plane=contiguous(self.plane, "float64"),
+            children=_one_parent(self.children),
+            first=contiguous(np.cumsum([0, *(len(m) for m in self.members)]), "int64"),
+            members=contiguous(np.concatenate([np.zeros(0, int), *self.members]), "int64"),
+            faces=len(self.corners),
+            nodes=len(self.children),
+        )
+        object.__setattr__(self, "native", native)
 
     @staticmethod
     def from_dict(record: Dict[str, Any]) -> Faces:
@@ -99,47 +118,9 @@ class Faces:
         return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-18))
 
     @cached_property
-    def painting_places(self) -> Tuple[Array, Array, Array, Array]:
-        """Place of each node in the order, far to near: ``gain`` (N, N) times its sides plus ``base`` (N,).
-
-        A node comes after its far subtree, and everything in its near one after both: how many that are depends
-        on the side of each node above it alone, so that the whole tree is walked by one product of a matrix.
-        Then the faces of all nodes, and the node of each.
-        """
-        n = len(self.children)
-        size, above = np.ones(n), np.full(n, -1)
-        for node in range(n - 1, -1, -1):
-            # children come after their parents in the list
-            for child in self.children[node]:
-                if child >= 0:
-                    size[node] += size[child]
-                    above[child] = node
-        sizes = np.append(size, 0.0)[self.children]
-        gain, base = np.zeros((n, n), np.float32), np.zeros(n, np.float32)
-        for node in range(n):
-            parent = above[node]
-            if parent >= 0:
-                gain[node], base[node] = gain[parent], base[parent]
-                in_front = self.children[parent, 0] == node
-                # the parent's own share: what its far subtree holds
-                gain[node, parent] = sizes[parent, 1] + 1 if in_front else -sizes[parent, 0] - 1
-                base[node] += (0 if in_front else sizes[parent, 0] + 1) - sizes[parent, 0]
-            gain[node, node] = sizes[node, 1] - sizes[node, 0]
-            base[node] += sizes[node, 0]
-        reached = np.flatnonzero((above >= 0) | (np.arange(n) == 0))
-        ids = np.concatenate([self.members[k] for k in reached])
-        owner = np.repeat(reached, [len(self.members[k]) for k in reached])
-        return gain, base, ids, owner
-
-    @cached_property
     def middles(self) -> Array:
         """(T, 3) mean of each face's corners [m]."""
         return np.asarray(self.corners.mean(axis=1))
-
-    @cached_property
-    def kept(self) -> Dict[str, Any]:
-        """What a backend made of the faces, for its next call."""
-        return {}
 
 
 def _grouped(material: Array, normals: Array, steps: int) -> Tuple[Array, int]:
@@ -147,3 +128,15 @@ def _grouped(material: Array, normals: Array, steps: int) -> Tuple[Array, int]:
     key = np.concatenate([material[:, None], np.rint(normals * steps)], axis=1).astype(int)
     unique, group = np.unique(key, axis=0, return_inverse=True)
     return group.ravel(), len(unique)
+
+
+def _one_parent(children: Array) -> Array:
+    """(N, 2) int64 with each child under the first node that names it: a file may name one twice."""
+    out = contiguous(children, "int64").copy()
+    taken = set()
+    for entry in range(out.size):
+        child = int(out.flat[entry])
+        if child >= 0 and child in taken:
+            out.flat[entry] = -1
+        taken.add(child)
+    return out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Dict, Tuple, Union
+from typing import Dict, Tuple, Union
 
 import cv2
 import numpy as np
@@ -77,11 +77,6 @@ class ImagePatch:
         if sigma_px not in self._blurred:
             self._blurred[sigma_px] = cv2.GaussianBlur(self.gray, (0, 0), sigma_px)
         return self._blurred[sigma_px]
-
-    @cached_property
-    def kept(self) -> Dict[str, Any]:
-        """What does not hang on any pose, for the next one."""
-        return {}
 
     def rays(self, camera: CameraIntrinsics) -> Tuple[Array, Array]:
         """Normalised coordinates of the drawn pixels' columns and rows; the patch shows a pinhole's picture."""

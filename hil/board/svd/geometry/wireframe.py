@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Dict, Tuple
+from dataclasses import dataclass, field
+from typing import Any, Tuple
 
 import numpy as np
 
 from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
 from flyaround.hil.board.svd.geometry.vectors import cross
+from flyaround.hil.board.svd.native.interface import STRUCTURES, contiguous
 
 Array = np.ndarray
 
@@ -25,6 +25,7 @@ class EdgeSamples:
     normals : (S, 2, 3) outward normals of the adjacent faces, zero rows where there is none.
     faces : (S,) number of adjacent faces (0: seen from everywhere, then 1 or 2).
     edge : (S,) index of the wireframe edge.
+    native : the samples as the library takes them.
     """
 
     points_m: Array
@@ -33,14 +34,22 @@ class EdgeSamples:
     normals: Array
     faces: Array
     edge: Array
+    native: Any = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        n = len(self.points_m)
+        native = STRUCTURES["samples"](
+            points=contiguous(self.points_m, "float64", (n, 3)),
+            tangents=contiguous(self.tangents, "float64", (n, 3)),
+            radius=contiguous(self.radius_m, "float64", (n,)),
+            normals=contiguous(self.normals, "float64", (n, 2, 3)),
+            faces=contiguous(self.faces, "int64", (n,)),
+            n=n,
+        )
+        object.__setattr__(self, "native", native)
 
     def __len__(self) -> int:
         return len(self.points_m)
-
-    @cached_property
-    def kept(self) -> Dict[str, Any]:
-        """What a backend made of the samples, for its next call."""
-        return {}
 
     def outline(self, idx: Array, C_m: Array) -> Tuple[Array, Array]:
         """Positions (B, M, 3) of samples ``idx`` (B, M) seen from camera centres (B, 3), and tangents.
@@ -57,17 +66,21 @@ class EdgeSamples:
 
 @dataclass(frozen=True, eq=False)
 class OccludingTriangles:
-    """Triangles prepared for rays from one point: first vertex, two edges, their cross product."""
+    """Triangles prepared for rays from one point: first vertex, two edges, and their cross product."""
 
     v0: Array
     e1: Array
     e2: Array
     n: Array
+    native: Any = field(init=False, repr=False)
 
-    @cached_property
-    def kept(self) -> Dict[str, Any]:
-        """What a backend made of the triangles, for its next call."""
-        return {}
+    def __post_init__(self) -> None:
+        shape = len(self.v0), 3
+        arrays = {
+            name: contiguous(a, "float64", shape)
+            for name, a in (("v0", self.v0), ("e1", self.e1), ("e2", self.e2), ("n", self.n))
+        }
+        object.__setattr__(self, "native", STRUCTURES["occluders"](**arrays, triangles=len(self.v0)))
 
 
 @dataclass(frozen=True, eq=False)

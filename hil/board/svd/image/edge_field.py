@@ -9,8 +9,8 @@ from typing import Optional, Tuple
 import cv2
 import numpy as np
 
-from flyaround.hil.board.svd.native.backend import accelerated
-from flyaround.hil.board.svd.native.images.image_functions import area_average, readable
+from flyaround.hil.board.svd.image.image_region import library_reads, region
+from flyaround.hil.board.svd.native.library import is_available, library
 
 Array = np.ndarray
 
@@ -171,14 +171,16 @@ def shrink(image: Array, x0: int, y0: int, x1: int, y1: int, longest_px: int) ->
     return np.asarray(crop, np.float32), factor
 
 
-def _smaller(picture: Array, width: int, height: int) -> bool:
-    return height <= picture.shape[0] and width <= picture.shape[1] and readable(picture)
-
-
-@accelerated(area_average, _smaller)
 def area_mean(picture: Array, width: int, height: int) -> Array:
     """(height, width) float32 means of what each pixel covers, rounded where the picture's are whole numbers."""
-    return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), np.float32)
+    smaller = 0 < height <= picture.shape[0] and 0 < width <= picture.shape[1]
+    if not (smaller and is_available() and library_reads(picture)):
+        # the published methods need no library
+        return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), np.float32)
+    out = np.empty((height, width), np.float32)
+    if library().fly_area_average(*region(picture), height, width, out):
+        raise MemoryError("no memory to reduce a picture")
+    return out
 
 
 def thin_edges(gx: Array, gy: Array, sigma: float, low: float, high: float) -> Tuple[Array, Array]:

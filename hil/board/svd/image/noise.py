@@ -7,8 +7,8 @@ from typing import Tuple
 import cv2
 import numpy as np
 
-from flyaround.hil.board.svd.native.backend import accelerated
-from flyaround.hil.board.svd.native.images.image_functions import noise_medians, readable
+from flyaround.hil.board.svd.image.image_region import library_reads, region
+from flyaround.hil.board.svd.native.library import is_available, library
 
 Array = np.ndarray
 
@@ -96,13 +96,14 @@ def has_flat_floor(reduced: Array, noise: float) -> bool:
     return bool(high - low < FLAT_SIGMA * noise)
 
 
-def _readable_bytes(image: Array, *_: float) -> bool:
-    return image.dtype == np.uint8 and readable(image)
-
-
-@accelerated(noise_medians, _readable_bytes)
 def _masked(image: Array, step: int, full_scale: float) -> Tuple[float, int, float]:
     """Median of the mask, how many of its pixels lie well inside the scale, and the median over them."""
+    if image.dtype == np.uint8 and is_available() and library_reads(image):
+        out = np.zeros(3)
+        if library().fly_noise(*region(image), step, full_scale, out):
+            raise MemoryError("no memory to measure noise")
+        return float(out[0]), int(out[1]), float(out[2])
+    # the same numbers
     rows = [image[y : y + 3] for y in range(0, image.shape[0] - 2, 3 * step)]
     a = _wider(np.stack(rows))
     absolute = _mask(a)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 
 import numpy as np
@@ -12,9 +11,10 @@ from flyaround.hil.board.svd.geometry.faces import Faces
 from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
 from flyaround.hil.board.svd.geometry.shading import Shading
 from flyaround.hil.board.svd.geometry.vectors import cross, length
+from flyaround.hil.board.svd.model.image_formation import pinhole_view
 from flyaround.hil.board.svd.model.rasteriser import fill_faces, order_faces
-from flyaround.hil.board.svd.native.backend import accelerated
-from flyaround.hil.board.svd.native.raster import shadow_map as native
+from flyaround.hil.board.svd.native.interface import STRUCTURES, contiguous
+from flyaround.hil.board.svd.native.library import library
 
 if TYPE_CHECKING:
     from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
@@ -24,11 +24,11 @@ Array = np.ndarray
 # Side of the picture painted from the Sun [px].
 MAP_PX = 256
 
-# A face in light lies at most this far behind what the Sun sees, and twice the map's own pixel [m].
-SKIN_M = 0.006
-
 # Faces that the Sun grazes count as turned away: cosine.
 GRAZING = 0.03
+
+# Fewer points on the craft say nothing of shadows.
+LEAST_POINTS = 40
 
 # Directions of the Sun that are tried, the side of each one's picture [px], and pixels that they are judged on.
 DIRECTIONS, TABLE_PX, PIXELS = 240, 80, 700
@@ -40,6 +40,8 @@ SPREAD, BOUND = 0.15, 4.0
 BEHIND = -0.6
 
 AXES = np.eye(3)
+
+NO_MEMORY = "no memory for the Sun's pictures"
 
 # Least angle between two directions that are both proposed: cosine.
 APART = float(np.cos(np.radians(15.0)))
@@ -53,7 +55,7 @@ class ShadowMap:
     ----------
     direction : (3,) unit vector to the Sun, target frame. axes : (2, 3) of the picture. origin : (2,) their values
         at its first pixel's middle [m]. pitch_m : of its pixels. height : (n, n) float32, of what is seen along
-        ``direction`` [m], very low where nothing is. seen : (n, n) face + 1.
+        ``direction`` [m], very low where nothing is. seen : (n, n) face + 1. native : as the library takes it.
     """
 
     direction: Array
@@ -62,6 +64,21 @@ class ShadowMap:
     pitch_m: float
     height: Array
     seen: Array
+    native: Any = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        n = len(self.height)
+        kind = "uint16" if self.seen.dtype == np.uint16 else "int32"
+        seen = contiguous(self.seen, kind, (n, n))
+        native = STRUCTURES["sun"](
+            axes=np.vstack([self.axes, self.direction]),
+            at=np.array([*self.origin, self.pitch_m]),
+            height=contiguous(self.height, "float32", (n, n)),
+            seen=seen,
+            side=n,
+            bytes=seen.itemsize,
+        )
+        object.__setattr__(self, "native", native)
 
     @staticmethod
     def of(faces: Faces, direction: Array, n: int = MAP_PX) -> ShadowMap:
@@ -72,14 +89,6 @@ class ShadowMap:
         axes = np.stack([e1, cross(s, e1)])
         return ShadowMap(s, axes, *_seen_from_the_sun(faces, s, axes, n))
 
-    @cached_property
-    def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
-        """The picture as C takes it, and what keeps its arrays alive."""
-        return native.packed_sun(
-            np.vstack([self.axes, self.direction]), self.origin, self.pitch_m, self.height, self.seen
-        )
-
-    @accelerated(native.shadows)
     def shadows(
         self, faces: Faces, seen: Array, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
     ) -> Array:
@@ -89,23 +98,12 @@ class ShadowMap:
         ----------
         seen : drawn at the pose ``R``, ``t`` by ``draw_faces``. camera : a pinhole.
         """
-        facing = np.concatenate([[False], faces.normals @ self.direction > GRAZING])
-        where = np.flatnonzero(np.take(facing, seen))
-        face, u, v, z = rays_to_faces(faces, seen, where, patch, camera, R, t)
-        C = -R.T @ t
-        frame = np.vstack([self.axes, self.direction])
-        along = (frame @ R.T).astype(np.float32)
-        a, b, c = ((k[0] * u + k[1] * v + k[2]) * z for k in along)
-        start = frame @ C
-        n = len(self.height)
-        i = np.rint((a + np.float32(start[0] - self.origin[0])) / np.float32(self.pitch_m)).astype(np.intp)
-        j = np.rint((b + np.float32(start[1] - self.origin[1])) / np.float32(self.pitch_m)).astype(np.intp)
-        at = np.clip(j, 0, n - 1) * n + np.clip(i, 0, n - 1)
-        over = np.take(self.height.ravel(), at) - (c + np.float32(start[2]))
-        hidden = (over > SKIN_M + 2 * self.pitch_m) & (np.take(self.seen.ravel(), at) != face + 1)
-        out = np.zeros(seen.size, bool)
-        out[where[hidden]] = True
-        return out.reshape(seen.shape)
+        h, w = seen.shape
+        R, t, dark = contiguous(R, "float64", (3, 3)), contiguous(t, "float64", (3,)), np.zeros((h, w), bool)
+        view = pinhole_view(camera, patch)
+        if library().fly_shadows(faces.native, self.native, view, R, t, seen, h, w, dark):
+            raise MemoryError(NO_MEMORY)
+        return dark
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +114,7 @@ class ShadowMapTable:
     ----------
     directions : (S, 3) unit vectors, target frame. frames : (3, S, 3) axes of each picture and its direction.
     origin : (S, 2), pitch_m : (S,), height : (S, n, n) float32, as in ShadowMap.
-    painted : what ``sunlight`` has painted until now; no answer hangs on it.
+    native : as the library takes it. painted : what ``sunlight`` has painted until now; no answer hangs on it.
     """
 
     directions: Array
@@ -124,7 +122,20 @@ class ShadowMapTable:
     origin: Array
     pitch_m: Array
     height: Array
+    native: Any = field(init=False, repr=False)
     painted: Dict[Tuple[int, int], ShadowMap] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        count, side = self.height.shape[:2]
+        native = STRUCTURES["sun_table"](
+            frames=contiguous(self.frames, "float64", (3, count, 3)),
+            origin=contiguous(self.origin, "float64", (count, 2)),
+            pitch=contiguous(self.pitch_m, "float64", (count,)),
+            height=contiguous(self.height, "float32", (count, side, side)),
+            directions=count,
+            side=side,
+        )
+        object.__setattr__(self, "native", native)
 
     @staticmethod
     def of(faces: Faces, number: int = DIRECTIONS) -> ShadowMapTable:
@@ -190,45 +201,34 @@ class ShadowMapTable:
         """(S,) what each of the directions ``some`` (S,) leaves unexplained; None where too little is seen."""
         # shot noise grows with the root of the light: in its root all noise is alike
         dim = max(2.0 * patch.full / 255.0, patch.sigma)
-        if "darkest" not in patch.kept:
-            patch.kept["darkest"] = float(np.min(patch.gray))
-        darkest = patch.kept["darkest"]
-        return self._unexplained(faces, shading, patch, camera, R, t, some, pixels, darkest, float(dim))
-
-    @accelerated(native.sun_costs)
-    def _unexplained(
-        self,
-        faces: Faces,
-        shading: Shading,
-        patch: ImagePatch,
-        camera: CameraIntrinsics,
-        R: Array,
-        t: Array,
-        some: Array,
-        pixels: int,
-        darkest: float,
-        dim: float,
-    ) -> Optional[Array]:
-        """The same, given the least value of the patch and a brightness that is as good as none."""
-        f, wide = patch.fine, shading.seen.shape[1]
-        y, x = np.nonzero(shading.area[shading.centre] * (shading.centre > 0) > 0)
-        if len(y) > pixels:
-            few = np.linspace(0, len(y) - 1, pixels).astype(int)
-            y, x = y[few], x[few]
-        if len(y) < 40:
-            return None
-        where = (y * f + f // 2) * wide + x * f + f // 2
-        face, u, v, z = rays_to_faces(faces, shading.seen, where, patch, camera, R, t)
-        X = (np.stack([u * z, v * z, z], axis=-1) - t) @ R
-        lit = self._lit(faces, face, X, some)
-        value = np.sqrt(np.maximum(patch.gray[y, x] - darkest, 0.0) + dim)
-        own = np.unique(faces.group[face], return_inverse=True)[1].ravel()
-        return _cost(value, own, lit)
-
-    @cached_property
-    def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
-        """The table as C takes it, and what keeps its arrays alive."""
-        return native.packed_table(self.frames, self.origin, self.pitch_m, self.height)
+        good = shading.area > 0
+        good[0] = False
+        (h, w), f = patch.gray.shape, patch.fine
+        kind = "uint8" if shading.centre.dtype == np.uint8 else "uint16"
+        centre = contiguous(shading.centre, kind, (h, w))
+        picture = STRUCTURES["sun_image"](
+            seen=contiguous(shading.seen, "int32", (h * f, w * f)),
+            centre=centre,
+            good=good,
+            gray=contiguous(patch.gray, "float32"),
+            group=contiguous(faces.group, "int64"),
+            h=h,
+            w=w,
+            fine=f,
+            groups=faces.groups,
+            labels=len(good),
+            bytes=centre.itemsize,
+            darkest=float(np.min(patch.gray)),
+        )
+        some, out = contiguous(some, "int64"), np.empty(len(some))
+        R, t = contiguous(R, "float64", (3, 3)), contiguous(t, "float64", (3,))
+        view = pinhole_view(camera, patch)
+        points = library().fly_sun_costs(
+            faces.native, self.native, picture, view, R, t, float(dim), pixels, some, len(some), out
+        )
+        if points < 0:
+            raise MemoryError(NO_MEMORY)
+        return out if points >= LEAST_POINTS else None
 
     def sunlight(self, faces: Faces, k: int, n: int) -> ShadowMap:
         """The craft painted ``n`` pixels wide from direction ``k``, once for all pictures."""
@@ -238,81 +238,13 @@ class ShadowMapTable:
             self.painted[k, n] = replace(sun, seen=sun.seen.astype(kind))
         return self.painted[k, n]
 
-    def _lit(self, faces: Faces, face: Array, X: Array, some: Array) -> Array:
-        """(S, P) bool: whether points ``X`` (P, 3) on faces (P,) are in the light of the directions ``some``."""
-        n = self.height.shape[1]
-        points = X.astype(np.float32)
-        pitch = self.pitch_m[some, None]
-        at = []
-        for axis in (0, 1):
-            along = self.frames[axis, some].astype(np.float32) @ points.T
-            k = (along - self.origin[some, axis, None].astype(np.float32)) / pitch.astype(np.float32)
-            at.append(np.clip(np.rint(k), 0, n - 1).astype(np.int32))
-        index = at[1] * n + at[0] + (some * n * n).astype(np.int32)[:, None]
-        over = np.take(self.height.ravel(), index) - self.frames[2, some].astype(np.float32) @ points.T
-        facing = np.take(self.directions[some] @ faces.normals.T > GRAZING, face, axis=1)
-        return np.asarray(facing & (over < (SKIN_M + 2 * pitch).astype(np.float32)))
 
-
-@accelerated(native.seen_from_the_sun)
 def _seen_from_the_sun(faces: Faces, s: Array, axes: Array, n: int) -> Tuple[Array, float, Array, Array]:
     """Origin, pitch, heights (n, n) and faces + 1 (n, n) of the map along a direction (3,) with axes (2, 3)."""
-    order = order_faces(faces, s * 1e6)
-    p = faces.corners[order] @ axes.T
-    low, high = p.min(axis=(0, 1)), p.max(axis=(0, 1))
-    pitch = float((high - low).max() / (n - 4))
-    origin = low - 1.5 * pitch
-    seen = fill_faces((p - origin) / pitch, order, (n, n), 0.5)
-    # the plane n.X = d at X = axes' point + height * s
-    slope = faces.normals @ s
-    slope = np.where(slope > 1e-3, slope, np.inf)
-    top = np.concatenate([[-1e3], faces.offset / slope]).astype(np.float32)
-    fall = -(faces.normals @ axes.T) / slope[:, None]
-    fall = np.concatenate([[[0.0, 0.0]], fall]).astype(np.float32)
-    x = (origin[0] + pitch * np.arange(n)).astype(np.float32)
-    y = (origin[1] + pitch * np.arange(n)).astype(np.float32)
-    height = np.take(top, seen) + np.take(fall[:, 0], seen) * x + np.take(fall[:, 1], seen) * y[:, None]
-    return origin, pitch, height, seen
-
-
-def _cost(value: Array, own: Array, lit: Array) -> Array:
-    """(S,) what two levels for each group leave of values (P,), for each of S divisions ``lit`` (S, P)."""
-    # sums by group are products of matrices: values are single, for all that is asked of them is an order
-    value, light = value.astype(np.float32), lit.astype(np.float32)
-    member = (own[:, None] == np.arange(int(own.max()) + 1)).astype(np.float32)
-    number, total = light @ member, light @ (member * value[:, None])
-    all_number, all_total = member.sum(axis=0), value @ member
-    floor = float(np.quantile(value, 0.1))
-    bright = total / np.maximum(number, 1.0)
-    dark = (all_total - total + floor) / (all_number - number + 1.0)
-    # a shadow brighter than the light is none
-    mean = all_total / all_number
-    wrong = (number > 0) & (number < all_number) & (bright < dark)
-    bright, dark = np.where(wrong, mean, np.maximum(bright, floor)), np.where(wrong, mean, dark)
-    level = np.where(lit, np.take(bright, own, axis=1), np.take(dark, own, axis=1))
-    scale = SPREAD * float(np.std(value)) + 0.2
-    away = (value - level) * np.float32(1.0 / scale)
-    return np.asarray(np.minimum(away * away, np.float32(BOUND)).mean(axis=1))
-
-
-def rays_to_faces(
-    faces: Faces, seen: Array, where: Array, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
-) -> Tuple[Array, Array, Array, Array]:
-    """Face, normalised coordinates and depth of drawn pixels ``where`` (flat indices), all (N,).
-
-    Parameters
-    ----------
-    camera : a pinhole. R, t : camera from target.
-    """
-    face = np.take(seen.ravel(), where) - 1
-    # a remainder costs ten times what this does
-    y = where // seen.shape[1]
-    x = where - y * seen.shape[1]
-    u, v = (a.astype(np.float32) for a in patch.rays(camera))
-    u, v = np.take(u, x), np.take(v, y)
-    # a plane n.X = d in the camera's frame has the inverse depth n.ray / d
-    n_c = faces.normals @ R.T
-    d_c = faces.offset + n_c @ t
-    inverse = (n_c / np.where(np.abs(d_c) > 1e-9, d_c, 1e-9)[:, None]).astype(np.float32)
-    near = np.take(inverse[:, 0], face) * u + np.take(inverse[:, 1], face) * v + np.take(inverse[:, 2], face)
-    return face, u, v, 1.0 / np.maximum(near, np.float32(0.2 / max(t[2], 1e-3)))
+    order, frame = order_faces(faces, s * 1e6), np.vstack([axes, s])
+    p, at, height = np.empty((len(order), 4, 2)), np.empty(3), np.empty((n, n), np.float32)
+    library().fly_shadow_map_polygons(faces.native, order, len(order), frame, n, p, at)
+    seen = fill_faces(p, order, (n, n), 0.5)
+    if library().fly_shadow_map_heights(faces.native, frame, at, seen, n, height):
+        raise MemoryError(NO_MEMORY)
+    return at[:2].copy(), float(at[2]), height, seen

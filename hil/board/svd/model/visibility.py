@@ -9,11 +9,10 @@ import numpy as np
 from flyaround.hil.board.svd.geometry.vectors import cross
 from flyaround.hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles
 from flyaround.hil.board.svd.model.target_model import BoardModel
-from flyaround.hil.board.svd.native.backend import accelerated
-from flyaround.hil.board.svd.native.raster import visibility as native
+from flyaround.hil.board.svd.native.interface import contiguous
+from flyaround.hil.board.svd.native.library import library
 
 Array = np.ndarray
-
 # A sample lies on the surface that carries it; only what is nearer than this can hide it [m].
 SKIN_M = 0.006
 
@@ -85,25 +84,13 @@ def hidden(occ: OccludingTriangles, C_m: Array, X_m: Array, skin_m: Array) -> Ar
     return np.asarray(hit.any(axis=1))
 
 
-def facing(samples: EdgeSamples, C_m: Array, X_m: Array) -> Tuple[Array, Array]:
-    """Whether each sample can face the camera, and whether it is an outline (one face seen, one not)."""
-    d = C_m - X_m
-    d = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-9)
-    dots = np.einsum("skj,sj->sk", samples.normals, d)
-    seen = (dots > 0.02).sum(axis=1)
-    visible = (seen > 0) | (samples.faces == 0)
-    outline = (samples.faces == 0) | ((samples.faces == 2) & (seen == 1))
-    return visible, outline
-
-
-@accelerated(native.visible_samples)
 def visible_samples(samples: EdgeSamples, occ: OccludingTriangles, C_m: Array) -> Tuple[Array, Array]:
-    """(S,) visible and (S,) outline flags from camera centre ``C_m`` (3,), target frame."""
-    idx = np.arange(len(samples))[None]
-    X = samples.outline(idx, C_m[None])[0][0]
-    visible, outline = facing(samples, C_m, X)
-    where = np.flatnonzero(visible)
-    # a round member's own skin is as thick as itself
-    skin = SKIN_M + 1.5 * np.abs(samples.radius_m[where])
-    visible[where[hidden(occ, C_m, X[where], skin)]] = False
+    """(S,) visible and (S,) outline flags from camera centre ``C_m`` (3,), target frame.
+
+    Moeller and Trumbore's test (1997) of each sample against each triangle that faces the camera.
+    """
+    visible, outline = np.empty(len(samples), bool), np.empty(len(samples), bool)
+    C = contiguous(C_m, "float64", (3,))
+    if library().fly_visible_samples(samples.native, occ.native, C, visible, outline):
+        raise MemoryError("no memory to see what hides the wireframe")
     return visible, outline

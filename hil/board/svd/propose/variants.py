@@ -12,8 +12,7 @@ from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
 from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
-from flyaround.hil.board.svd.native.backend import accelerated
-from flyaround.hil.board.svd.native.raster import shadow_map as native
+from flyaround.hil.board.svd.native.library import library
 
 Array = np.ndarray
 
@@ -98,8 +97,7 @@ def _middle(target: PreparedTarget, patch: ImagePatch, h: Hypothesis) -> Array:
     return np.asarray(_mean_pixel(seen) / patch.scale)
 
 
-@accelerated(native.mean_pixel)
 def _mean_pixel(seen: Array) -> Array:
     """(2,) mean column and row of the pixels that show the target; NaN where none does."""
-    rows, columns = np.nonzero(seen)
-    return np.array([columns.mean(), rows.mean()]) if len(rows) else np.full(2, np.nan)
+    out = np.empty(2)
+    return out if library().fly_mean_pixel(seen, *seen.shape, out) else np.full(2, np.nan)

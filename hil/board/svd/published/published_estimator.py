@@ -20,6 +20,7 @@ from flyaround.hil.board.svd.image.region import Region
 from flyaround.hil.board.svd.image.weak_gradients import WeakGradientElimination, eliminate_weak_gradients
 from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
 from flyaround.hil.board.svd.model.target_model import BoardModel
+from flyaround.hil.board.svd.native.library import library
 from flyaround.hil.board.svd.propose.edge_search import FINE_PX, MARGIN, views_for
 from flyaround.hil.board.svd.propose.regions import REDUCTION, propose_regions
 from flyaround.hil.board.svd.published.corners import (
@@ -86,6 +87,8 @@ class PublishedEstimator(Estimator):
         self.circles = model_circles(model) if "ellipse" in config.streams else ()
         # the tables of ours are dear: only where a step towards ours asks for them
         ours = config.rank == "edges" or config.finish == "edges" or bool(self.circles)
+        if ours:
+            library()
         self.craft = PreparedTarget.prepare(model, camera) if ours else None
 
     def _estimate(self, frame: Observation) -> PoseResult:

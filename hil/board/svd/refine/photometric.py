@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Optional, Tuple
 
 import cv2
@@ -13,14 +14,17 @@ from flyaround.hil.board.svd.geometry.faces import Faces
 from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
 from flyaround.hil.board.svd.geometry.shading import Shading
 from flyaround.hil.board.svd.hypotheses.hypothesis import PoseFit
-from flyaround.hil.board.svd.model.face_gains import OPTICS_PX, blurred, coverage, shade
+from flyaround.hil.board.svd.model.face_gains import OPTICS_PX, shade
+from flyaround.hil.board.svd.model.image_formation import gaussian, response_tables
+from flyaround.hil.board.svd.model.many_groups import blurred
 from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
 from flyaround.hil.board.svd.model.shadow_map import ShadowMap
-from flyaround.hil.board.svd.native.backend import accelerated
-from flyaround.hil.board.svd.native.photometric import face_gains as native_gains
-from flyaround.hil.board.svd.native.photometric import normal_equations as native_step
+from flyaround.hil.board.svd.native.interface import contiguous
+from flyaround.hil.board.svd.native.library import library
+from flyaround.hil.board.svd.refine import many_groups
 from flyaround.hil.board.svd.refine.edges import limit_one_step, parameter_scale
-from flyaround.hil.board.svd.refine.motion_images import motion_images
+from flyaround.hil.board.svd.refine.many_groups import bounded
+from flyaround.hil.board.svd.refine.motion_images import pose_motion
 
 Array = np.ndarray
 
@@ -37,10 +41,6 @@ RELAX = 1.5
 # development frames have the median of chi-square (eval-black and eval-earth, seeds 6001 and 6002).
 INFLATION = 150.0
 
-# A pixel that a shift by a pixel of the patch changes by less, in units of the noise, is left out of a step: these are
-# one in three, and hold less than a thousandth of what the picture says.
-TELLS = 0.02
-
 # Groups of faces whose brightness is found together with the pose, and at the end.
 JOINT, JOINT_AT_END = 16, 40
 
@@ -52,6 +52,12 @@ BURNT_OUT = 0.94
 
 # Share of a pixel covered from which it counts where there is a texture behind.
 COVERED = 0.05
+
+# Most groups with a brightness of their own (coverage.h), and a matrix with room for them.
+MOST, ROOM = 63, (63 + 7) ** 2
+
+# The library returns two counts in one number, the second times this.
+PACK = 1000
 
 
 def photo_align(
@@ -153,11 +159,6 @@ def _inverse(H: Array) -> Array:
         return np.asarray(np.linalg.pinv(H))
 
 
-def _in_bytes(shading: Shading, *_: object) -> bool:
-    return shading.group.dtype == np.uint8
-
-
-@accelerated(native_step.normal_products, _in_bytes)
 def _gram(
     shading: Shading,
     faces: Faces,
@@ -179,49 +180,32 @@ def _gram(
         borders may still be off [px^2]. tukey : squared bound in units of a residual's deviation. joint : groups whose
         level is found with the pose.
     """
-    lens, blur, optics = blurs_px
-    shown, slope = patch.response.of(blurred(shading.picture, lens))
-    drawn = blurred(shown, blur)
-    e = patch.blurred(blur) - drawn
-    D = [blurred(plane, optics) for plane in motion_images(shading, faces, patch, camera, R, t)]
-    across, down = patch.scale
-    least = TELLS * noise / (max(abs(float(t[2])), 1e-9) * patch.fine)
-    use = (np.abs(D[3]) > least * across * camera.fx_px) | (np.abs(D[4]) > least * down * camera.fy_px)
-    rows, w = _weights(e, drawn, use, shading.centre > 0, noise, slack, tukey)
-    A = np.zeros((joint + 8, len(rows)), np.float32)
-    k = coverage(shading, patch, joint, optics, rows, A)
-    for j, x in enumerate((*D, e)):
-        x.ravel().take(rows, out=A[k + j], mode="clip")
-    A = A[: k + 7]
-    if slope is not None:
-        A[:-1] *= blurred(slope, blur).ravel().take(rows)
-    A *= np.sqrt(w)
-    return (A @ A.T).astype(float), float(w.sum()), len(rows)
-
-
-def _weights(
-    e: Array, drawn: Array, use: Array, craft: Array, noise: float, slack: float, tukey: float
-) -> Tuple[Array, Array]:
-    """Residuals that count, as flat indices (N,), and the weight (N,) float32 of each.
-
-    From its noise, how far borders may still be off, and Tukey's bound.
-    """
-    gx = cv2.Sobel(drawn, cv2.CV_32F, 1, 0, scale=0.125)
-    gy = cv2.Sobel(drawn, cv2.CV_32F, 0, 1, scale=0.125)
-    rows = np.flatnonzero(use)
-    craft = craft.ravel().take(rows)
-    gx, gy, e = (a.ravel().take(rows) for a in (gx, gy, e))
-    slope = np.float32(slack) * (gx * gx + gy * gy)
-    flat = slope < noise**2
-    spread = []
-    for part in (~craft, craft):
-        sample = np.abs(e[part & flat])[::2]
-        middle = float(np.partition(sample, len(sample) // 2)[len(sample) // 2]) if len(sample) else 0.0
-        spread.append(max(1.4826 * middle, noise) ** 2)
-    variance = np.array(spread, np.float32).take(craft.view(np.uint8)) + slope
-    weight = np.clip(1 - e * e / (np.float32(tukey) * variance), 0, None) ** 2 / variance
-    counts = np.flatnonzero(weight)
-    return rows.take(counts), weight.take(counts)
+    if shading.group.dtype != np.uint8:
+        return many_groups.gram(shading, faces, patch, camera, R, t, blurs_px, noise, slack, tukey, joint)
+    (h, w), f = patch.gray.shape, patch.fine
+    out, total = np.empty(ROOM), np.zeros(1)
+    packed = library().fly_normal_equations(
+        pose_motion(shading, faces, patch, camera, R, t),
+        contiguous(shading.group, "uint8", (h * f, w * f)),
+        contiguous(shading.centre, "uint8", (h, w)),
+        contiguous(shading.picture, "float32", (h, w)),
+        contiguous(patch.blurred(blurs_px[1]), "float32", (h, w)),
+        h,
+        w,
+        f,
+        response_tables(patch.response),
+        *(gaussian(b) for b in blurs_px),
+        noise,
+        slack,
+        tukey,
+        min(joint, MOST - 1),
+        out,
+        total,
+    )
+    if packed < 0:
+        raise MemoryError("no memory for a step's normal equations")
+    k, rows = packed % PACK + 7, packed // PACK
+    return out[: k * k].reshape(k, k), float(total[0]), int(rows)
 
 
 def projected(G: Array) -> Tuple[Array, Array, float]:
@@ -275,17 +259,20 @@ def photo_score(
 
 def explained(shading: Shading, patch: ImagePatch) -> float:
     """The same of a craft that is drawn already."""
-    if "none" not in patch.kept:
-        noise = patch.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
-        none = (patch.blurred(SCORE_BLUR_PX) - patch.background) / noise
-        patch.kept["none"] = noise, none, _bounded(none)
-    noise, none, least = patch.kept["none"]
+    noise, none, least = _without_craft(patch)
     blurs = OPTICS_PX / patch.factor, SCORE_BLUR_PX, 1.0
     left = _unexplained(shading, patch, noise, none, blurs, BOUND**2, COVERED)
     return 1.0 - left / max(least, 1e-9)
 
 
-@accelerated(native_gains.unexplained, _in_bytes)
+@functools.lru_cache(maxsize=4)
+def _without_craft(patch: ImagePatch) -> Tuple[float, Array, float]:
+    """Noise of the patch blurred for the score, deviations (h, w) from its background, and what they leave."""
+    noise = patch.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
+    none = (patch.blurred(SCORE_BLUR_PX) - patch.background) / noise
+    return noise, contiguous(none, "float32"), bounded(none, BOUND**2)
+
+
 def _unexplained(
     shading: Shading,
     patch: ImagePatch,
@@ -302,15 +289,29 @@ def _unexplained(
     noise : of the patch blurred for this. none : (h, w) deviations without the craft, which hold where no more than
         ``covered`` of a pixel is. blurs_px : of the optics, the score, and what is covered. bound : squared.
     """
-    lens, blur, cover_blur = blurs_px
-    drawn = patch.response.of(blurred(shading.picture, lens))[0]
-    e = (patch.blurred(blur) - blurred(drawn, blur)) / noise
-    if patch.textured:
-        # clutter beside the craft is no pose's merit or fault
-        h, w = e.shape
-        cover = cv2.resize((shading.group > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
-        e = np.where(blurred(cover, cover_blur) > covered, e, none)
-    return _bounded(e, bound)
+    if shading.group.dtype != np.uint8:
+        return many_groups.unexplained(shading, patch, noise, none, blurs_px, bound, covered)
+    (h, w), f = patch.gray.shape, patch.fine
+    optics, score, cover = (gaussian(b) for b in blurs_px)
+    left: float = library().fly_photometric_cost(
+        contiguous(shading.picture, "float32", (h, w)),
+        contiguous(shading.group, "uint8", (h * f, w * f)),
+        h,
+        w,
+        f,
+        optics,
+        response_tables(patch.response),
+        contiguous(patch.blurred(blurs_px[1]), "float32", (h, w)),
+        score,
+        noise,
+        bound,
+        contiguous(none, "float32", (h, w)) if patch.textured else None,
+        cover,
+        covered,
+    )
+    if left < 0:
+        raise MemoryError("no memory to compare a drawn craft with the picture")
+    return left
 
 
 def photo_likeness(
@@ -345,7 +346,7 @@ def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:
     gray = gray[on].astype(float)
     if len(gray) < 30 or not gray.std() * drawn.std() > 0:
         return 0.0, 0.0
-    covered = 1.0 - _bounded((gray - drawn) / noise) / max(_bounded(none), 1e-9)
+    covered = 1.0 - bounded((gray - drawn) / noise, BOUND**2) / max(bounded(none, BOUND**2), 1e-9)
     return float(np.corrcoef(gray, drawn)[0, 1]), covered
 
 
@@ -353,8 +354,3 @@ def burnt_share(shading: Shading, patch: ImagePatch) -> float:
     """Share of what a drawn craft covers that is at the end of the picture's scale."""
     on = shading.centre > 0
     return float((patch.gray[on] > BURNT_OUT * patch.full).mean()) if on.any() else 0.0
-
-
-def _bounded(e: Array, bound: float = BOUND**2) -> float:
-    # the noise itself costs one everywhere: it is nobody's fault
-    return float(np.maximum(np.minimum(e * e, bound) - 1.5, 0.0).sum())

@@ -9,8 +9,9 @@ import numpy as np
 
 from flyaround.hil.board.svd.geometry import quaternion as quat
 from flyaround.hil.board.svd.image.observation import Observation
-from flyaround.hil.board.svd.model.face_gains import OPTICS_PX, blurred
+from flyaround.hil.board.svd.model.face_gains import OPTICS_PX
 from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.svd.model.many_groups import blurred
 from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
 from flyaround.hil.board.svd.refine.photometric import photo_draw
 from flyaround.hil.board.svd.refine.shadows import search_sun

@@ -70,6 +70,7 @@ class TrackingEstimator(Estimator):
     """
 
     method = "svd-track"
+    needs_library = True
     keeps_state = True
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:

@@ -18,8 +18,9 @@ from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, S
 from flyaround.hil.board.svd.image.edge_field import edge_field
 from flyaround.hil.board.svd.image.observation import Observation
 from flyaround.hil.board.svd.image.region import Region
-from flyaround.hil.board.svd.model.face_gains import OPTICS_PX, blurred
+from flyaround.hil.board.svd.model.face_gains import OPTICS_PX
 from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.svd.model.many_groups import blurred
 from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from flyaround.hil.board.svd.refine.close import CLOSE_PX
 from flyaround.hil.board.svd.refine.final import refine_to_end

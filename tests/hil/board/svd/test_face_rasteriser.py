@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 import trimesh
+from kernel_oracle.raster import rays_to_faces
 from scipy.optimize import brentq
 
 from flyaround.hil.board.svd import BoardModelError, CameraIntrinsics
@@ -23,10 +24,11 @@ from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
 from flyaround.hil.board.svd.geometry.response import Response
 from flyaround.hil.board.svd.image.noise import clipped_noise
 from flyaround.hil.board.svd.image.observation import Observation
-from flyaround.hil.board.svd.model.face_gains import blurred, coverage, shade
+from flyaround.hil.board.svd.model.face_gains import shade
 from flyaround.hil.board.svd.model.image_patch import cut_patch, straightened
+from flyaround.hil.board.svd.model.many_groups import blurred, coverage
 from flyaround.hil.board.svd.model.rasteriser import draw_faces, fill_faces, order_faces
-from flyaround.hil.board.svd.model.shadow_map import ShadowMap, ShadowMapTable, rays_to_faces
+from flyaround.hil.board.svd.model.shadow_map import ShadowMap, ShadowMapTable
 from flyaround.hil.board.svd.refine.motion_images import motion_images
 from flyaround.hil.board.svd.refine.parallel import Pruning
 from flyaround.hil.board.svd.refine.photometric import RELAX, photo_align, photo_likeness, photo_score

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from kernel_oracle.learned import convolve
 from scipy.signal import correlate
 
 from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
@@ -23,7 +24,7 @@ from flyaround.hil.board.svd.propose.learned.learned_proposal import (
     network_for,
     plausible_crops,
 )
-from flyaround.hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, ProposalNetwork, convolve
+from flyaround.hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, ProposalNetwork
 from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop, crop_image
 from flyaround.hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
 from flyaround.hil.evaluate.method_choice import board_model

@@ -12,7 +12,7 @@ from flyaround.hil.board.svd.image.edge_field import shrink
 from flyaround.hil.board.svd.image.observation import Observation
 from flyaround.hil.board.svd.image.region import Region
 from flyaround.hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from flyaround.hil.board.svd.model.face_gains import blurred
+from flyaround.hil.board.svd.model.many_groups import blurred
 from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
 from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
 from flyaround.hil.board.svd.model.shadow_map import ShadowMap

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from kernel_oracle.learned import convolve
 
 from flyaround.hil.board.svd import CameraIntrinsics
 from flyaround.hil.board.svd.geometry import quaternion as quat
@@ -18,10 +19,9 @@ from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, S
 from flyaround.hil.board.svd.image.edge_field import edge_field
 from flyaround.hil.board.svd.image.observation import Observation
 from flyaround.hil.board.svd.image.region import Region
-from flyaround.hil.board.svd.model.face_gains import _boxes
 from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.svd.model.many_groups import _boxes
 from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
-from flyaround.hil.board.svd.propose.learned.network import convolve
 from flyaround.hil.board.svd.refine.edges import limit_one_step, limit_step
 from flyaround.hil.board.svd.refine.parallel import Drawings, Pruning, draw, draw_shadows, refine_in_parallel
 from flyaround.hil.board.svd.refine.photometric import explained, photo_draw, photo_step

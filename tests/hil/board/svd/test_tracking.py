@@ -11,7 +11,7 @@ from flyaround.__main__ import run
 from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
 from flyaround.hil.board.svd.geometry import quaternion as quat
 from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
-from flyaround.hil.board.svd.model.face_gains import blurred
+from flyaround.hil.board.svd.model.many_groups import blurred
 from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
 from flyaround.hil.board.svd.tracking.edge_tracker import track_edges
 from flyaround.hil.board.svd.tracking.pose_filter import first_state, innovation, predict, update

@@ -148,8 +148,6 @@ int fly_downsample(const struct region *r, int64_t h, int64_t w, float *out)
     return 0;
 }
 
-/* edge_field.py's shrink: pixels (h, w) of so many bytes each, stride of them from row to row, into out (high,
- * wide). */
 int64_t fly_area_average(const void *pixels, int64_t bytes, int64_t stride, int64_t h, int64_t w, int64_t high,
                          int64_t wide,
                    float *out)

@@ -2,7 +2,7 @@
 #ifndef FLYAROUND_AREA_AVERAGE_H
 #define FLYAROUND_AREA_AVERAGE_H
 
-#include <stdint.h>
+#include "kernels.h"
 
 /* A picture or a region of one: its first pixel, whose type is told by its size in bytes (1 and 2 unsigned whole
  * numbers, 4 float), its rows and columns, and pixels from one row to the next. */

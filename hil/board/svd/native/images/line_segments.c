@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "raster/face_mesh.h"
+#include "kernels.h"
 
 /* Cosine of the tolerance of directions, 22.5 deg, and the chance that a direction lies within it; share of a
  * rectangle that its pixels
@@ -231,9 +231,6 @@ static int shortened(struct field *f, struct rectangle *r)
     return 1;
 }
 
-/* Segments of a picture (h, w), two each way at least: x1 y1 x2 y2 [px of it] into out (most, 4); how many, -1 where
- * there is no memory.
- */
 int64_t fly_line_segments(const uint8_t *picture, int64_t h, int64_t w, double least, int64_t most, double *out)
 {
     const double tests = 2.5 * (log10((double)w) + log10((double)h)) + log10(11.0);

@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "raster/face_mesh.h"
+#include "kernels.h"
 
 /* Values of the mask: from zero to four times twice the scale; and counts that run side by side, for many pixels beside
  * each other are the same. */
@@ -42,13 +42,10 @@ static double median(const int64_t *count, int64_t n)
     return 0.0;
 }
 
-/* Into out (3,): the mask's median over strips of three rows, step strips apart; how many of these pixels lie well
- * inside the scale, by noise of that size; and the median over them. h and w at least three; -1 where there is no
- * memory.
- */
-int64_t fly_noise(const uint8_t *image, int64_t bytes, int64_t stride, int64_t h, int64_t w, int64_t step,
+int64_t fly_noise(const void *pixels, int64_t bytes, int64_t stride, int64_t h, int64_t w, int64_t step,
                   double full_scale, double *out)
 {
+    const uint8_t *image = pixels;
     const int64_t wide = w - 2, strips = (h - 3) / (3 * step) + 1, n = strips * wide;
     uint32_t some[BESIDE][VALUES] = {{0}};
     int64_t count[VALUES], k, i, inside = 0;

@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "raster/face_mesh.h"
+#include "kernels.h"
 
 /* Sums that run side by side, so that a compiler may use what adds several numbers at once. */
 #define LANES 8
@@ -78,11 +78,6 @@ static void waves(const float *size, const float *cosine, const float *sine, con
     }
 }
 
-/* view_subspaces.py's ViewSubspaces.likelihoods of one place: into out (views, turns).
- *
- * bumps : (3, views, n) size, cosine and sine. said : as above, n a multiple of eight. harmonics : (HARMONICS + 1,)
- * of a bump. circle : (turns, 2) cosine and sine of a turn. -1 where there is no memory.
- */
 int64_t fly_attitude_likelihood(const float *bumps, const float *said, const float *harmonics, const float *circle,
                        int64_t views, int64_t turns, int64_t n, float *out)
 {

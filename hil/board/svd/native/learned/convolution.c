@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "raster/face_mesh.h"
+#include "kernels.h"
 
 #ifdef __AVX2__
 #include <immintrin.h>
@@ -151,11 +151,6 @@ static void convolve(const struct layer *l, const float *in, int64_t side, int16
     }
 }
 
-/* All convolutions of looks (count, side, side, channels) into out; -1 where there is no memory.
- *
- * shape : (layers, 4) taps, stride, channels in and out of each. weights, worth, bias : of all, one after another, see
- * struct layer; the sides of all are whole, taps times channels even.
- */
 int64_t fly_convolutions(const float *looks, int64_t count, int64_t side, const int64_t *shape, int64_t layers,
                          const int16_t *weights, const float *worth, const float *bias, float *out)
 {

@@ -128,10 +128,6 @@ static int crop_image(const struct camera *c, struct crop g, double *place, floa
     return 0;
 }
 
-/* What n crops see, (n, side, side) into out; reduced, of float, may be NULL; -1 where there is no memory.
- *
- * intrinsics : fx fy cx cy. crops : (n, 4) direction and diameter. Both pictures at least 2 x 2.
- */
 int64_t fly_crop_images(const void *image, int64_t bytes, int64_t stride, int64_t h, int64_t w, const float *reduced,
                          int64_t reduced_h, int64_t reduced_w, const double *intrinsics, const double *crops,
                          int64_t n, int64_t side, double sphere, float *out)
@@ -206,9 +202,6 @@ static void mean_about(const float *p, int64_t n, float *out, float *part, float
     }
 }
 
-/* network.py's contrast: count pictures (n, n) with their noise into looks (count, n, n, 2); n more than half of
- * CONTRAST; -1 where there is no memory.
- */
 int64_t fly_contrast(const float *pictures, const float *noise, int64_t count, int64_t n, float *looks)
 {
     const int64_t pixels = n * n;

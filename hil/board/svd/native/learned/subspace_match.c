@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "raster/face_mesh.h"
+#include "kernels.h"
 
 #ifdef __AVX2__
 #include <immintrin.h>
@@ -195,14 +195,6 @@ static void held_by(const int16_t *shapes, const float *worth, const struct smal
             }
 }
 
-/* Share (n,) of the picture that each of n attitudes explains where it does best, and which move (n,) that is.
- *
- * picture : (side, side), side at least two. view, turn : (n,) of the attitudes, those of one turn together. circle :
- * (turns, 2) cosine and sine of each. sizes : (SIZES,). wide : (2, WIDE, WIDE) a blur, and it with rows and columns
- * swapped. basis : (views, SHAPES, NUMBERS) times the window, whole numbers in rows as long as the picture's,
- * with their worth (views, SHAPES). weight : (SIDE, SIDE) the window's square. taken_up :
- * (views,) share that as many shapes explain of noise.
- */
 void fly_subspace_match(const float *picture, int64_t side, const int64_t *view, const int64_t *turn, int64_t n,
                    const double *circle, const double *sizes, const float *wide, const int16_t *basis,
                    const float *worth, const float *weight, const double *taken_up, double *share, int64_t *move)

@@ -48,13 +48,6 @@ static void enlarge(const float *small, int64_t sh, int64_t sw, int64_t h, int64
     }
 }
 
-/* What the background differs from its level by, and its part of the picture.
- *
- * gray : (h, w) the picture, shown the background's mean value on it, level its brightness. core, centre : (h, w) as of
- * fly_face_gains. empty : (h, w) the background's share of each pixel. blur : of means of 4 x 4. Out: behind (h,
- * w), and
- * empty times it added to picture (h, w). Returns -1 where there is no memory; h and w are 2 at least.
- */
 int64_t fly_background(const float *gray, const uint8_t *core, const uint8_t *centre, int64_t h, int64_t w,
                        double shown, double level, const struct response *r, const struct gaussian *blur,
                        const float *empty, float *behind, float *picture)

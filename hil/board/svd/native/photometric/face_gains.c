@@ -298,14 +298,6 @@ static void *laid_out(int64_t faces, int64_t groups, int64_t h, int64_t w, int64
     return block;
 }
 
-/* Levels and picture of a drawn craft (face_gains.py, shade, but for faces that are saturated and what is behind).
- *
- * seen : (h f, w f) face + 1. dark : the same, not 0 in shadow, or NULL. labels : (faces + 1,) group + 1 of each.
- * groups : how many labels there are with the background's. gray : (h, w) the picture, sigma its noise.
- * Out: group (h f, w f), centre and core (h, w), picture (h, w), level and area (256,), shown : the background's mean
- * value; empty : (h, w) the background's share of each pixel, unless NULL.
- * Returns the number of groups, 0 where a byte holds too few, -1 where there is no memory.
- */
 int64_t fly_face_gains(const int32_t *seen, const uint8_t *dark, const uint16_t *labels, int64_t faces, int64_t groups,
                   const float *gray, int64_t h, int64_t w, int64_t f, double sigma, const struct response *r,
                   uint8_t *group, uint8_t *centre, uint8_t *core, float *picture, double *level, int64_t *area,

@@ -4,30 +4,15 @@
 #ifndef FLYAROUND_IMAGE_FORMATION_H
 #define FLYAROUND_IMAGE_FORMATION_H
 
-#include <stdint.h>
 #include <stdlib.h>
+
+#include "kernels.h"
 
 /* Brightness groups that a byte holds (face_gains.py, LABELS). */
 #define LABELS 255
 
 /* Widest blur that a kernel takes [px]; the caller sees to it. */
 #define WIDEST 64
-
-/* A Gaussian as OpenCV makes it: 2 reach + 1 taps, symmetric; a reach of zero is no blur. */
-struct gaussian {
-    const float *taps;
-    int64_t reach;
-};
-
-/* What a picture shows of a brightness (response.py, Response): its noise before it is cut off at zero, 0 where the
- * scale cuts nothing off; where the scale ends; its tables. */
-struct response {
-    double sigma, full;
-    const float *lift, *share; /* (2 REACH STEPS + 1,) of tables */
-    const double *x, *below;   /* (entries,) of means, times sigma */
-    int64_t entries;
-    int64_t end; /* where the scale ends, in steps of the tables */
-};
 
 /* Drawn pixels of a patch. */
 struct drawing {

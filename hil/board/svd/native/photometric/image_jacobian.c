@@ -179,7 +179,6 @@ float *fly_patch_rays(const struct pose_motion *m, struct drawing d, struct rays
     return block;
 }
 
-/* Derivatives (6, h, w) of the drawn picture by turn and shift, not blurred (motion_images.py); -1 : no memory. */
 int64_t fly_image_jacobian(const struct pose_motion *m, const uint8_t *group, int64_t h, int64_t w, int64_t f,
                            float *out)
 {

@@ -10,18 +10,6 @@
 /* All of them at once; each rounds as it does alone. */
 typedef float lanes __attribute__((vector_size(4 * WIDE), may_alias));
 
-/* A drawn craft that moves. */
-struct pose_motion {
-    const int32_t *seen;  /* (h f, w f) face + 1 */
-    const double *level;  /* (256,) brightness of each group */
-    const float *behind;  /* (h, w) what the background differs from its level by, or NULL */
-    const double *normal; /* (faces, 3) outward, target frame */
-    const double *offset; /* (faces,) plane n.x = offset [m] */
-    int64_t faces;
-    const double *R, *t;           /* camera from target: (3, 3), (3,) [m] */
-    double u, v, step_u, step_v;   /* normalised coordinates of the first drawn pixel, and from one to the next */
-};
-
 /* What the row of a patch is made from: inverse depth n / d of each face's plane, zero first; the rays' coordinates
  * at drawn columns and half-way to the next ones, the patch pixel that each lies in, and whether it is its last.
  */

@@ -118,14 +118,6 @@ static int laid_out(int64_t h, int64_t w, struct memory *m)
     return 0;
 }
 
-/* Normal matrix of a step's rows: brightnesses of groups, the six of the pose, and the residual.
- *
- * d's arrays : the craft drawn at the pose, m what moves it, centre (h, w) groups at middles, picture (h, w) drawn.
- * gray : (h, w) the picture through blur. optics : blur of the optics; both : it and blur together. noise : of gray
- * where it is blurred. slack, tukey : see fly_robust_weights. most : groups whose brightness is found.
- * Out: G (n + 7, n + 7) with room for MOST + 7, and sum of the weights.
- * Returns n + 1000 times the rows that count, -1 where there is no memory.
- */
 int64_t fly_normal_equations(const struct pose_motion *m, const uint8_t *group, const uint8_t *centre,
                              const float *picture,
                  const float *gray, int64_t h, int64_t w, int64_t f, const struct response *r,

@@ -25,13 +25,6 @@ static double bounded(const float *e, int64_t n, float bound)
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-/* Bounded squared deviations of the picture from the drawn craft, in units of the noise, summed.
- *
- * picture : (h, w) drawn, as sharp as it was drawn. optics : blur of the optics. gray : (h, w) the picture through
- * score's blur, noise that of its pixels. bound : of a squared deviation. none : (h, w) deviations without the craft,
- * which hold where the craft, through cover's blur, covers no more than covered; NULL where they hold nowhere.
- * Returns -1 where there is no memory.
- */
 double fly_photometric_cost(const float *picture, const uint8_t *group, int64_t h, int64_t w, int64_t f,
                      const struct gaussian *optics, const struct response *r, const float *gray,
                      const struct gaussian *score, double noise, double bound, const float *none,

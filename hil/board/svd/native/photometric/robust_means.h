@@ -2,7 +2,7 @@
 #ifndef FLYAROUND_ROBUST_MEANS_H
 #define FLYAROUND_ROBUST_MEANS_H
 
-#include <stdint.h>
+#include "kernels.h"
 
 /* Pixels of one group and kind beside each other. */
 struct run {

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "raster/face_mesh.h"
+#include "kernels.h"
 
 /* rasteriser.py's BORDER_PX and NARROW_PX [px], and where coordinates end [px] */
 #define BORDER 0.48
@@ -358,7 +358,6 @@ static void paint(const struct picture *out, struct block *b, double least, int 
     }
 }
 
-/* rasteriser.py's fill_faces: polygons p (n, 4, 2) into seen (h, w), which holds zeros, as order (n,) + 1. */
 void fly_fill_faces(const double *p, const int64_t *order, int64_t n, double least, int exact, int32_t *seen,
                     int64_t h, int64_t w)
 {
@@ -401,8 +400,6 @@ static void project(const double c[3][BLOCK], int64_t n, const double *R, const 
     }
 }
 
-/* rasteriser.py's draw_faces: faces order (n,) seen by a pinhole at R (3, 3), t (3,) into seen (h, w), which holds
- * zeros. */
 void fly_draw_faces(const struct faces *f, const int64_t *order, int64_t n, const double *R, const double *t,
                     const struct view *view, double least, int exact, int32_t *seen, int64_t h, int64_t w)
 {
@@ -447,11 +444,6 @@ static void farthest_first(int64_t *out, double *away, int64_t n)
     }
 }
 
-/* rasteriser.py's order_faces: faces that look at C (3,) [m], the farthest first, into out (M,).
- *
- * Fuchs, Kedem and Naylor (1980): from any place everything behind a node's plane is farther than what is on it.
- * Returns how many; -1 where memory is short.
- */
 int64_t fly_order_faces(const struct faces *f, const double *C, int64_t *out)
 {
     int64_t members = f->first[f->nodes], n = 0, held = 0, i;

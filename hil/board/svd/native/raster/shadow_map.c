@@ -5,11 +5,6 @@
 
 #include "raster/shadow_map.h"
 
-/* shadow_map.py's ShadowMap.of but for its order: polygons p (n, 4, 2) of faces order (n,) on the Sun's picture of
- * side^2 pixels, with where it begins, its pixels and their first middle [m].
- *
- * axes : (3, 3) of the picture and the direction to the Sun. out : origin (2,), then pitch [m].
- */
 void fly_shadow_map_polygons(const struct faces *f, const int64_t *order, int64_t n, const double *axes, int64_t side,
                       double *p, double *out)
 {
@@ -35,10 +30,6 @@ void fly_shadow_map_polygons(const struct faces *f, const int64_t *order, int64_
         p[i] = (p[i] - out[i & 1]) / pitch;
 }
 
-/* Heights (side, side) [m] along the Sun's direction of what it sees (side, side); -1000 where that is nothing.
- *
- * at : origin (2,), then pitch [m]. Returns 0; -1 where memory is short.
- */
 int fly_shadow_map_heights(const struct faces *f, const double *axes, const double *at, const int32_t *seen,
                            int64_t side,
                     float *height)
@@ -77,15 +68,6 @@ int fly_shadow_map_heights(const struct faces *f, const double *axes, const doub
     return 0;
 }
 
-/* The Sun's picture. */
-struct sun {
-    const double *axes;  /* (3, 3) of the picture and the direction to the Sun, target frame */
-    const double *at;    /* origin (2,), then pitch [m] */
-    const float *height; /* (side, side) [m] */
-    const void *seen;    /* (side, side) face + 1: uint16 or int32 */
-    int64_t side, bytes; /* of each of ``seen`` */
-};
-
 /* What a face is to a Sun and a pose. */
 struct facing {
     float inverse[3]; /* depth along a ray */
@@ -120,12 +102,6 @@ static void behind(const struct sun *sun, const float inverse[3], float along[3]
     }
 }
 
-/* shadow_map.py's ShadowMap.shadows: drawn pixels (h, w) that look at the Sun but lie behind something, into dark
- * (h, w),
- * which holds zeros.
- *
- * seen : (h, w) face + 1 at the pose R (3, 3), t (3,). Returns 0; -1 where memory is short.
- */
 int fly_shadows(const struct faces *f, const struct sun *sun, const struct view *view, const double *R,
                 const double *t, const int32_t *seen, int64_t h, int64_t w, uint8_t *dark)
 {
@@ -188,7 +164,6 @@ int fly_shadows(const struct faces *f, const struct sun *sun, const struct view 
     return 0;
 }
 
-/* course.py's _middle: mean column and row of the pixels of seen (h, w) that show the craft; returns how many. */
 int64_t fly_mean_pixel(const int32_t *seen, int64_t h, int64_t w, double *out)
 {
     int64_t columns = 0, rows = 0, n = 0, x, y;

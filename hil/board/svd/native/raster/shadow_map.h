@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#include "raster/face_mesh.h"
+#include "kernels.h"
 
 /* shadow_map.py's SKIN_M [m] and GRAZING */
 #define SKIN 0.006

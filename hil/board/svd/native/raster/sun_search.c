@@ -13,26 +13,6 @@
 typedef float line __attribute__((vector_size(4 * LINE), aligned(4), may_alias));
 typedef int32_t whole __attribute__((vector_size(4 * LINE), may_alias));
 
-/* shadow_map.py's ShadowMapTable: pictures from S directions. */
-struct sun_table {
-    const double *frames; /* (3, S, 3) axes of each picture and its direction */
-    const double *origin; /* (S, 2) [m] */
-    const double *pitch;  /* (S,) [m] */
-    const float *height;  /* (S, side, side) [m] */
-    int64_t directions, side;
-};
-
-/* The drawn craft and the picture, for the Sun's search. */
-struct sun_image {
-    const int32_t *seen;   /* (h * fine, w * fine) face + 1 */
-    const void *centre;    /* (h, w) label at a patch pixel's middle: uint8 or uint16 */
-    const uint8_t *good;   /* (labels,) whether pixels of it may be looked at */
-    const float *gray;     /* (h, w) */
-    const int64_t *group;  /* (T,) of each face */
-    int64_t h, w, fine, groups, labels, bytes; /* of each of ``centre`` */
-    float darkest;         /* least of ``gray`` */
-};
-
 static int may(const struct sun_image *p, int64_t at)
 {
     int64_t label = p->bytes == 1 ? ((const uint8_t *)p->centre)[at] : ((const uint16_t *)p->centre)[at];
@@ -254,11 +234,6 @@ static void spread(const struct points *p, float *scratch, float *lowest, float 
     *scale = (float)(1.0 / (SPREAD * sqrt(squares / (double)p->n) + 0.2));
 }
 
-/* ShadowMapTable.find but for the choice: what is left by each of the directions some (n,), into costs (n,).
- *
- * dim : brightness that is as good as none. most : points that are looked at. Returns how many were, whose costs
- * stand where they are 40; -1 where memory is short.
- */
 int64_t fly_sun_costs(const struct faces *f, const struct sun_table *table, const struct sun_image *picture,
                       const struct view *view, const double *R, const double *t, double dim, int64_t most,
                       const int64_t *some, int64_t n, double *costs)

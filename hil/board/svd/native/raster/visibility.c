@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "raster/face_mesh.h"
+#include "kernels.h"
 
 /* visibility.py's SKIN_M [m], and the least cosine at which a face counts as seen */
 #define SKIN 0.006
@@ -10,22 +10,6 @@
 
 /* Triangles that are looked at before it is asked whether one of them was hit. */
 #define BLOCK 32
-
-/* samples.py's EdgeSamples. */
-struct samples {
-    const double *points;   /* (S, 3) [m] */
-    const double *tangents; /* (S, 3) */
-    const double *radius;   /* (S,) signed offset of a round member's outline [m] */
-    const double *normals;  /* (S, 2, 3) of the faces beside, zero where there is none */
-    const int64_t *faces;   /* (S,) how many there are */
-    int64_t n;
-};
-
-/* visibility.py's OccludingTriangles. */
-struct occluders {
-    const double *v0, *e1, *e2, *n; /* (T, 3) [m], [m^2] */
-    int64_t triangles;
-};
 
 static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -114,8 +98,6 @@ static int hit(const float *restrict rows, int64_t room, int64_t n, const float 
     return 0;
 }
 
-/* visibility.py's visible_samples from C (3,) [m]: visible (S,) and outline (S,). Returns 0; -1 where memory is
- * short. */
 int fly_visible_samples(const struct samples *s, const struct occluders *o, const double *C, uint8_t *visible,
                 uint8_t *outline)
 {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Optional, Sequence
+from typing import Optional, Sequence
 
 import cv2
 import numpy as np
@@ -11,9 +11,9 @@ import numpy as np
 from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
 from flyaround.hil.board.svd.geometry.vectors import length, swing
 from flyaround.hil.board.svd.image.edge_field import area_mean
-from flyaround.hil.board.svd.native.backend import accelerated
-from flyaround.hil.board.svd.native.images.image_functions import readable
-from flyaround.hil.board.svd.native.learned import network_input as native
+from flyaround.hil.board.svd.image.image_region import library_reads, region
+from flyaround.hil.board.svd.native.interface import contiguous
+from flyaround.hil.board.svd.native.library import library
 from flyaround.hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
 
 Array = np.ndarray
@@ -72,11 +72,6 @@ def crop_image(
     return crop_images(image, camera, [crop], side_px, sphere_px, reduced)[0]
 
 
-def _undistorted(image: Array, camera: CameraIntrinsics, *_: Any) -> bool:  # noqa: ANN401 - what it is not asked about
-    return not camera.distorted and readable(image)
-
-
-@accelerated(native.crop_images, _undistorted)
 def crop_images(
     image: Array,
     camera: CameraIntrinsics,
@@ -86,10 +81,23 @@ def crop_images(
     reduced: Optional[Array] = None,
 ) -> Array:
     """(N, side, side) the same of many crops."""
-    return np.stack([_crop_image(image, camera, g, side_px, sphere_px, reduced) for g in crops])
+    if camera.distorted or not library_reads(image):
+        return np.stack([_crop_by_opencv(image, camera, g, side_px, sphere_px, reduced) for g in crops])
+    whole = None if reduced is None else contiguous(reduced, "float32")
+    if min(image.shape) < 2 or (whole is not None and min(whole.shape) < 2):
+        raise ValueError("an image to crop must have two rows and two columns")
+    intrinsics = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
+    given = np.array([[*c.direction, c.diameter_px] for c in crops], float).reshape(-1, 4)
+    n, out = len(given), np.empty((len(given), side_px, side_px), np.float32)
+    shape = (0, 0) if whole is None else whole.shape
+    if library().fly_crop_images(
+        *region(image), whole, *shape, intrinsics, given, n, side_px, sphere_px, out
+    ):
+        raise MemoryError("no memory to crop an image")
+    return out
 
 
-def _crop_image(
+def _crop_by_opencv(
     image: Array,
     camera: CameraIntrinsics,
     crop: ImageCrop,

@@ -17,7 +17,6 @@ from typing import List, Optional, Tuple
 
 import cv2
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 
 from flyaround.hil.board.svd.geometry import quaternion as quat
 from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
@@ -26,9 +25,10 @@ from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
 from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
 from flyaround.hil.board.svd.model.target_model import BoardModel
 from flyaround.hil.board.svd.model.view_tables import look_at, sphere_directions
-from flyaround.hil.board.svd.native.backend import accelerated
-from flyaround.hil.board.svd.native.learned import attitude_likelihood as native
+from flyaround.hil.board.svd.native.interface import contiguous
+from flyaround.hil.board.svd.native.library import library
 from flyaround.hil.board.svd.propose.learned.attitude_basis import harmonics, quartered, turning_bumps
+from flyaround.hil.board.svd.propose.learned.convolution import whole_numbers
 from flyaround.hil.board.svd.propose.learned.network import INPUT_FILL
 from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop, crop_image
 
@@ -116,26 +116,13 @@ class ViewSubspaces:
         return ViewSubspaces(basis, size, q, turning_bumps(straight), window)
 
     @cached_property
-    def waves(self) -> Array:
-        """(HARMONICS + 1, V, ANCHORS) complex64 harmonics of the bumps; the kernels make them as they go."""
-        size, cosine, sine = (self.bumps[k].astype(float) for k in range(3))
-        step = cosine - 1j * sine
-        out = np.empty((len(HARMONICS), *size.shape), np.complex64)
-        wave = size.astype(complex)
-        for m, h in enumerate(HARMONICS):
-            out[m] = h * wave
-            wave *= step
-        return out
-
-    @cached_property
     def packed(self) -> Tuple[Array, Array]:
-        """The basis as C takes it."""
-        return native.packed(self.basis)
-
-    @property
-    def tables(self) -> Tuple[Array, Array, Tuple[float, ...], Array]:
-        """Constants of the C twins: harmonics of a bump, cosine and sine of each turn, sizes, blur of one line."""
-        return HARMONICS, _circle(), SIZES, _wide()
+        """The basis as the library takes it: whole numbers in rows as long as the moved picture's, and their worth."""
+        views, shapes, _ = self.basis.shape
+        rows = np.zeros((views, shapes, SIDE_PX, SIDE_PX + 2 * SHIFTS_PX), np.float32)
+        rows[..., :SIDE_PX] = self.basis.reshape(views, shapes, SIDE_PX, SIDE_PX)
+        whole, worth = whole_numbers(rows.reshape(views, shapes, -1))
+        return whole, worth.astype(np.float32)
 
     def rank(
         self,
@@ -194,7 +181,19 @@ class ViewSubspaces:
 
     def likelihoods(self, coefficients: Array) -> Array:
         """(N, V * TURNS) the same of many places; coefficients (N, 4, ANCHORS)."""
-        return _likelihoods(self, quartered(coefficients))
+        return np.stack([self._likelihood(said) for said in quartered(coefficients)])
+
+    def _likelihood(self, said: Array) -> Array:
+        """(V * TURNS,) log-likelihoods of coefficients (4, ANCHORS) of ``attitude_basis.quartered``."""
+        _, views, n = self.bumps.shape
+        if n % 8:
+            raise ValueError(f"the library takes rows of a multiple of 8, not {n}")
+        out, circle = np.empty(views * TURNS, np.float32), contiguous(_circle(), "float32")
+        said = contiguous(said, "float32", (QUARTERS, n))
+        bumps, waves = contiguous(self.bumps, "float32"), contiguous(HARMONICS, "float32")
+        if library().fly_attitude_likelihood(bumps, said, waves, circle, views, TURNS, n, out):
+            raise MemoryError("no memory for the likelihood of attitudes")
+        return out
 
     def _explained(
         self,
@@ -210,7 +209,7 @@ class ViewSubspaces:
         picture = cv2.blur(picture, (2, 2), anchor=(0, 0))
         view, turn = chosen // TURNS, chosen % TURNS
         taken = self.size / (INDEPENDENT * float(self.window.sum()))
-        share, at = _explained_shares(self, picture, view, turn, taken)
+        share, at = self._explained_shares(picture, view, turn, taken)
         moves = _moves()[at]
         # back from the turned small picture to half sides of a look
         angle = 2 * np.pi * turn / TURNS
@@ -219,66 +218,45 @@ class ViewSubspaces:
         x, y = unit * (c * moves[:, 0] - s * moves[:, 1]), unit * (s * moves[:, 0] + c * moves[:, 1])
         return share, np.stack([x, y, moves[:, 2]], axis=-1)
 
+    def _explained_shares(
+        self, picture: Array, view: Array, turn: Array, taken: Array
+    ) -> Tuple[Array, Array]:
+        """Share (C,) that attitudes explain at their best move, and its number (C,).
 
-@accelerated(native.likelihoods)
-def _likelihoods(views: ViewSubspaces, said: Array) -> Array:
-    """(N, V * TURNS) log-likelihoods of ``attitude_basis.quartered`` coefficients (N, 4, ANCHORS)."""
-    even, odd = said[:, :2], said[:, 2] - 1j * said[:, 3]
-    # a look turned by a quarter sees another turn of the same direction: by a factor of -i to the power of m
-    of_power = [even[:, 0], odd, even[:, 1], odd.conj()]
-    sums = np.stack([w @ of_power[m % QUARTERS].T.astype(np.complex64) for m, w in enumerate(views.waves)])
-    c, s = _circle().T
-    turns = (c + 1j * s)[:, None] ** np.arange(len(HARMONICS))
-    likely = np.real(np.tensordot(turns, sums, axes=1))
-    return np.ascontiguousarray(likely.transpose(2, 1, 0).reshape(len(said), -1), np.float32)
-
-
-@accelerated(native.explained_shares)
-def _explained_shares(
-    views: ViewSubspaces, picture: Array, view: Array, turn: Array, taken: Array
-) -> Tuple[Array, Array]:
-    """Share (C,) that attitudes explain at their best move, and its number (C,).
-
-    Parameters
-    ----------
-    taken : (V,) share that noise gives to as many shapes.
-    """
-    share, at = np.zeros(len(view)), np.zeros(len(view), int)
-    weight = views.window.ravel() ** 2
-    for k in np.unique(turn):
-        rows = np.flatnonzero(turn == k)
-        X = _moved(picture, 2 * np.pi * float(k) / TURNS)
-        energy = (X * X) @ weight + 1e-9
-        P = views.basis[view[rows]].reshape(-1, X.shape[1]) @ X.T
-        S = np.einsum("vks,vks->vs", *2 * [P.reshape(len(rows), SHAPES, -1)]) / energy
-        own = taken[view[rows]][:, None]
-        S = np.clip((S - own) / (1 - own), 0.0, 0.99)
-        at[rows] = S.argmax(axis=1)
-        share[rows] = S.max(axis=1)
-    return share, at
-
-
-def _moved(picture: Array, turn: float) -> Array:
-    """(moves, N) the picture turned back, at every size and shift, without wide structures."""
-    n, m, shifts = SIDE_PX, SIDE_PX + 2 * SHIFTS_PX, 2 * SHIFTS_PX + 1
-    out = np.empty((len(SIZES), shifts, shifts, n, n), np.float32)
-    middle, to = 0.5 * (picture.shape[0] - 1) - 0.5, 0.5 * (m - 1)
-    for size, of_size in zip(SIZES, out):  # noqa: B905 - Python 3.9 has no strict=
-        c, s = 2 * size * np.cos(turn), 2 * size * np.sin(turn)
-        M = np.array([[c, -s, middle - (c - s) * to], [s, c, middle - (s + c) * to]])
-        small = _narrow(
-            cv2.warpAffine(
-                picture,
-                M,
-                (m, m),
-                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-                borderMode=cv2.BORDER_REPLICATE,
-            )
+        Parameters
+        ----------
+        picture : (n, n). view, turn : (C,) of each attitude. taken : (V,) share that noise gives to as many shapes.
+        """
+        side, count, m = len(picture), len(view), SIDE_PX + 2 * SHIFTS_PX
+        if side < 2 or not _within(view, len(self.size)) or not _within(turn, TURNS):
+            raise ValueError("views and turns must be of those that there are")
+        # those of one turn together
+        order = np.argsort(turn, kind="stable")
+        share, move = np.empty(count), np.empty(count, np.int64)
+        whole, worth = self.packed
+        library().fly_subspace_match(
+            contiguous(picture, "float32", (side, side)),
+            side,
+            contiguous(view[order], "int64", (count,)),
+            contiguous(turn[order], "int64", (count,)),
+            count,
+            contiguous(_circle(), "float64"),
+            np.array(SIZES),
+            contiguous(np.stack([_wide().T, _wide()]), "float32", (2, m, m)),
+            contiguous(whole, "int16", (len(self.size), SHAPES, SIDE_PX * m)),
+            worth,
+            contiguous(self.window * self.window, "float32", (SIDE_PX, SIDE_PX)),
+            contiguous(taken, "float64", (len(self.size),)),
+            share,
+            move,
         )
-        sy, sx = small.strides
-        shifted = as_strided(small, (shifts, shifts, n, n), (sy, sx, sy, sx), writeable=False)
-        of_size[:] = shifted
-    return out.reshape(-1, n * n)
+        back = np.empty(count, np.intp)
+        back[order] = np.arange(count)
+        return share[back], move[back]
+
+
+def _within(numbers: Array, count: int) -> bool:
+    return not len(numbers) or (int(numbers.min()) >= 0 and int(numbers.max()) < count)
 
 
 def _narrow(picture: Array) -> Array:

@@ -1,45 +1,30 @@
-"""The learned proposal by the C kernels: what it is shown, its network, and its attitudes are those of numpy."""
+"""The learned proposal by the compiled library: what it is shown, its network, and its attitudes are numpy's."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 import pytest
+from kernel_oracle import learned as oracle
 
 from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
 from flyaround.hil.board.svd.geometry import quaternion as quat
 from flyaround.hil.board.svd.image.edge_field import area_mean
 from flyaround.hil.board.svd.image.line_segments import lsd_stream
 from flyaround.hil.board.svd.image.noise import noise_sigma
-from flyaround.hil.board.svd.native import backend
-from flyaround.hil.board.svd.native.images.image_functions import area_average
-from flyaround.hil.board.svd.native.learned import attitude_likelihood as kernel
-from flyaround.hil.board.svd.native.learned.convolution import Layers, convolutions
-from flyaround.hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, turning_bumps
+from flyaround.hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, quartered, turning_bumps
+from flyaround.hil.board.svd.propose.learned.convolution import Layers, convolutions
 from flyaround.hil.board.svd.propose.learned.learned_proposal import network_for
-from flyaround.hil.board.svd.propose.learned.network import convolve
-from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop, crop_images, network_inputs
+from flyaround.hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX
+from flyaround.hil.board.svd.propose.learned.network_input import (
+    ImageCrop,
+    _crop_by_opencv,
+    crop_images,
+    network_inputs,
+)
 from flyaround.hil.board.svd.propose.learned.view_subspaces import QUARTERS, TURNS, ViewSubspaces
 
-if TYPE_CHECKING:
-    from ctypes import CDLL
-
-pytestmark = pytest.mark.usefixtures("native_kernels")
-
 CAMERA = CameraIntrinsics(480, 300, 750.0, 740.0, 239.5, 149.5)
-
-
-def native() -> CDLL:
-    handle = backend.native_library()
-    assert handle is not None
-    return handle
-
-
-def numpy_from_here(patch: pytest.MonkeyPatch) -> None:
-    patch.setenv("FLYAROUND_KERNELS", "numpy")
-    backend._loaded.cache_clear()
 
 
 def clouds(rng: np.random.Generator) -> np.ndarray:
@@ -65,18 +50,16 @@ def test_area_means_are_opencvs(kind: type) -> None:
     for width, height, x, y in sizes:
         part = picture[y:, x:]
         exact = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA).astype(float)
-        off = np.abs(area_average(native(), part, width, height) - exact)
+        off = np.abs(area_mean(part, width, height) - exact)
         # whole numbers are rounded: a half may fall to either side
         assert np.quantile(off, 0.995) < 1e-4
         assert off.max() < (1e-4 if kind is np.float32 else 1.01)
-    with pytest.raises(ValueError, match="a kernel reduces"):
-        area_average(native(), picture, 340, 212)
-    # what no kernel reads is reduced all the same: columns apart, and as many rows as there are not
+    # what the library does not read is reduced all the same: columns apart, and as many rows as there are not
     assert area_mean(picture[:, ::2], 40, 30).shape == (30, 40)
     assert area_mean(picture[:5], 40, 8).shape == (8, 40)
 
 
-def test_looks_are_numpys_wherever_they_are_at(choose: pytest.MonkeyPatch) -> None:
+def test_looks_are_numpys_wherever_they_are_at() -> None:
     rng = np.random.default_rng(2)
     picture = clouds(rng)
     reduced = area_mean(picture, 120, 75)
@@ -88,10 +71,13 @@ def test_looks_are_numpys_wherever_they_are_at(choose: pytest.MonkeyPatch) -> No
     args = [
         (p, 2.0, CAMERA, crops, r) for p in (picture, 7 * picture.astype(np.uint16)) for r in (None, reduced)
     ]
-    both = [[(network_inputs(*a), crop_images(a[0], CAMERA, crops, 31, 20.0, a[4])) for a in args]]
-    numpy_from_here(choose)
-    both.append([(network_inputs(*a), crop_images(a[0], CAMERA, crops, 31, 20.0, a[4])) for a in args])
-    for (one, seen), (other, expected) in zip(*both, strict=True):
+    for given in args:
+        image, *_, r = given
+        one, seen = network_inputs(*given), crop_images(image, CAMERA, crops, 31, 20.0, r)
+        expected = np.stack([_crop_by_opencv(image, CAMERA, g, 31, 20.0, r) for g in crops])
+        sphere = INPUT_FILL * INPUT_PX
+        shown = np.stack([_crop_by_opencv(image, CAMERA, g, INPUT_PX, sphere, r) for g in crops])
+        other = oracle.contrast(shown, np.array([2.0 / max(g.diameter_px / sphere, 1.0) for g in crops]))
         # older OpenCV inputs between pixels in 32 steps, and of whole numbers a half may be rounded to either side
         fine = 2e-4 if cv2.__version__ >= "5" else 2e-2
         for a, b, unit in ((one, other, 1.0), (seen, expected, float(expected.max()))):
@@ -102,7 +88,7 @@ def test_looks_are_numpys_wherever_they_are_at(choose: pytest.MonkeyPatch) -> No
 
 
 def test_the_network_is_numpys_to_what_its_weights_leave_out(
-    tango: BoardModel, choose: pytest.MonkeyPatch
+    tango: BoardModel,
 ) -> None:
     net, rng = network_for(tango), np.random.default_rng(3)
     assert net is not None
@@ -112,8 +98,7 @@ def test_the_network_is_numpys_to_what_its_weights_leave_out(
     broken = net(
         np.concatenate([inputs[:1], np.full_like(inputs[:1], np.nan), 1e38 * inputs[:1], inputs[1:2]])
     )
-    numpy_from_here(choose)
-    for one, other in zip(said, net(inputs), strict=True):
+    for one, other in zip(said, oracle.network(net, inputs), strict=True):
         # its file has weights of 11 bits
         np.testing.assert_allclose(one, other, atol=2e-3 * float(np.abs(other).max()))
     for one, other in zip(said, broken, strict=True):
@@ -129,20 +114,19 @@ def test_a_layer_of_whole_numbers_is_exact() -> None:
         # the largest there may be: a unit of each is worth one
         kernel[0, 0, 0], inputs[:, 0, 0, 0] = 32767, 4095
         layers = Layers.of([kernel], [bias], [stride])
-        assert layers is not None
-        exact = np.maximum(convolve(inputs, kernel.astype(np.float32), stride) + bias, 0)
-        made = convolutions(native(), inputs, layers)
+        exact = np.maximum(oracle.convolve(inputs, kernel.astype(np.float32), stride) + bias, 0)
+        made = convolutions(inputs, layers)
         np.testing.assert_allclose(made, exact, rtol=1e-6, atol=1e-6 * exact.max())
         with pytest.raises(ValueError, match="channels"):
-            convolutions(native(), np.zeros((1, 8, 8, channels + 2), np.float32), layers)
-    assert Layers.of([np.zeros((3, 3, 3, 8))], [np.zeros(8)], [1]) is None
+            convolutions(np.zeros((1, 8, 8, channels + 2), np.float32), layers)
+    with pytest.raises(ValueError, match="odd number"):
+        Layers.of([np.zeros((3, 3, 3, 8))], [np.zeros(8)], [1])
 
 
-def test_likelihoods_are_the_sum_of_all_bumps(views: ViewSubspaces, choose: pytest.MonkeyPatch) -> None:
+def test_likelihoods_are_the_sum_of_all_bumps(views: ViewSubspaces) -> None:
     said = np.random.default_rng(5).normal(0, 4, (2, QUARTERS, ANCHORS)).astype(np.float32)
     one = views.likelihoods(said)
-    numpy_from_here(choose)
-    other = views.likelihoods(said)
+    other = oracle.likelihoods(views, quartered(said))
     some = np.random.default_rng(6).integers(0, len(views.size), 12)
     each = np.einsum("vtj,nkj->nvtk", bumps(views.q).reshape(-1, TURNS, ANCHORS)[some], said)
     turned = [np.roll(each[..., k], k * TURNS // QUARTERS, axis=2) for k in range(QUARTERS)]
@@ -153,17 +137,17 @@ def test_likelihoods_are_the_sum_of_all_bumps(views: ViewSubspaces, choose: pyte
     np.testing.assert_allclose(turning_bumps(views.q[::TURNS]), views.bumps, atol=1e-6)
 
 
-def test_noise_is_numpys(choose: pytest.MonkeyPatch) -> None:
+def test_noise_is_the_same_without_a_library(request: pytest.FixtureRequest) -> None:
     rng = np.random.default_rng(8)
     dark = np.clip(rng.normal(0, 3, (301, 400)), 0, 255).astype(np.uint8)
     pictures = [clouds(rng), clouds(rng)[:, 7:], dark, np.full((64, 64), 255, np.uint8), dark[:3, :3]]
     ours = [noise_sigma(p, 255.0) for p in pictures]
-    numpy_from_here(choose)
+    request.getfixturevalue("no_library")
     assert ours == [noise_sigma(p, 255.0) for p in pictures]
     assert ours[0] == pytest.approx(3.0, abs=0.3)
 
 
-def test_straight_segments_are_opencvs(choose: pytest.MonkeyPatch) -> None:
+def test_straight_segments_are_opencvs(request: pytest.FixtureRequest) -> None:
     if not hasattr(cv2, "createLineSegmentDetector"):
         pytest.skip("this OpenCV has no line segment detector")
     rng = np.random.default_rng(9)
@@ -175,7 +159,7 @@ def test_straight_segments_are_opencvs(choose: pytest.MonkeyPatch) -> None:
     # a thin line has two sides
     assert len(lsd_stream(np.eye(12, dtype=np.float32), 5.0)) == 2
     assert len(lsd_stream(np.zeros((9, 9), np.float32), 5.0)) == 0
-    numpy_from_here(choose)
+    request.getfixturevalue("no_library")
     theirs = lsd_stream(picture.astype(np.float32), 5.0)
     assert len(theirs) > 50
     # where edges are equally strong, theirs are begun with in any order
@@ -184,15 +168,14 @@ def test_straight_segments_are_opencvs(choose: pytest.MonkeyPatch) -> None:
     assert abs(len(ours) - len(theirs)) < 0.03 * len(theirs)
 
 
-def test_attitudes_explain_as_much_as_by_numpy(views: ViewSubspaces, choose: pytest.MonkeyPatch) -> None:
+def test_attitudes_explain_as_much_as_by_numpy(views: ViewSubspaces, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(7)
     picture, here = clouds(rng), ImageCrop.at(CAMERA, 200.0, 140.0, 110.0)
     chosen = rng.permutation(len(views.q))[:150]
     share, move = views._explained(picture, CAMERA, here, chosen, None)
-    nothing = np.zeros((8, 8)), (np.array([400]), np.array([0])), np.zeros((TURNS, 2)), (1.0, 1.0, 1.0)
-    with pytest.raises(ValueError, match="turns that there are"):
-        kernel.explained(native(), *nothing, np.zeros((26, 26)), views.packed, views.window, np.zeros(360))
-    numpy_from_here(choose)
+    with pytest.raises(ValueError, match="views and turns"):
+        views._explained_shares(np.zeros((8, 8)), np.array([400]), np.array([0]), np.zeros(360))
+    monkeypatch.setattr(ViewSubspaces, "_explained_shares", oracle.explained_shares)
     other, moved = views._explained(picture, CAMERA, here, chosen, None)
     np.testing.assert_allclose(share, other, atol=2e-3)
     assert (np.abs(move - moved).max(axis=1) > 1e-6).mean() < 0.03

@@ -1,4 +1,4 @@
-"""Brightness, score, derivatives and steps by the C kernels: what numpy says of the same drawings."""
+"""Brightness, score, derivatives and steps by the compiled library: what numpy says of the same drawings."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
 from flyaround.hil.board.svd.geometry import quaternion as quat
 from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
 from flyaround.hil.board.svd.model import face_gains as levels
+from flyaround.hil.board.svd.model import many_groups
 from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
 from flyaround.hil.board.svd.model.shadow_map import ShadowMap
-from flyaround.hil.board.svd.native import backend
-from flyaround.hil.board.svd.native.photometric import normal_equations as step
+from flyaround.hil.board.svd.refine import many_groups as steps
 from flyaround.hil.board.svd.refine import motion_images as motion
 from flyaround.hil.board.svd.refine import photometric
 from flyaround.simulator.targets.board_model.write import board_record
 from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from flyaround.hil.board.svd.geometry.faces import Faces
+    from collections.abc import Callable
 
-pytestmark = pytest.mark.usefixtures("native_kernels")
+    from flyaround.hil.board.svd.geometry.faces import Faces
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
 SUN = np.array([0.3, -0.5, 0.7])
@@ -43,9 +43,18 @@ def tango() -> BoardModel:
     return BoardModel.from_dict(msgspec.to_builtins(board_record(load_target("tango"))))
 
 
-def numpy_from_here(patch: pytest.MonkeyPatch) -> None:
-    patch.setenv("FLYAROUND_KERNELS", "numpy")
-    backend._loaded.cache_clear()
+@pytest.fixture
+def by_numpy(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """What is called where a byte does not number a craft's groups is called for all."""
+
+    def from_here() -> None:
+        monkeypatch.setattr(levels, "_shaded", many_groups.shaded)
+        monkeypatch.setattr(levels, "_with_background", many_groups.with_background)
+        monkeypatch.setattr(motion, "motion_images", steps.motion_images)
+        monkeypatch.setattr(photometric, "_gram", steps.gram)
+        monkeypatch.setattr(photometric, "_unexplained", steps.unexplained)
+
+    return from_here
 
 
 def scene(
@@ -74,7 +83,7 @@ def scene(
     return faces, canvas, q, t, ShadowMap.of(faces, SUN, 96) if k % 4 > 1 else None
 
 
-def test_brightness_and_score_are_numpys(craft: BoardModel, choose: pytest.MonkeyPatch) -> None:
+def test_brightness_and_score_are_numpys(craft: BoardModel, by_numpy: Callable[[], None]) -> None:
     rng, cases, native = np.random.default_rng(1), [], []
     for k in range(12):
         faces, canvas, q, t, sun = scene(craft, rng, k, fine=2 + k // 10)
@@ -84,7 +93,7 @@ def test_brightness_and_score_are_numpys(craft: BoardModel, choose: pytest.Monke
         cases.append((faces, seen, canvas, dark))
         shading = levels.shade(*cases[-1])
         native.append((shading, photometric.explained(shading, canvas)))
-    numpy_from_here(choose)
+    by_numpy()
     for (one, score), case in zip(native, cases, strict=True):
         other, canvas = levels.shade(*case), case[2]
         # where many groups are seen bytes number them anew
@@ -98,19 +107,19 @@ def test_brightness_and_score_are_numpys(craft: BoardModel, choose: pytest.Monke
 
 
 def test_a_face_in_the_first_corner_alone_is_no_background(
-    craft: BoardModel, choose: pytest.MonkeyPatch
+    craft: BoardModel, by_numpy: Callable[[], None]
 ) -> None:
     faces, canvas, *_ = scene(craft, np.random.default_rng(4), 1)
     seen = np.zeros((77 * canvas.fine, 101 * canvas.fine), np.int32)
     seen[0, :4] = 7
     native = levels.shade(faces, seen, canvas)
-    numpy_from_here(choose)
+    by_numpy()
     reference = levels.shade(faces, seen, canvas)
     np.testing.assert_array_equal(native.group > 0, seen > 0)
     np.testing.assert_allclose(native.picture, reference.picture, atol=1e-3)
 
 
-def test_derivatives_and_steps_are_numpys(craft: BoardModel, choose: pytest.MonkeyPatch) -> None:
+def test_derivatives_and_steps_are_numpys(craft: BoardModel, by_numpy: Callable[[], None]) -> None:
     rng, cases, native = np.random.default_rng(2), [], []
     for k in range(12):
         faces, canvas, q, t, sun = scene(craft, rng, k, fine=2 + k // 10)
@@ -126,7 +135,7 @@ def test_derivatives_and_steps_are_numpys(craft: BoardModel, choose: pytest.Monk
                 photometric.photo_step(fit, *moving, craft.radius_m, blur, joint=joint),
             )
         )
-    numpy_from_here(choose)
+    by_numpy()
     for (images, one), (moving, R, t, fit, blur, joint) in zip(native, cases, strict=True):
         reference = motion.motion_images(*moving, R, t)
         np.testing.assert_allclose(images, reference, atol=1e-5 * np.abs(reference).max())
@@ -144,8 +153,6 @@ def test_derivatives_and_steps_are_numpys(craft: BoardModel, choose: pytest.Monk
 
 def test_poses_and_pictures_that_are_none_harm_nothing(craft: BoardModel) -> None:
     faces, canvas, *_ = scene(craft, np.random.default_rng(3), 0)
-    native = backend.native_library()
-    assert native is not None
     for shape in ((77, 101), (1, 40), (40, 1), (2, 2)):
         small = replace(canvas, gray=np.full(shape, np.nan, np.float32), plain=np.zeros(shape, np.float32))
         wild = np.arange(small.fine**2 * shape[0] * shape[1], dtype=np.int32).reshape(
@@ -160,4 +167,4 @@ def test_poses_and_pictures_that_are_none_harm_nothing(craft: BoardModel) -> Non
                 )
                 assert images.shape == (6, *shape)
                 moving = (shading, faces, small, CAMERA, np.eye(3), np.array(place, float))
-                step.normal_products(native, *moving, (0.5, 2.0, 2.06), 1.0, 0.2, 16.0, 40)
+                photometric._gram(*moving, (0.5, 2.0, 2.06), 1.0, 0.2, 16.0, 40)

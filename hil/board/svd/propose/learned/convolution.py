@@ -1,14 +1,14 @@
-"""Convolutions of the pose proposal network, in C."""
+"""Convolutions of the pose proposal network, in whole numbers."""
 
 from __future__ import annotations
 
-import ctypes
 from dataclasses import dataclass
-from typing import Any, Optional, Sequence, Tuple
+from typing import Sequence, Tuple
 
 import numpy as np
 
-from flyaround.hil.board.svd.native.arrays import checked_pointer, contiguous
+from flyaround.hil.board.svd.native.interface import contiguous
+from flyaround.hil.board.svd.native.library import library
 
 Array = np.ndarray
 
@@ -18,7 +18,7 @@ CHANNELS, LARGEST, MOST = 16, 4095, 2.0e9
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """Convolutions one after another in whole numbers, as C takes them.
+    """Convolutions one after another in whole numbers, as the library takes them.
 
     Parameters
     ----------
@@ -32,10 +32,16 @@ class Layers:
     bias: Array
 
     @staticmethod
-    def of(kernels: Sequence[Array], biases: Sequence[Array], strides: Sequence[int]) -> Optional[Layers]:
-        """Of kernels (k, k, C, D) with biases (D,); None where a row of taps has an odd number of weights."""
+    def of(kernels: Sequence[Array], biases: Sequence[Array], strides: Sequence[int]) -> Layers:
+        """Of kernels (k, k, C, D) with biases (D,).
+
+        Raises
+        ------
+        ValueError
+            If a row of taps has an odd number of weights.
+        """
         if any(kernel.shape[1] * kernel.shape[2] % 2 for kernel in kernels):
-            return None
+            raise ValueError("a row of a convolution's taps has an odd number of weights")
         parts = [_whole(kernel) for kernel in kernels]
         shape = [(k.shape[0], s, *k.shape[2:]) for k, s in zip(kernels, strides)]  # noqa: B905 - Python 3.9
         return Layers(
@@ -66,35 +72,19 @@ def _whole(kernel: Array) -> Tuple[Array, Array]:
     return np.ascontiguousarray(pairs.transpose(3, 0, 1, 4, 2)), worth
 
 
-def network_convolutions(library: ctypes.CDLL, network: Any, pictures: Array) -> Array:  # noqa: ANN401 - has ``layers``
-    """As ``network._convolutions``."""
-    return convolutions(library, pictures, network.layers)
-
-
-def convolutions(library: ctypes.CDLL, looks: Array, layers: Layers) -> Array:
+def convolutions(looks: Array, layers: Layers) -> Array:
     """(B, h, w, D) float32 what is left of looks (B, side, side, C) after all layers, each no less than zero."""
     count, side, across, channels = looks.shape
     s = side
     for taps, stride, given, made in layers.shape.tolist():
         if s < 1 or s % stride or given != channels or taps < stride:
-            raise ValueError(f"a kernel's layer takes {given} channels of whole sides, not {channels} of {s}")
+            raise ValueError(f"a layer takes {given} channels of whole sides, not {channels} of {s}")
         s, channels = s // stride, made
     if side != across:
-        raise ValueError("a kernel takes square looks")
-    shown = contiguous(looks, "float32")
-    out = np.empty((count, s, s, channels), np.float32)
-    run, at, n = library.fly_convolutions, ctypes.c_void_p, ctypes.c_int64
-    run.restype = n
-    if run(
-        at(checked_pointer(shown, "float32")),
-        n(count),
-        n(side),
-        at(checked_pointer(layers.shape, "int64")),
-        n(len(layers.shape)),
-        at(checked_pointer(layers.weights, "int16")),
-        at(checked_pointer(layers.worth, "float32")),
-        at(checked_pointer(layers.bias, "float32")),
-        at(checked_pointer(out, "float32")),
+        raise ValueError("the network takes square looks")
+    shown, out = contiguous(looks, "float32"), np.empty((count, s, s, channels), np.float32)
+    if library().fly_convolutions(
+        shown, count, side, layers.shape, len(layers.shape), layers.weights, layers.worth, layers.bias, out
     ):
         raise MemoryError("no memory for the learned proposal's network")
     return out

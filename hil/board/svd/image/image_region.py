@@ -1,0 +1,32 @@
+"""Images, and regions of them, as the library reads them: in place."""
+
+from __future__ import annotations
+
+from typing import Tuple
+
+import numpy as np
+
+Array = np.ndarray
+
+# Pixel types that the library reads.
+KINDS = ("uint8", "uint16", "float32")
+
+
+def library_reads(image: Array) -> bool:
+    """Return True if the library can read this image in place: rows may be apart, the pixels of a row not."""
+    return bool(
+        image.ndim == 2
+        and image.dtype.name in KINDS
+        and image.dtype.isnative
+        and image.flags.aligned
+        and image.size
+        and image.strides[1] == image.itemsize
+        and image.strides[0] >= image.shape[1] * image.itemsize
+        and image.strides[0] % image.itemsize == 0
+    )
+
+
+def region(image: Array) -> Tuple[int, int, int, int, int]:
+    """Return address, bytes of a pixel, pixels from row to row, rows, and columns of an image of ``library_reads``."""
+    first = image.__array_interface__["data"][0]
+    return first, image.itemsize, image.strides[0] // image.itemsize, image.shape[0], image.shape[1]

@@ -1,1 +1,0 @@
-"""What the learned proposal computes: crops, convolutions, likelihood of attitudes; C, and its calls."""

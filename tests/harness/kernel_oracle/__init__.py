@@ -1,0 +1,1 @@
+"""What the compiled library computes, in numpy: the reference of its tests."""
