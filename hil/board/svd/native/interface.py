@@ -60,7 +60,7 @@ def address(a: Array) -> int:
     """Return the address of an array's first element; the caller keeps the array alive."""
     try:
         # a fifth of the time of ``__array_interface__``
-        return ctypes.addressof(_FIRST(a))  # type: ignore[arg-type] - an array is a buffer
+        return ctypes.addressof(_FIRST(a))  # type: ignore[arg-type]
     except (TypeError, ValueError):
         # read-only, or empty
         return int(a.__array_interface__["data"][0])
