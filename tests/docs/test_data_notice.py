@@ -29,6 +29,7 @@ def test_every_row_has_a_file_an_origin_and_terms():
         assert any(fnmatch(file, pattern) for file in data_files()), pattern
         assert what
         assert origin
+        assert "GPL" not in origin, pattern
 
 
 def test_the_notice_goes_with_the_licence_and_the_licence_names_its_data():
