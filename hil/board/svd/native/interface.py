@@ -6,7 +6,7 @@ import ctypes
 import hashlib
 import pkgutil
 import re
-from typing import Any, Dict, Iterator, List, Optional, Tuple, Type
+from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple, Type
 
 import numpy as np
 
@@ -36,7 +36,7 @@ ELEMENTS = {
 # Built once: to compare a dtype with a name builds one each time.
 DTYPES = {kind: np.dtype(kind) for kinds in ELEMENTS.values() for kind in kinds}
 
-_FIRST = ctypes.c_char.from_buffer  # type: ignore[attr-defined]
+_FIRST: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 
 def contiguous(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> Array:
