@@ -6,7 +6,7 @@ import ctypes
 import hashlib
 import pkgutil
 import re
-from typing import Any, Dict, Iterator, List, Optional, Tuple, Type
+from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple, Type
 
 import numpy as np
 
@@ -36,7 +36,7 @@ ELEMENTS = {
 # Built once: to compare a dtype with a name builds one each time.
 DTYPES = {kind: np.dtype(kind) for kinds in ELEMENTS.values() for kind in kinds}
 
-_FIRST = ctypes.c_char.from_buffer
+_FIRST: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 
 def contiguous(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> Array:
@@ -60,7 +60,7 @@ def address(a: Array) -> int:
     """Return the address of an array's first element; the caller keeps the array alive."""
     try:
         # a fifth of the time of ``__array_interface__``
-        return ctypes.addressof(_FIRST(a))  # type: ignore[arg-type]
+        return ctypes.addressof(_FIRST(a))
     except (TypeError, ValueError):
         # read-only, or empty
         return int(a.__array_interface__["data"][0])
