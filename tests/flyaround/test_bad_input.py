@@ -346,7 +346,7 @@ def test_what_the_machine_refuses_is_a_sentence(capsys, monkeypatch, error, says
     def refuse(**_options):
         raise error
 
-    monkeypatch.setattr("flyaround.cli.app", refuse)
+    monkeypatch.setattr("flyaround.cli.app.app", refuse)
     if says is None:  # a mistake of ours is not dressed up
         with pytest.raises(type(error)):
             run(["targets"])

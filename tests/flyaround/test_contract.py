@@ -94,7 +94,7 @@ def test_exit_codes(tmp_path: Path) -> None:
     for sent, code in (("SIGINT", codes["interrupted"]), ("SIGTERM", codes["terminated"])):
         # what runs in the background is started with Ctrl-C ignored
         stop = (
-            "import os, signal, flyaround.cli as c, flyaround.__main__ as m; "
+            "import os, signal, flyaround.cli.app as c, flyaround.__main__ as m; "
             "signal.signal(signal.SIGINT, signal.default_int_handler); c.app = lambda **_: "
             f"(os.kill(os.getpid(), signal.{sent}), signal.pause()); m.main()"
         )

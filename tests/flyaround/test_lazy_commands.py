@@ -9,7 +9,7 @@ import sys
 from typer.testing import CliRunner
 
 import flyaround
-from flyaround.cli import COMMANDS, GROUPS, app
+from flyaround.cli.app import COMMANDS, GROUPS, app
 
 
 def test_help_names_every_command_and_each_is_there() -> None:

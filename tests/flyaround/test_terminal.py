@@ -17,7 +17,8 @@ from typer.main import get_command, get_group
 from typer.testing import CliRunner
 
 from flyaround.__main__ import run
-from flyaround.cli import COMMANDS, GROUPS, app, doctor
+from flyaround.cli import doctor
+from flyaround.cli.app import COMMANDS, GROUPS, app
 from flyaround.cli.terminal import say, terminal
 
 FLYAROUND = Path(doctor.__file__).parents[1]

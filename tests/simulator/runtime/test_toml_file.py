@@ -68,9 +68,7 @@ def test_dots_in_text_are_no_key():
 def test_no_other_module_parses_toml():
     root = Path(__file__).parents[3]
     sources = (
-        path
-        for top in ("flyaround", "simulator", "hil", "gui")
-        for path in (root / top).rglob("*.py")
+        path for top in ("flyaround", "simulator", "hil", "gui") for path in (root / top).rglob("*.py")
     )
     readers = {path.name for path in sources if "tomllib" in path.read_text(encoding="utf-8")}
     assert readers == {"toml_file.py"}
