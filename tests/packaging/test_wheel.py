@@ -52,7 +52,7 @@ def _render(python, folder):
     )
     truth = json.loads((folder / "frame.json").read_text())
     assert truth["box_px"] is not None
-    where = _run(python, "-c", "import simulator; print(simulator.__file__)", cwd=folder)
+    where = _run(python, "-c", "import flyaround.simulator; print(flyaround.simulator.__file__)", cwd=folder)
     assert str(ROOT) not in where
 
 
