@@ -62,7 +62,15 @@ def installed(python: str, folder: Path) -> Path:
     environment = folder / "env"
     subprocess.run([python, "-m", "venv", environment], check=True)
     wheel = next((folder / "dist").glob("*.whl"))
-    pip = [environment / "bin" / "python", "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt"]
+    pip: list[str | Path] = [
+        environment / "bin" / "python",
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "-c",
+        ROOT / "constraints.txt",
+    ]
     subprocess.run([*pip, wheel], check=True)
     subprocess.run(["chmod", "-R", "a-w", environment], check=True)
     return environment / "bin" / "flyaround"
@@ -82,7 +90,7 @@ def run_as_nobody(program: Path, arguments: list[str], home: Path) -> subprocess
 
 def first_steps(program: Path, home: Path) -> list[Step]:
     """Run each command in an empty home, and look at the cache behind it."""
-    steps = []
+    steps: list[Step] = []
     for command in COMMANDS:
         start, worked = time.perf_counter(), _processor_s()
         done = run_as_nobody(program, command.split(), home)
