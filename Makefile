@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow test-train soak test-portable test-mutants test-planted test-console test-starts test-formats test-scale proof-datasets proof-captures lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
+.PHONY: demo test test-slow test-train soak test-portable test-mutants test-planted test-console test-starts test-formats test-scale proof-datasets proof-captures proof-first-run lint bench validation proof-latency board-qemu docs docs-site schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -80,6 +80,11 @@ validation: $(STAMP) system
 	$(BIN)/python -m tools.validation.dynamics
 	$(BIN)/python -m tools.validation.camera
 	$(BIN)/python -m tools.validation.rendering
+
+# The wheel for a user without rights, compiler or room: first commands, their times, the cache. Root, and a Python for all.
+FIRST_PYTHON ?= $(PYTHON)
+proof-first-run: $(STAMP) system
+	$(BIN)/python -m tools.first_run $(FIRST_PYTHON)
 
 # The camera's latency over SECONDS, as docs/validation/hil.md has it; wants a quiet machine.
 SECONDS ?= 60

@@ -12,7 +12,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.keyboard import Keyboard
-from flyaround.simulator.errors import UserError
+from flyaround.simulator.errors import UserError, missing_extra
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -51,9 +51,7 @@ def import_parts() -> tuple[Any, Any]:
         import glfw  # noqa: PLC0415
         from imgui_bundle.python_backends import glfw_backend  # noqa: F401, PLC0415
     except ImportError as error:
-        raise UserError(
-            f"the console needs {error.name}, which is not installed; run: pip install 'flyaround[gui]'"
-        ) from error
+        raise missing_extra("the console", "gui", error) from error
     return imgui_bundle, glfw
 
 

@@ -37,6 +37,24 @@ def write_error(path: Path, error: OSError, remedy: str = "choose a folder you m
     return UserError(f"cannot write {path}: {error.strerror or error}; {remedy}")
 
 
+def missing_extra(what: str, extra: str, error: ImportError) -> UserError:
+    """The mistake to raise where a library of an extra cannot be imported: it is not installed, or does not load.
+
+    Parameters
+    ----------
+    what : needs the library, as in "format parquet". extra : as pyproject.toml names it.
+    """
+    if isinstance(error, ModuleNotFoundError):
+        name = (error.name or str(error)).partition(".")[0]
+        return UserError(
+            f"{what} needs {name}, which is not installed; run: pip install 'flyaround[{extra}]'"
+        )
+    words = " ".join(str(error).split())
+    return UserError(
+        f"{what} needs the extra {extra}, which cannot be loaded: {words}; see what flyaround doctor says"
+    )
+
+
 _LIMITS = (
     "cannot allocate memory",
     "out of memory",

@@ -10,7 +10,7 @@ import typer
 
 from flyaround.cli.terminal import progress_bar, say
 from flyaround.hil.train.residual_network import ARCHITECTURES
-from flyaround.simulator.errors import UserError
+from flyaround.simulator.errors import UserError, missing_extra
 
 
 def train(
@@ -41,10 +41,8 @@ def train(
     try:
         from flyaround.hil.train.fitting import Budget  # noqa: PLC0415 - PyTorch, which a mistake need not wait for
         from flyaround.hil.train.train import train_network  # noqa: PLC0415 - the same
-    except ModuleNotFoundError as error:
-        raise UserError(
-            f"training needs {error.name}, which is not installed; run: pip install 'flyaround[train]'"
-        ) from error
+    except ImportError as error:
+        raise missing_extra("training", "train", error) from error
 
     with progress_bar("pictures", quiet=as_json) as reading:
         report = train_network(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from flyaround.simulator.errors import UserError, write_error
+from flyaround.simulator.errors import UserError, missing_extra, write_error
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,9 +46,7 @@ class Film:
         try:
             import av  # noqa: PLC0415 - an optional part
         except ImportError as error:
-            raise UserError(
-                "films need av, which is not installed; run: pip install 'flyaround[gui]'"
-            ) from error
+            raise missing_extra("a film", "gui", error) from error
         if path.suffix != ".mp4":
             raise UserError(f"cannot write '{path.suffix}' films ({path}); end its name in .mp4")
         self.path = path

@@ -10,7 +10,7 @@ import numpy as np
 from flyaround.hil.corner_code import CodePlace, read_code
 from flyaround.hil.host.picture_frames import pictures_in
 from flyaround.simulator.dataset.formats.native import read_png
-from flyaround.simulator.errors import UserError
+from flyaround.simulator.errors import UserError, missing_extra
 from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
@@ -104,9 +104,7 @@ def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
         from mcap.reader import make_reader  # noqa: PLC0415
         from mcap_ros2.decoder import DecoderFactory  # noqa: PLC0415
     except ImportError as error:
-        raise UserError(
-            f"MCAP files need {error.name}, which is not installed; run: pip install 'flyaround[logs]'"
-        ) from error
+        raise missing_extra("an MCAP file", "logs", error) from error
     try:
         with source.open("rb") as file:
             reader = make_reader(file, decoder_factories=[DecoderFactory()])

@@ -10,16 +10,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-
-from flyaround.simulator.errors import UserError
-
-try:
-    import torch
-    from torch.nn import functional
-except ImportError as error:
-    raise UserError(
-        "training needs PyTorch, which is not installed: pip install 'flyaround[train]'"
-    ) from error
+import torch
+from torch.nn import functional
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray

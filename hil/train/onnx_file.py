@@ -7,9 +7,9 @@ import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from onnx import TensorProto, helper, numpy_helper
 
 from flyaround.hil.board.net.network_file import ATTITUDE, HASH_KEY, INPUT, PLACE, SCHEMA, SHEET_KEY, VERSION
-from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from flyaround.hil.board.net.network_camera import NetworkCamera
@@ -61,18 +61,7 @@ def onnx_bytes(network: Architecture, layers: dict[str, FloatArray], about: dict
     Parameters
     ----------
     layers : weights and shifts, normalisations folded in. about : as of ``sheet``.
-
-    Raises
-    ------
-    UserError
-        If the package ``onnx`` is missing.
     """
-    try:
-        from onnx import TensorProto, helper, numpy_helper  # noqa: PLC0415 - of the extra `train`
-    except ImportError as error:
-        raise UserError(
-            "a network's file is written by the package onnx: pip install 'flyaround[train]'"
-        ) from error
     weights = [
         numpy_helper.from_array(np.ascontiguousarray(value, "<f4"), f"{name}.weight")
         for name, value in layers.items()

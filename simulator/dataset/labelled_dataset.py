@@ -10,7 +10,7 @@ from flyaround.simulator.dataset.card import DatasetCard, read_card
 from flyaround.simulator.dataset.formats.labelled_frame import SPLITS, LabelledFrame, frame_from_folder
 from flyaround.simulator.dataset.formats.native import is_whole
 from flyaround.simulator.dataset.split import read_split
-from flyaround.simulator.errors import UserError
+from flyaround.simulator.errors import UserError, missing_extra
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -62,9 +62,7 @@ class LabelledDataset(Sequence[LabelledFrame]):
         try:
             from flyaround.simulator.dataset.torch_dataset import TorchFrames  # noqa: PLC0415 - torch is an optional part
         except ImportError as error:
-            raise UserError(
-                f"a torch data set needs {error.name}, which is not installed; run: pip install 'flyaround[train]'"
-            ) from error
+            raise missing_extra("a torch data set", "train", error) from error
         return TorchFrames(self, transform)
 
 

@@ -16,7 +16,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar, cast
 from urllib.parse import urlsplit
 
-from flyaround.simulator.errors import UserError
+from flyaround.simulator.errors import UserError, missing_extra
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import FrameProducer, FrameRequest, OpenRenderer, draw_request
 from flyaround.simulator.runtime.memory import keep_freed_memory
@@ -253,7 +253,7 @@ def _import_ray() -> Any:  # noqa: ANN401 - a package without types
     try:
         import ray  # noqa: PLC0415 - an extra
     except ImportError as error:
-        raise UserError("--ray needs Ray; run: pip install 'flyaround[ray]', or use --workers") from error
+        raise missing_extra("--ray", "ray", error) from error
     return ray
 
 

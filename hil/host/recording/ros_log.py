@@ -25,7 +25,7 @@ from flyaround.simulator.dataset.formats.ros_messages import (
     pose_stamped,
     transform,
 )
-from flyaround.simulator.errors import UserError
+from flyaround.simulator.errors import UserError, missing_extra
 from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
@@ -115,10 +115,7 @@ class RosLog:
 
             from flyaround.hil.host.recording.cdr import CdrEncoder  # noqa: PLC0415 - an optional part
         except ImportError as error:
-            raise UserError(
-                f"MCAP files and the live view need {error.name}, which is not installed; "
-                "run: pip install 'flyaround[logs]'"
-            ) from error
+            raise missing_extra("--mcap or --live", "logs", error) from error
         # channels know their context weakly: it lives as long as the log
         self._context = context = foxglove.Context()
         definitions = DEFINITIONS | {FRAME_TIMING: FRAME_TIMING_DEFINITION}

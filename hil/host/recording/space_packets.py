@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 
 from flyaround.hil.host.recording.ros_messages import TIMES_MS
 from flyaround.hil.host.truth_policy import is_loopback
-from flyaround.simulator.errors import UserError
+from flyaround.simulator.errors import UserError, missing_extra
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.world.time.instant import nanoseconds_utc
 
@@ -118,9 +118,7 @@ class SpacePacketSink:
         try:
             from spacepackets.ccsds.spacepacket import PacketType, SpacePacketHeader  # noqa: PLC0415 - an optional part
         except ImportError as error:
-            raise UserError(
-                "CCSDS space packets need spacepackets, which is not installed; run: pip install 'flyaround[logs]'"
-            ) from error
+            raise missing_extra("--ccsds", "logs", error) from error
         self._header, self._telemetry = SpacePacketHeader, PacketType.TM
         self._counts = dict.fromkeys(KINDS, 0)
         self._socket: socket.socket | None = None

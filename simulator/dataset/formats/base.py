@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from flyaround.simulator.dataset.formats.eight_bits import image_bits, scale_sentence, with_eight_bits
-from flyaround.simulator.errors import UserError
+from flyaround.simulator.errors import UserError, missing_extra
 from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
@@ -161,9 +161,7 @@ def import_needed(module: str, extra: str, name: str) -> Any:  # noqa: ANN401 - 
     try:
         return import_module(module)
     except ImportError as error:
-        raise UserError(
-            f"format {name} needs {error.name}, which is not installed; run: pip install 'flyaround[{extra}]'"
-        ) from error
+        raise missing_extra(f"format {name}", extra, error) from error
 
 
 def lens_problem(card: DatasetCard) -> str | None:

@@ -6,7 +6,7 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from flyaround.simulator.errors import UserError
+from flyaround.simulator.errors import UserError, missing_extra
 from flyaround.simulator.runtime.urls import without_secrets
 
 if TYPE_CHECKING:
@@ -39,10 +39,7 @@ class UrlStore:
         try:
             from fsspec.core import url_to_fs  # noqa: PLC0415 - an extra: a folder needs none of it
         except ImportError as error:
-            raise UserError(
-                f"output {without_secrets(url)} needs fsspec; run: pip install 'flyaround[stores]', or "
-                "name a folder with -o"
-            ) from error
+            raise missing_extra(f"output {without_secrets(url)}", "stores", error) from error
         self._title = without_secrets(url.rstrip("/"))
         self._ends: dict[str, tuple[bytearray, float]] = {}
         # some connect when they are made
@@ -50,9 +47,9 @@ class UrlStore:
             try:
                 self._fs, self._root = url_to_fs(url.rstrip("/"))
             except ImportError as error:
+                package = getattr(error.__cause__, "name", None) or "the package of this kind of store"
                 raise UserError(
-                    f"output {self._title} needs a package that is missing: {error}; install it, or name a "
-                    "folder with -o"
+                    f"output {self._title} needs a package that is missing: {error}; run: pip install {package}"
                 ) from error
             except ValueError as error:
                 raise UserError(

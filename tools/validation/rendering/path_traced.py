@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flyaround.simulator.errors import UserError
+from flyaround.simulator.errors import UserError, missing_extra
 from flyaround.simulator.render.irradiance import spherical_fibonacci
 from flyaround.simulator.render.view import SUN_RADIUS_M
 from flyaround.simulator.runtime.cache import entry_name
@@ -94,7 +94,7 @@ def load() -> Any:  # noqa: ANN401 - a module without types
     try:
         import mitsuba  # noqa: PLC0415 - an extra
     except ImportError as error:
-        raise UserError("Mitsuba is not installed: pip install 'flyaround[validation]'") from error
+        raise missing_extra("a path-traced reference", "validation", error) from error
     if "DRJIT_LIBLLVM_PATH" not in os.environ:
         found = sorted((int(m[1]), str(p)) for p in Path("/usr/lib").glob("*/libLLVM*.so*")
                        if (m := re.match(r"libLLVM[-.a-z]*(\d+)", p.name)))  # fmt: skip

@@ -1,0 +1,134 @@
+"""Proves what a stranger meets first: the wheel in an empty home, without a compiler, on a machine that gives little.
+
+`python -m tools.first_run [PYTHON]` builds the wheel, installs it for another user who may not write to it, and runs
+the first commands with 64 MB of shared memory. Needs root, which gives up its rights before a command runs, and a
+PYTHON that others may read (default: this one). The first picture's minute is that of a quiet machine.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+ROOT = Path(__file__).parents[1]
+NOBODY = "65534"
+SHARED_MEMORY = "64m"
+MOST_CACHE_BYTES = 300e6
+MOST_FIRST_PICTURE_S = 60.0
+COMMANDS = (
+    "render tango-flyaround -o first.png",
+    "demo",
+    "capture tango-flyaround -o data -n 8 --workers 2",
+    "check data",
+    "doctor",
+)
+# a mount namespace of its own: the machine's /dev/shm stays as it is
+_AS_NOBODY = (
+    f"mount -t tmpfs -o size={SHARED_MEMORY},mode=1777 tmpfs /dev/shm && exec setpriv --reuid {NOBODY} "
+    f'--regid {NOBODY} --clear-groups env PATH=/nowhere "$@"'
+)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One command as it went.
+
+    Parameters
+    ----------
+    command : without the program. seconds : it took. processor_s : of which processors worked, all together.
+    cache_bytes : kept after it. problem : why it failed, or empty.
+    """
+
+    command: str
+    seconds: float
+    processor_s: float
+    cache_bytes: int
+    problem: str
+
+
+def installed(python: str, folder: Path) -> Path:
+    """The program of a fresh environment with the wheel, which its owner alone may change, and nobody writes to."""
+    subprocess.run(
+        [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder / "dist", ROOT],
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
+    environment = folder / "env"
+    subprocess.run([python, "-m", "venv", environment], check=True)
+    wheel = next((folder / "dist").glob("*.whl"))
+    pip: list[str | Path] = [
+        environment / "bin" / "python",
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "-c",
+        ROOT / "constraints.txt",
+    ]
+    subprocess.run([*pip, wheel], check=True)
+    subprocess.run(["chmod", "-R", "a-w", environment], check=True)
+    return environment / "bin" / "flyaround"
+
+
+def run_as_nobody(program: Path, arguments: list[str], home: Path) -> subprocess.CompletedProcess[str]:
+    """Run the program as a user without rights, whose search path is empty."""
+    return subprocess.run(
+        ["unshare", "--mount", "sh", "-c", _AS_NOBODY, "sh", program, *arguments],
+        cwd=home,
+        env={"HOME": str(home), "PATH": os.environ["PATH"]},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def first_steps(program: Path, home: Path) -> list[Step]:
+    """Run each command in an empty home, and look at the cache behind it."""
+    steps: list[Step] = []
+    for command in COMMANDS:
+        start, worked = time.perf_counter(), _processor_s()
+        done = run_as_nobody(program, command.split(), home)
+        seconds, processor_s = time.perf_counter() - start, _processor_s() - worked
+        kept = json.loads(run_as_nobody(program, ["cache", "--json"], home).stdout)["size_bytes"]
+        problem = (done.stderr.strip().splitlines() or ["no word"])[-1] if done.returncode else ""
+        if not steps and seconds > MOST_FIRST_PICTURE_S:
+            problem = problem or f"later than {MOST_FIRST_PICTURE_S:.0f} s"
+        if kept > MOST_CACHE_BYTES:
+            problem = problem or f"the cache is over {MOST_CACHE_BYTES / 1e6:.0f} MB"
+        steps.append(Step(command, seconds, processor_s, kept, problem))
+    return steps
+
+
+def _processor_s() -> float:
+    times = os.times()
+    return times.children_user + times.children_system
+
+
+def main() -> int:
+    """Print what each command took and left; 1 if one failed."""
+    if os.geteuid() != 0:
+        print("the first run is another user's: run this as root, in a container for example")
+        return 2
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.chmod(0o755)
+        home = folder / "home"
+        home.mkdir(mode=0o777)
+        home.chmod(0o777)
+        steps = first_steps(installed([*sys.argv, sys.executable][1], folder), home)
+    for step in steps:
+        print(
+            f"{step.seconds:7.1f} s, {step.processor_s:6.1f} s of processors, cache {step.cache_bytes / 1e6:4.0f} MB: "
+            f"flyaround {step.command}  {step.problem}"
+        )
+    return int(any(step.problem for step in steps))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
