@@ -34,8 +34,8 @@ from flyaround.hil.board.svd.propose.learned.learned_proposal import network_for
 from flyaround.hil.board.svd.propose.learned.network_input import ImageCrop, network_inputs
 from flyaround.hil.board.svd.propose.learned.view_subspaces import HARMONICS, _circle
 from flyaround.hil.board.svd.propose.variants import _middle
+from flyaround.hil.board_model.write import board_record
 from flyaround.hil.evaluate.metrics import compose, summarise
-from flyaround.simulator.targets.board_model.write import board_record
 from flyaround.simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)

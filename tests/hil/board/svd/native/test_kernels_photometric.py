@@ -20,7 +20,7 @@ from flyaround.hil.board.svd.native import backend
 from flyaround.hil.board.svd.native.photometric import normal_equations as step
 from flyaround.hil.board.svd.refine import motion_images as motion
 from flyaround.hil.board.svd.refine import photometric
-from flyaround.simulator.targets.board_model.write import board_record
+from flyaround.hil.board_model.write import board_record
 from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
