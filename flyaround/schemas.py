@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from flyaround.hil.board_model.records import board_json_schema
 from flyaround.hil.campaign.campaign import outcome_json_schema
 from flyaround.hil.campaign.definitions import campaign_json_schema
 from flyaround.hil.campaign.map_results import delay_map_json_schema
@@ -20,7 +21,7 @@ from flyaround.simulator.recipes.load import recipe_json_schema
 from flyaround.simulator.recipes.vary_file import vary_json_schema
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.scenario.load import scenario_json_schema
-from flyaround.simulator.targets.records import board_json_schema, target_json_schema
+from flyaround.simulator.targets.records import target_json_schema
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

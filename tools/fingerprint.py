@@ -1,7 +1,9 @@
-"""Hashes of what Flyaround gives, to compare two states of the code: scenes, labelled frames, poses.
+"""The golden manifest: hashes of what Flyaround gives, to compare two states of the code.
 
-It speaks to the command line alone, so that it runs on any version:
-`fingerprint.py all -o before.json`, then in the other state `fingerprint.py all --against before.json`.
+Scenes in black and white and in colour, with and without the savings of the software path; labelled data sets, a stereo
+pair and an imported mesh among them; a replayed script of the console; poses of the estimator. All but the script goes
+through the command line, in this process: `python -m tools.fingerprint all -o before.json`, then in the other state
+`python -m tools.fingerprint all --against before.json`.
 """
 
 from __future__ import annotations
@@ -9,12 +11,28 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import subprocess
+import os
 import sys
 import tempfile
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
+from unittest.mock import patch
 
-CLI = (sys.executable, "-m", "flyaround")
+import numpy as np
+
+from flyaround.__main__ import run as run_command
+from flyaround.gui.app import command_table, options_of
+from flyaround.gui.console import Console
+from flyaround.gui.flight.session import Session
+from flyaround.gui.picture.feed import Feed
+from flyaround.gui.script import Script
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_scenario
+from tests.harness.no_renderer import NoRenderer
+
+DATA = Path(__file__).parents[1] / "tests" / "data"
+SQUARE = {'camera = "speed"': 'camera = "square-1024"'}
 SCENES = {
     "earth-1920": ("tango-earth-10m", {}),
     "earth-1024": ("tango-earth-10m-1024", {}),
@@ -22,90 +40,144 @@ SCENES = {
     "limb": ("tango-limb", {}),
     "night": ("tango-night", {}),
     "close": ("tango-close-3m", {}),
-    "rgb": ("tango-earth-10m-1024", {'bands = "mono"': 'bands = "rgb"'}),
+    "close-1024": ("tango-close-3m", SQUARE),
     "blur": ("tango-earth-10m-1024", {"exposure_s = 0.0009": "exposure_s = 0.02"}),
 }
+"""Built-in scenarios and what is replaced in their text."""
+BANDS: dict[str, tuple[str, ...]] = {"mono": (), "rgb": ("--rgb",)}
+PATHS = {"plain": False, "software": True}
 CAPTURES = {
     "tango-flyaround": ("tango-flyaround", "-n", "8", "--labels", "all"),
     "soyuz-earth": ("iss-orbit-limb", "-n", "6", "--seed", "71"),
-    "dragon-black": ("eval-black-dragon", "-n", "6", "--seed", "72", "--labels", "all"),
+    "eval-earth": ("eval-earth", "-n", "4", "--seed", "74", "--labels", "all"),
+    "dragon-black": ("eval-black", "-n", "6", "--seed", "72", "--labels", "all", "--target", "dragon"),
+    "inspection": ("inspection", "-n", "4", "--seed", "75", "--labels", "all"),
 }
-POSES = {
-    "tango": ("eval-earth", 64),
-    "soyuz-ms": ("eval-black-soyuz-ms", 32),
-    "dragon": ("eval-black-dragon", 32),
+STEREO = "\n[second_camera]\nposition_m = [0.4, 0.0, 0.0]\nturn_deg = [0.0, -2.0, 0.0]\n"
+MESHES = {
+    "box": DATA / "v0.1" / "targets" / "box-v01.glb",
+    "plate": DATA / "reports" / "obj_map_kd_options" / "o_opt_s.obj",
 }
+POSES = {"tango": ("eval-earth", 64), "soyuz-ms": ("eval-black", 32), "dragon": ("eval-black", 32)}
+ANSWER = ("accepted", "reason", "q_camera_from_target_wxyz", "t_camera_from_target_m", "confidence")
+NOT_HASHED = ("software", "machine", "run")
+"""Sections of a card or record that tell who made it, and how."""
+STEP_MS = 40  # of the console's clock
 
 
-def run(*arguments: str) -> str:
-    """Standard output of a command that must succeed."""
-    done = subprocess.run([*CLI, *arguments], capture_output=True, text=True, check=False)
-    if done.returncode:
-        sys.exit(f"flyaround {' '.join(arguments)}: {done.returncode}\n{done.stderr}{done.stdout[-2000:]}")
-    return done.stdout
+def run(*arguments: str | Path) -> str:
+    """Return the standard output of a command that must succeed."""
+    out, said = StringIO(), StringIO()
+    with redirect_stdout(out), redirect_stderr(said):
+        code = run_command([str(a) for a in arguments])
+    if code:
+        sys.exit(
+            f"flyaround {' '.join(map(str, arguments))}: {code}\n{said.getvalue()}{out.getvalue()[-2000:]}"
+        )
+    return out.getvalue()
 
 
-def digest(path: Path) -> str:
-    """The first 80 bits of a file's SHA-256."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:20]
+def digest(content: bytes) -> str:
+    """Return the first 80 bits of the SHA-256."""
+    return hashlib.sha256(content).hexdigest()[:20]
+
+
+def files_of(folder: Path, part: str) -> dict[str, str]:
+    """Hash every file of a folder; a JSON document without the sections that tell who made it."""
+    found = {}
+    for path in sorted(p for p in folder.rglob("*") if p.is_file() and ".lock" not in p.name):
+        content = path.read_bytes()
+        if path.suffix == ".json":
+            content = json.dumps(_without_origin(json.loads(content))).encode()
+        found[f"{part}/{path.relative_to(folder)}"] = digest(content)
+    return found
+
+
+def _without_origin(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _without_origin(v) for key, v in value.items() if key not in NOT_HASHED}
+    return [_without_origin(v) for v in value] if isinstance(value, list) else value
 
 
 def scenes(folder: Path) -> dict[str, str]:
-    """Raw numbers and truth of the eight scenes."""
-    found = {}
+    """Hash raw numbers, truth, mask and label layers of the eight scenes, in both bands and on both paths."""
+    defaults = Renderer.__init__.__kwdefaults__
     for name, (scenario, changes) in SCENES.items():
-        text = run("scenarios", "--show", scenario)
-        for old, new in changes.items():
-            if old not in text:
-                sys.exit(f"{scenario} has no line {old}")
-            text = text.replace(old, new, 1)
+        text = _changed(run("scenarios", "--show", scenario), changes)
         file = folder / f"{name}.toml"
         file.write_text(text, encoding="utf-8")
-        out = folder / f"{name}.npy"
-        run("render", str(file), "-o", str(out), "-t", "7.5")
-        found[f"scene/{name}.npy"] = digest(out)
-        found[f"scene/{name}.json"] = digest(out.with_suffix(".json"))
-    return found
+        for bands, options in BANDS.items():
+            for path, software in PATHS.items():
+                out = folder / "scenes" / name / f"{bands}-{path}"
+                out.mkdir(parents=True)
+                with patch.dict(defaults, software_path=software):
+                    run("render", file, "-o", out / "frame.npy", "-t", "7.5", "--labels", "all", *options)
+    return files_of(folder / "scenes", "scene")
+
+
+def _changed(text: str, changes: dict[str, str]) -> str:
+    for old, new in changes.items():
+        if old not in text:
+            sys.exit(f"there is no line {old} to change in:\n{text}")
+        text = text.replace(old, new, 1)
+    return text
 
 
 def frames(folder: Path) -> dict[str, str]:
-    """Every file of three small captures but the cards."""
-    found = {}
-    for name, arguments in CAPTURES.items():
-        out = folder / name
-        run("capture", *arguments, "-o", str(out))
-        for path in sorted(p for p in out.rglob("*") if p.is_file()):
-            if path.name not in ("dataset.json", "contact_sheet.png") and ".lock" not in path.name:
-                found[f"frame/{name}/{path.relative_to(out)}"] = digest(path)
-    return found
+    """Hash every file of small data sets, of a stereo pair's and of an imported mesh's."""
+    stereo = folder / "stereo.toml"
+    stereo.write_text(run("scenarios", "--show", "tango-flyaround") + STEREO, encoding="utf-8")
+    captures = {**CAPTURES, "stereo": (str(stereo), "-n", "2", "--labels", "all")}
+    with patch.dict(os.environ, FLYAROUND_DATA_DIR=str(folder / "data")):
+        for name, mesh in MESHES.items():
+            run("targets", "add", mesh, "--name", f"golden-{name}", "--no-sheet", "--yes")
+            captures[name] = ("eval-black", "-n", "2", "--labels", "all", "--target", f"golden-{name}")
+        for name, arguments in captures.items():
+            run("capture", *arguments, "-o", folder / "frames" / name)
+    for sheet in folder.rglob("contact_sheet.png"):
+        sheet.unlink()
+    return files_of(folder / "frames", "frame") | files_of(folder / "data", "mesh")
+
+
+def console(_folder: Path) -> dict[str, str]:
+    """Hash the flight that version 0.1's recorded script of the console gives, step by step."""
+    v01 = DATA / "v0.1"
+    session, table = Session.of(load_scenario(v01 / "session.toml")), command_table()
+    replayed = Console(session, Feed(NoRenderer()), options_of(session), table)
+    replayed.play(Script.read(v01 / "console.script", table))
+    end_ms = round(1000 * json.loads((v01 / "console_end.json").read_text())["operator_s"])
+    rows = []
+    while replayed.clock_ms < end_ms:
+        replayed.pass_time(min(STEP_MS, end_ms - replayed.clock_ms))
+        world = session.moment.world
+        state = (world.position_lvlh_m, world.velocity_lvlh_m_s, session.steering.propellant.delta_v_m_s)
+        rows.append((session.t_s, *(str(np.asarray(x).tolist()) for x in state)))
+    return {"console/v0.1": digest(json.dumps(rows).encode())}
 
 
 def poses(kept: Path) -> dict[str, str]:
-    """Answers of the estimator, times left out, on 128 images that are made once and kept in a folder."""
+    """Hash the estimator's answers, times left out, on 128 images that are made once and kept in a folder."""
     found = {}
     for target, (recipe, n) in POSES.items():
         data = kept / target
         if not (data / "dataset.json").exists():
-            run("capture", recipe, "-o", str(data), "-n", str(n), "--seed", "73")
-        images = sorted(str(p) for p in (data / "images").glob("*.png") if ".mask" not in p.name)
+            run("capture", recipe, "-o", data, "-n", str(n), "--seed", "73", "--target", target)
+        images = sorted(p for p in (data / "images").glob("*.png") if ".mask" not in p.name)
         answers = json.loads(run("estimate", *images, "--target", target, "--camera", "speed", "--json"))
         for image, answer in zip(images, answers, strict=True):
-            kept_keys = (
-                "accepted",
-                "reason",
-                "q_camera_from_target_wxyz",
-                "t_camera_from_target_m",
-                "confidence",
+            found[f"pose/{target}/{image.name}"] = digest(
+                json.dumps({key: answer[key] for key in ANSWER}).encode()
             )
-            text = json.dumps({key: answer[key] for key in kept_keys})
-            found[f"pose/{target}/{Path(image).name}"] = hashlib.sha256(text.encode()).hexdigest()[:20]
     return found
+
+
+PARTS = {"scenes": scenes, "frames": frames, "console": console}
 
 
 def main() -> int:
     """Make the hashes; with ``--against`` say what differs, and exit 1 if anything does."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", choices=("scenes", "frames", "poses", "all"))
+    parser.add_argument("part", choices=(*PARTS, "poses", "all"))
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--against", type=Path)
     parser.add_argument(
@@ -114,10 +186,9 @@ def main() -> int:
     choice = parser.parse_args()
     found: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as folder:
-        if choice.part in ("scenes", "all"):
-            found |= scenes(Path(folder))
-        if choice.part in ("frames", "all"):
-            found |= frames(Path(folder))
+        for name, hashes in PARTS.items():
+            if choice.part in (name, "all"):
+                found |= hashes(Path(folder))
     if choice.part in ("poses", "all"):
         found |= poses(choice.images)
     if choice.output:

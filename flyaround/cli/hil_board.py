@@ -20,10 +20,10 @@ from flyaround.hil.board.options import AGENT_OPTIONS, make_agent
 from flyaround.hil.board.service import ExitCode
 from flyaround.hil.board.serving import NoSessionError, exit_at_once, exit_code, serve_sessions
 from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
+from flyaround.hil.board_model.write import write_board_model
 from flyaround.hil.evaluate.added_estimators import any_estimator
 from flyaround.hil.evaluate.method_choice import MethodChoice
 from flyaround.simulator.runtime.plugins import plugins
-from flyaround.simulator.targets.board_model.write import write_board_model
 from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:

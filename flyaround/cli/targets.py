@@ -11,14 +11,14 @@ import typer
 from rich.table import Table
 
 from flyaround.cli.terminal import progress_bar, say, terminal
+from flyaround.hil.board_model.outer_faces import MOST_TRIANGLES
+from flyaround.hil.board_model.write import write_board_model
 from flyaround.simulator.contact_sheets.targets_page import write_contact_sheet
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.part_classes import class_lines, classes_from, target_classes
 from flyaround.simulator.runtime.files import empty_folder
 from flyaround.simulator.runtime.untrusted_files import read_regular
 from flyaround.simulator.scenario.load import toml_table
-from flyaround.simulator.targets.board_model.outer_faces import MOST_TRIANGLES
-from flyaround.simulator.targets.board_model.write import write_board_model
 from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh
 from flyaround.simulator.targets.installed import check_name, install, sheet_folder, user_targets

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from flyaround.hil.board_model.write import write_board_model
 from flyaround.simulator.bench.parts import PartCost, cost
 from flyaround.simulator.loop import run_frames
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import Plan, plan_flight
-from flyaround.simulator.targets.board_model.write import write_board_model
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

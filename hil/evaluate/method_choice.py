@@ -10,7 +10,7 @@ import msgspec
 
 from flyaround.hil.board.methods import NETWORK
 from flyaround.hil.board.svd import BoardModel
-from flyaround.simulator.targets.board_model.write import write_board_model
+from flyaround.hil.board_model.write import write_board_model
 
 if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target

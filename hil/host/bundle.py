@@ -14,9 +14,9 @@ import msgspec
 import flyaround.hil
 from flyaround.hil.board.svd.native.library import CHECKSUMS
 from flyaround.hil.board.svd.propose.learned.learned_proposal import KIN
+from flyaround.hil.board_model.write import board_record
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
-from flyaround.simulator.targets.board_model.write import board_record
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.labels.request import LAYERS, LabelRequest
 from flyaround.simulator.labels.truth import FlowLabel
@@ -103,6 +104,19 @@ def bench_scenes(
             progress(done + 1, len(names))
         machine = bench_machine(renderer)
     return machine, tuple(costs)
+
+
+def check_scenes(names: Sequence[str]) -> None:
+    """Refuse a scene that is not one of the bench's.
+
+    Raises
+    ------
+    UserError
+        With its name and those there are.
+    """
+    for name in names:
+        if name not in BENCH_SCENES:
+            raise UserError(f"unknown bench scene '{name}' in --scene; choose from {', '.join(BENCH_SCENES)}")
 
 
 def bench_machine(renderer: Renderer) -> BenchMachine:

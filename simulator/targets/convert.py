@@ -12,12 +12,10 @@ import numpy as np
 from flyaround.simulator.runtime.arrays import Vec3
 from flyaround.simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 from flyaround.simulator.targets.records import (
-    BoardModelRecord,
     EdgeRecord,
     KeypointRecord,
     MassRecord,
     OccludersRecord,
-    OutlinesRecord,
     ReferenceFrameRecord,
     TargetRecord,
 )
@@ -113,22 +111,6 @@ def record_of(target: Target) -> TargetRecord:
         grain={m.name: m.grain for m in target.materials if m.anisotropy > 0},
         turned=tuple(m.name for m in target.materials if m.anisotropy > 0 and m.turned),
         part_classes=target.part_classes or msgspec.UNSET,
-    )
-
-
-def board_model(target: Target, outlines: OutlinesRecord | None = None) -> BoardModelRecord:
-    """The target as a board knows it."""
-    return BoardModelRecord(
-        schema="flyaround.board_model",
-        version=1,
-        name=target.name,
-        sha256=target.sha256,
-        keypoints=_keypoints(target.keypoints),
-        wireframe=_wireframe(target.wireframe),
-        occluders=_occluders(target.occluders),
-        symmetry_wxyz=target.symmetry,
-        mass_kg=target.mass.mass_kg,
-        outlines=outlines,
     )
 
 

@@ -1,4 +1,4 @@
-"""The target file's own data, as typed records: what stands beside the geometry in a GLB, and the board file.
+"""The target file's own data, as typed records: what stands beside the geometry in a GLB.
 
 These structs are the schema: `target_json_schema` writes them out as JSON Schema.
 """
@@ -85,64 +85,6 @@ class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     part_classes: dict[str, PartClass] | msgspec.UnsetType = msgspec.UNSET
 
 
-class OutlinesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Occluding contours from `views` directions, `points` each.
-
-    `data` is base64 of a zlib stream of little-endian rows, in order: directions to the camera (views, 3) int16/32767;
-    positions about `center_m` (views, points, 3) int16 x `step_m`; outward normals (views, points, 3) int8 / 127; radii
-    of curvature along the line of sight (views, points) uint8 x `radius_step_m`, 0 at sharp edges. `range_m`: of the
-    camera from `center_m`.
-    """
-
-    views: Index
-    points: Index
-    center_m: Vec3
-    range_m: Positive
-    step_m: Positive
-    radius_step_m: Positive
-    data: str
-
-
-class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Outer faces of the craft and the tree that orders them, for a board that draws it.
-
-    Parameters
-    ----------
-    corners : base64 of a zlib stream of little-endian int16 x `step_m`: (faces, 4 corners, xyz) in the target's
-        frame, the corners in order seen from outside, the last twice for a triangle.
-    material : of each face, an index. plane : nx, ny, nz, d of each node of the tree, zeros at a leaf.
-    children : nodes in front of the plane and behind it, -1 for none. members : faces of each node.
-    """
-
-    step_m: Positive
-    corners: str
-    material: tuple[int, ...]
-    plane: tuple[tuple[float, float, float, float], ...]
-    children: tuple[tuple[int, int], ...]
-    members: tuple[tuple[int, ...], ...]
-
-
-class BoardModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a board needs of a target to estimate its pose: a few thousand faces at most."""
-
-    schema: Literal["flyaround.board_model"]
-    version: Literal[1]
-    name: Name
-    sha256: Sha256
-    keypoints: tuple[KeypointRecord, ...]
-    wireframe: tuple[EdgeRecord, ...]
-    occluders: OccludersRecord
-    symmetry_wxyz: tuple[Quat, ...] = ()
-    mass_kg: Positive
-    outlines: OutlinesRecord | None = None
-    faces: FacesRecord | None = None
-
-
 def target_json_schema() -> dict[str, Any]:
     """JSON Schema (draft 2020-12) of the `flyaround` extras in a target file."""
     return msgspec.json.schema(TargetRecord)
-
-
-def board_json_schema() -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of the board file."""
-    return msgspec.json.schema(BoardModelRecord)

@@ -11,10 +11,10 @@ import trimesh
 
 from flyaround.__main__ import run
 from flyaround.hil.board.svd import BoardModel as BoardView
+from flyaround.hil.board_model.write import write_board_model
 from flyaround.simulator.dataset.check.verify import check_dataset
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.part_classes import target_classes
-from flyaround.simulator.targets.board_model.write import write_board_model
 from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.library import list_targets, load_target
 

@@ -19,10 +19,10 @@ from tempfile import TemporaryDirectory
 import msgspec
 import numpy as np
 
+from flyaround.hil.board_model.write import write_board_model
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
-from flyaround.simulator.targets.board_model.write import write_board_model
 from flyaround.simulator.targets.library import load_target
 
 BOARD = """

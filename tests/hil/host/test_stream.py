@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flyaround.hil.board_model.write import write_board_model
 from flyaround.hil.host.link_process.host_link import choose_pixel_format
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.plan_frames import frames_of_plan
@@ -22,7 +23,6 @@ from flyaround.simulator.labels.layers import pixel_hash
 from flyaround.simulator.loop import FrameRequest, draw_request
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
-from flyaround.simulator.targets.board_model.write import write_board_model
 
 pytestmark = pytest.mark.gl
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flyaround.hil.board_model import write as board_model
 from flyaround.simulator.runtime import cache
 from flyaround.simulator.runtime.cache import (
     DamagedError,
@@ -20,7 +21,6 @@ from flyaround.simulator.runtime.cache import (
 )
 from flyaround.simulator.runtime.cached_arrays import cached_array, entry_of
 from flyaround.simulator.targets import library
-from flyaround.simulator.targets.board_model import write as board_model
 from flyaround.simulator.targets.library import load_target
 
 CONTENTS = bytes(range(256)) * 20

@@ -15,8 +15,9 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
+from flyaround.hil.board_model.records import BoardModelRecord
+from flyaround.hil.board_model.write import labels_alone
 from flyaround.simulator.runtime.arrays import FloatArray
-from flyaround.simulator.targets.convert import board_model
 from flyaround.simulator.targets.craft.dragon.cargo import build_dragon_cargo
 from flyaround.simulator.targets.craft.dragon.cargo_shape import CAP_HEIGHT_M
 from flyaround.simulator.targets.craft.dragon.crew import build_dragon, dragon_pieces
@@ -27,7 +28,6 @@ from flyaround.simulator.targets.glb.read import load_glb
 from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.library import list_targets
 from flyaround.simulator.targets.model import Part, Target
-from flyaround.simulator.targets.records import BoardModelRecord
 
 
 @dataclass(frozen=True)
@@ -323,9 +323,7 @@ def test_file_round_trip_and_speed(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_board_file_holds_the_labels(name: str) -> None:
     target = craft(name)
-    data = msgspec.json.encode(
-        board_model(target)
-    )  # with outlines: tests/simulator/targets/board_model/test_contours.py
+    data = msgspec.json.encode(labels_alone(target))  # with outlines: tests/hil/board_model/test_contours.py
     board = msgspec.json.decode(data, type=BoardModelRecord)
     assert board.sha256 == target.sha256
     assert len(board.wireframe) == len(target.wireframe)

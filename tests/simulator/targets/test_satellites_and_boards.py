@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from flyaround.hil.board_model.write import labels_alone
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import FloatArray
-from flyaround.simulator.targets.convert import board_model
 from flyaround.simulator.targets.glb.read import load_glb
 from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.level_of_detail import DETAILS, facets, level_name, split_level
@@ -302,9 +302,7 @@ def test_round_trip_and_board_file(craft: Target, tmp_path) -> None:
     for a, b in zip(again.parts, craft.parts, strict=True):
         assert a.positions_m.tobytes() == b.positions_m.tobytes()
         assert np.array_equal(a.triangles, b.triangles)
-    board = msgspec.json.encode(
-        board_model(craft)
-    )  # with outlines: tests/simulator/targets/board_model/test_contours.py
+    board = msgspec.json.encode(labels_alone(craft))  # with outlines: tests/hil/board_model/test_contours.py
     document = json.loads(board)
     assert document["sha256"] == craft.sha256
     assert len(document["wireframe"]) == len(craft.wireframe)

@@ -17,14 +17,15 @@ import pygltflib
 import pytest
 import trimesh
 
+from flyaround.hil.board_model.records import board_json_schema
+from flyaround.hil.board_model.write import write_board_model
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.targets.board_model.write import write_board_model
 from flyaround.simulator.targets.craft.charuco import build_calibration_board
 from flyaround.simulator.targets.glb.read import load_glb
 from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.library import list_targets, load_target
 from flyaround.simulator.targets.model import MassProperties, Target
-from flyaround.simulator.targets.records import board_json_schema, target_json_schema
+from flyaround.simulator.targets.records import target_json_schema
 from flyaround.simulator.targets.tango.build import build_tango, build_tango_mli
 
 

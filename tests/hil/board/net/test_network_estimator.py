@@ -142,7 +142,7 @@ def test_a_board_answers_with_a_network(tmp_path):
     """In the loop: `hil board --method net:FILE` on a host's pictures."""
     from hil_loop import frames
 
-    from flyaround.simulator.targets.board_model.write import write_board_model
+    from flyaround.hil.board_model.write import write_board_model
     from flyaround.simulator.targets.library import load_target
 
     path = write_network(tmp_path / "net.onnx", ("tango", ""), sure=3)

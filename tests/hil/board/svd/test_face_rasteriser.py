@@ -33,7 +33,7 @@ from flyaround.hil.board.svd.refine.motion_images import motion_images
 from flyaround.hil.board.svd.refine.parallel import Pruning
 from flyaround.hil.board.svd.refine.photometric import RELAX, photo_align, photo_likeness, photo_score
 from flyaround.hil.board.svd.refine.shadows import search_sun
-from flyaround.simulator.targets.board_model.write import make_faces
+from flyaround.hil.board_model.write import make_faces
 from flyaround.simulator.targets.model import Part
 from tests.harness.boxes import closed_box
 
@@ -57,7 +57,7 @@ def record() -> dict[str, Any]:
     )
     with pytest.MonkeyPatch.context() as patch:
         # four boxes need no fine cover
-        patch.setattr("flyaround.simulator.targets.board_model.outer_faces.PITCH", 0.006)
+        patch.setattr("flyaround.hil.board_model.outer_faces.PITCH", 0.006)
         faces = make_faces([parts])
     assert faces is not None
     built: dict[str, Any] = msgspec.to_builtins(faces)
@@ -480,7 +480,7 @@ def test_a_round_craft_has_a_brightness_for_each_sixth_of_a_direction() -> None:
         triangles=ball.faces.astype(np.uint32),
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("flyaround.simulator.targets.board_model.outer_faces.PITCH", 0.02)
+        patch.setattr("flyaround.hil.board_model.outer_faces.PITCH", 0.02)
         made = make_faces([[shell]])
     assert made is not None
     faces = Faces.from_dict(msgspec.to_builtins(made))

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.simulator.bench.scaling import scaled
 from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.render.target import target_passes as passes
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
+from tools.bench.scaling import scaled
 
 BLOCK = 16
 VIEWS = [

@@ -20,7 +20,7 @@ from flyaround.hil.board.svd.model.shadow_map import ShadowMap
 from flyaround.hil.board.svd.refine import many_groups as steps
 from flyaround.hil.board.svd.refine import motion_images as motion
 from flyaround.hil.board.svd.refine import photometric
-from flyaround.simulator.targets.board_model.write import board_record
+from flyaround.hil.board_model.write import board_record
 from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from flyaround.hil.board.svd.model.rasteriser import order_faces
 from flyaround.hil.board.svd.model.shadow_map import BEHIND, ShadowMap, ShadowMapTable
 from flyaround.hil.board.svd.model.visibility import occluders, sample_edges, visible_samples
 from flyaround.hil.board.svd.propose.variants import _middle
-from flyaround.simulator.targets.board_model.write import board_record
+from flyaround.hil.board_model.write import board_record
 from flyaround.simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)

@@ -1,4 +1,4 @@
-"""The goals of bench --all, and the combinations it times."""
+"""The goals of bench combinations, and the combinations it times."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from flyaround.simulator.bench.combinations import CombinationCost, bench_combinations, goals_of
-from flyaround.simulator.bench.combinations_page import combinations_page
 from flyaround.simulator.bench.scenes import BenchMachine
 from flyaround.simulator.errors import UserError
+from tools.bench.combinations import CombinationCost, bench_combinations, goals_of
+from tools.bench.combinations_page import combinations_page
 
 BASE = CombinationCost(
     scenario="tango-earth-10m",
@@ -64,7 +64,9 @@ def test_the_page_has_each_time_once_and_says_what_was_missed() -> None:
         replace(BASE, variant="bits 12", frame_ms=66.0),
     )
     page = combinations_page(
-        BenchMachine(gl_renderer="llvmpipe", gl_version="4.5", threads=2), costs, "flyaround bench --all"
+        BenchMachine(gl_renderer="llvmpipe", gl_version="4.5", threads=2),
+        costs,
+        "python -m tools.bench combinations",
     )
     assert "| `tango-earth-10m` | 60 | 84 | 3 | 10 | 100 | 100 | 60 | 1.00 |" in page
     assert "| bits 12 | 66 | 3 | 10 | 100 | 1.10 |" in page

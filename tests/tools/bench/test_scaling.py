@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyaround.simulator.bench.scaling import bench_scaling, dimpled_sphere
+from tools.bench.scaling import bench_scaling, dimpled_sphere
 
 
 def test_the_made_mesh_is_closed_and_as_fine_as_asked():

@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from flyaround.simulator.runtime.arrays import vec3
-from flyaround.simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
-from flyaround.simulator.runtime.files import write_atomic
-from flyaround.simulator.targets.board_model.bsp_tree import build_tree
-from flyaround.simulator.targets.board_model.contours import (
+from flyaround.hil.board_model.bsp_tree import build_tree
+from flyaround.hil.board_model.contours import (
     LARGEST_RADIUS,
     RANGE_RADII,
     OccludingContours,
     outlines_of,
 )
-from flyaround.simulator.targets.board_model.outer_faces import merge_triangle_pairs, outer_triangles
-from flyaround.simulator.targets.convert import board_model
+from flyaround.hil.board_model.outer_faces import merge_triangle_pairs, outer_triangles
+from flyaround.hil.board_model.records import BoardModelRecord, FacesRecord, OutlinesRecord
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.targets.convert import record_of
 from flyaround.simulator.targets.level_of_detail import DETAILS
 from flyaround.simulator.targets.library import built_in_targets, cache_name, load_target
-from flyaround.simulator.targets.records import BoardModelRecord, FacesRecord, OutlinesRecord
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -62,7 +62,25 @@ def write_board_model(target: Target, path: Path) -> None:
 
 def board_record(target: Target) -> BoardModelRecord:
     """The board model of a target: labels, occluders, outlines and faces."""
-    return msgspec.structs.replace(board_model(target, cached_outlines(target)), faces=cached_faces(target))
+    return msgspec.structs.replace(
+        labels_alone(target), outlines=cached_outlines(target), faces=cached_faces(target)
+    )
+
+
+def labels_alone(target: Target) -> BoardModelRecord:
+    """Return the board model without outlines and faces, which take seconds to compute."""
+    record = record_of(target)
+    return BoardModelRecord(
+        schema="flyaround.board_model",
+        version=1,
+        name=target.name,
+        sha256=target.sha256,
+        keypoints=record.keypoints,
+        wireframe=record.wireframe,
+        occluders=record.occluders,
+        symmetry_wxyz=target.symmetry,
+        mass_kg=target.mass.mass_kg,
+    )
 
 
 def packed(o: OccludingContours) -> OutlinesRecord:

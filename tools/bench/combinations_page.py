@@ -5,13 +5,13 @@ from __future__ import annotations
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from flyaround.simulator.bench.combinations import BASE, PINHOLE, goals_of
+from tools.bench.combinations import BASE, PINHOLE, goals_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from flyaround.simulator.bench.combinations import CombinationCost
     from flyaround.simulator.bench.scenes import BenchMachine
+    from tools.bench.combinations import CombinationCost
 
 
 def combinations_page(machine: BenchMachine, costs: Sequence[CombinationCost], made_by: str) -> str:

@@ -24,9 +24,9 @@ from flyaround.hil.board.svd.model.view_tables import (
     sphere_directions,
     with_outlines,
 )
+from flyaround.hil.board_model.contours import outlines_of
+from flyaround.hil.board_model.write import packed, write_board_model
 from flyaround.simulator.runtime.arrays import FloatArray
-from flyaround.simulator.targets.board_model.contours import outlines_of
-from flyaround.simulator.targets.board_model.write import packed, write_board_model
 from flyaround.simulator.targets.builders.assembly import Piece
 from flyaround.simulator.targets.builders.mass import MassElement
 from flyaround.simulator.targets.builders.mesh import Mesh, merge

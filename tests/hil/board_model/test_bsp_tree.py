@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from flyaround.simulator.targets.board_model.bsp_tree import FaceTree, build_tree
+from flyaround.hil.board_model.bsp_tree import FaceTree, build_tree
 
 
 def _far_to_near(tree: FaceTree, eye: np.ndarray) -> list[int]:

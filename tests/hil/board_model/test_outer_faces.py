@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flyaround.simulator.targets.board_model import outer_faces as faces
+from flyaround.hil.board_model import outer_faces as faces
 from tests.harness.boxes import closed_box
 
 

@@ -4,12 +4,13 @@ import time
 
 import pytest
 
-from flyaround.__main__ import run
-from flyaround.simulator.bench import throughput
 from flyaround.simulator.bench.scenes import bench_views
-from flyaround.simulator.bench.throughput import bench_throughput, counts_up_to
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.render.renderer import Renderer
+from tools.bench import throughput
+from tools.bench.__main__ import app
+from tools.bench.throughput import bench_throughput, counts_up_to
 
 
 @pytest.mark.parametrize(("most", "counts"), [(1, [1]), (2, [1, 2]), (6, [1, 2, 4, 6]), (8, [1, 2, 4, 8])])
@@ -59,11 +60,6 @@ def test_processes_that_fail_are_said_soon():
     assert time.monotonic() - start < 28  # each of three once had ten seconds to end in
 
 
-def test_an_unknown_scene_is_refused(capsys):
-    assert run(["bench", "--processes", "2", "--scene", "nowhere"]) == 2
-    assert "unknown bench scene 'nowhere'" in " ".join(capsys.readouterr().err.split())
-
-
-def test_two_benches_at_once_are_refused(capsys):
-    assert run(["bench", "--processes", "2", "--scaling"]) == 2
-    assert "ask for one" in " ".join(capsys.readouterr().err.split())
+def test_an_unknown_scene_is_refused():
+    with pytest.raises(UserError, match="unknown bench scene 'nowhere'"):
+        app(["throughput", "2", "--scene", "nowhere"], standalone_mode=False)

@@ -1,0 +1,146 @@
+"""``python -m tools.bench combinations | scaling | throughput``: what drawing costs, over everything it depends on."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from flyaround.cli.terminal import progress_bar, terminal
+from flyaround.simulator.bench.scenes import check_scenes
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from tools.bench.combinations import bench_combinations, goals_of
+from tools.bench.combinations_page import combinations_page
+from tools.bench.scaling import bench_scaling
+from tools.bench.throughput import THROUGHPUT_SCENES, bench_throughput
+
+app = typer.Typer(help="Time what drawing costs, over everything it depends on.")
+Gpu = Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+@app.command()
+def scaling(*, gpu: Gpu = None, as_json: AsJson = False) -> None:
+    """Time frames against their pixels, and against their triangles up to a million."""
+    with progress_bar("bench", quiet=as_json) as progress:
+        found = bench_scaling(device_index=gpu, progress=progress)
+    if as_json:
+        typer.echo(json.dumps({"schema": "flyaround.scaling", "version": 1, **asdict(found)}, indent=1))
+        return
+    for what, costs, powers in (
+        ("Earth behind Tango", found.by_pixels, found.pixel_powers),
+        ("dimpled sphere before space", found.by_triangles, found.triangle_powers),
+    ):
+        table = Table(
+            "pixels", "triangles", "processor ms", "wall ms", "first frame s", "grows as", title=what
+        )
+        for cost, power in zip(costs, (None, *powers), strict=True):
+            table.add_row(
+                f"{cost.pixels:,}",
+                f"{cost.triangles:,}",
+                f"{cost.cpu_ms:.0f}",
+                f"{cost.wall_ms:.0f}",
+                f"{cost.first_ms / 1e3:.1f}",
+                "" if power is None else f"power {power:.2f}",
+            )
+        terminal().print(table)
+
+
+@app.command()
+def combinations(
+    *,
+    scenario: Annotated[list[str] | None, typer.Option("--scene", help="Only these scenarios.")] = None,
+    page: Annotated[Path | None, typer.Option(help="Also write the tables to this Markdown file.")] = None,
+    gpu: Gpu = None,
+    as_json: AsJson = False,
+) -> None:
+    """Time every built-in scenario x camera x mono and RGB, with labels and capture: half an hour."""
+    if page is not None and not page.parent.is_dir():
+        raise UserError(f"--page {page}: its folder does not exist; make it first")
+    scenarios = tuple(scenario or ())
+    with progress_bar("bench", quiet=as_json) as progress:
+        machine, costs = bench_combinations(scenarios, device_index=gpu, progress=progress)
+    if page is not None:
+        chosen = "".join(f" --scene {name}" for name in scenarios)
+        write_atomic(
+            page, combinations_page(machine, costs, f"python -m tools.bench combinations{chosen}").encode()
+        )
+    goals = goals_of(costs)
+    if as_json:
+        document = {
+            "schema": "flyaround.combinations",
+            "version": 1,
+            "machine": asdict(machine),
+            "combinations": [asdict(c) for c in costs],
+            "goals": [{**asdict(g), "met": g.met} for g in goals],
+        }
+        typer.echo(json.dumps(document, indent=1))
+        return
+    columns = ("frame_ms", "render_ms", "sensor_ms", "labels_ms", "capture_ms", "reference_ms")
+    table = Table("scenario", "camera", "bands", *(name.removesuffix("_ms") for name in columns))
+    for c in costs:
+        name = f"{c.scenario} {c.variant}".strip()
+        table.add_row(name, c.camera, c.bands, *(f"{getattr(c, key):.1f}" for key in columns))
+    console = terminal()
+    console.print(f"{machine.gl_renderer}, {machine.threads} threads; medians in ms")
+    console.print(table)
+    table = Table("goal", "measured", "at most", "", "worst")
+    for g in goals:
+        table.add_row(
+            g.name,
+            f"{g.measured:.2f} {g.unit}",
+            f"{g.limit:g} {g.unit}",
+            "met" if g.met else "missed",
+            g.worst,
+        )
+    console.print(table)
+
+
+@app.command()
+def throughput(
+    *,
+    processes: Annotated[int, typer.Argument(min=1, max=64, help="At most so many processes draw at once.")],
+    scene: Annotated[list[str] | None, typer.Option(help="Only these scenes (repeat the option).")] = None,
+    gpu: Gpu = None,
+    as_json: AsJson = False,
+) -> None:
+    """Count the frames a second of 1, 2, 4 ... processes that draw at once."""
+    scenes = tuple(scene or ())
+    check_scenes(scenes)
+    with progress_bar("bench", quiet=as_json) as progress:
+        machine, rates = bench_throughput(
+            scenes or THROUGHPUT_SCENES, most=processes, device_index=gpu, progress=progress
+        )
+    if as_json:
+        document = {
+            "schema": "flyaround.throughput",
+            "version": 1,
+            "machine": asdict(machine),
+            "rates": [asdict(r) for r in rates],
+        }
+        typer.echo(json.dumps(document, indent=1))
+        return
+    table = Table("scene", "processes", "frames/s", "reference ms")
+    for rate in rates:
+        table.add_row(
+            f"{rate.name} {rate.width_px}x{rate.height_px}",
+            str(rate.processes),
+            f"{rate.frames_per_s:.1f}",
+            f"{rate.reference_ms:.1f}",
+        )
+    console = terminal()
+    console.print(f"{machine.gl_renderer}, {machine.threads} processors")
+    console.print(table)
+
+
+if __name__ == "__main__":
+    try:
+        app()
+    except UserError as error:
+        sys.exit(str(error))
