@@ -1,4 +1,4 @@
-"""What a board carries of a target: keypoints, wireframe, occluders, outer faces, contours.
+"""Records of a board model: keypoints, wireframe, occluders, outer faces, contours.
 
 Made at the host from a target. Nothing is drawn here, and nothing of it runs on a board.
 """

@@ -56,7 +56,7 @@ class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class BoardModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a board needs of a target to estimate its pose: a few thousand faces at most."""
+    """The part of a target that a board needs to estimate its pose: a few thousand faces at most."""
 
     schema: Literal["flyaround.board_model"]
     version: Literal[1]

@@ -1,4 +1,4 @@
-"""What a release must agree on: version, changelog, citation, address."""
+"""Agreement of version, changelog, citation and address."""
 
 import re
 import tomllib

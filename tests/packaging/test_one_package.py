@@ -1,4 +1,4 @@
-"""What is installed is one package, from the wheel and from the source archive alike."""
+"""One package is installed, from the wheel and from the source archive alike."""
 
 import subprocess
 import sys

@@ -1,1 +1,1 @@
-"""What the compiled library computes, in numpy: the reference of its tests."""
+"""NumPy reference of the compiled library, for its tests."""

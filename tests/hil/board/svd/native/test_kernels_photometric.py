@@ -45,7 +45,7 @@ def tango() -> BoardModel:
 
 @pytest.fixture
 def by_numpy(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
-    """What is called where a byte does not number a craft's groups is called for all."""
+    """Use the path for more than 255 groups for every craft."""
 
     def from_here() -> None:
         monkeypatch.setattr(levels, "_shaded", many_groups.shaded)

@@ -221,7 +221,7 @@ def test_it_is_loaded_out_of_a_zip(tmp_path: Path) -> None:
 
 
 def sums_of_everything(model: BoardModel, views: ViewSubspaces) -> dict[str, bytes]:
-    """What every function of the library answers on one scene."""
+    """Return the answer of every function of the library on one scene."""
     rng = np.random.default_rng(11)
     camera = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
     rough = cv2.GaussianBlur(rng.uniform(0, 255, (160, 200)), (0, 0), 3.0)

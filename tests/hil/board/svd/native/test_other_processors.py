@@ -24,7 +24,7 @@ BEGIN = {"dylib": b"\xcf\xfa\xed\xfe", "dll": b"MZ"}
 
 
 def answers(name: str, target: str, folder: Path, *emulator: str) -> str:
-    """What the functions of one library answer, as checksums."""
+    """Return checksums of the answers of one library's functions."""
     made, compiled = folder / name, NATIVE / "lib" / f"{name}.so"
     zig = [sys.executable, "-m", "ziglang", "cc", "-std=c99", "-fno-sanitize=undefined", "-target", target]
     source = ROOT / "tests" / "harness" / "known_answers.c"
