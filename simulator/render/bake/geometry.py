@@ -68,7 +68,7 @@ class BakedMesh:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Geometry(BakedMesh):
-    """A baked mesh with what is uploaded beside its vertices; see `target.mesh.GpuMesh`.
+    """A baked mesh with what is uploaded beside its vertices; see `craft.mesh.GpuMesh`.
 
     Parameters
     ----------
