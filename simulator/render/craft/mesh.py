@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.geometry.subdivision import subdivide
 from flyaround.simulator.render.bake.charts import TEXEL
 from flyaround.simulator.render.bake.geometry import VERTEX, BakedMesh, MergedParts, geometry_of
-from flyaround.simulator.render.bake.mesh_cut import cut
 from flyaround.simulator.render.gl.shared_blocks import MAX_MATERIALS
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class GpuMesh(BakedMesh):
 
     def cut(self, context: moderngl.Context, longest_m: float) -> GpuMesh:
         """The same surface in triangles with no edge longer than this, in buffers of its own."""
-        made = cut(self.values[:, :3].astype(float), self.triangles.astype(np.int64), longest_m)
+        made = subdivide(self.values[:, :3].astype(float), self.triangles.astype(np.int64), longest_m)
         values = made.extended(self.values.astype(float))
         new = values[len(self.values) :, 3:6]
         new /= np.maximum(np.linalg.norm(new, axis=1, keepdims=True), 1e-9)

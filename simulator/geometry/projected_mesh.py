@@ -11,21 +11,18 @@ Franklin (1980), A linear time exact hidden surface algorithm: the uniform grid 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.targets.plane_grid import PlaneGrid
+from flyaround.simulator.geometry.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
+    from flyaround.simulator.geometry.mesh import TriangleMesh
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-    from flyaround.simulator.targets.joined_mesh import JoinedMesh
-    from flyaround.simulator.world.frames.pose import Pose
 
-NEAR_M = (
-    1e-3  # what of a triangle is closer to the lens's plane, or behind it, has no projection: it is cut off
-)
+NEAR_M = 1e-3  # near plane: what lies closer to the camera's plane, or behind it, has no projection
 # Triangles seen edge-on hide nothing: twice their area on the plane z = 1, and seen from a far light [m2].
 FLAT, FLAT_M2 = 1e-15, 1e-12
 FEW = 12  # for so few points no grid is made
@@ -129,14 +126,16 @@ class ProjectedMesh:
         return edge[may], triangle[may]
 
 
-@lru_cache(maxsize=2)
-def seen_from_camera(mesh: JoinedMesh, camera_from_target: Pose) -> ProjectedMesh:
-    """A mesh on the plane z = 1 before a pinhole at the camera's origin; nearness is the inverse of depth [m-1].
+def project_to_pinhole(mesh: TriangleMesh, R: FloatArray, t: FloatArray) -> ProjectedMesh:
+    """Project a mesh on the plane z = 1 of a pinhole camera. Nearness is the inverse of depth [m-1].
 
-    Of closed shells what looks away is left out, unless the mesh reaches the lens's plane: before it, on each ray that
-    meets it, is what faces the eye.
+    Back faces of closed shells are left out, unless the mesh reaches the camera's plane: a ray may then leave a shell
+    that it never entered before the camera.
+
+    Parameters
+    ----------
+    R, t : (3, 3) rotation and (3,) translation [m] from the mesh's frame to the camera's.
     """
-    R, t = camera_from_target.R, np.asarray(camera_from_target.t_m)
     ends = R[2] @ mesh.box_m + t[2]
     corners = mesh.corners_m
     if ends.min() > NEAR_M:
@@ -148,9 +147,8 @@ def seen_from_camera(mesh: JoinedMesh, camera_from_target: Pose) -> ProjectedMes
     return ProjectedMesh(x * near, y * near, near, FLAT)
 
 
-@lru_cache(maxsize=2)
-def seen_from_direction(mesh: JoinedMesh, direction: tuple[float, float, float]) -> ProjectedMesh:
-    """A mesh on the plane across a unit vector, target frame; nearness is the distance along it [m]."""
+def project_along(mesh: TriangleMesh, direction: tuple[float, float, float]) -> ProjectedMesh:
+    """Project a mesh orthographically along a unit vector. Nearness is the distance along it [m]."""
     corners = mesh.corners_m[:, :, mesh.facing(np.append(direction, 0.0))]
     x, y, near = (across(direction) @ corners.reshape(3, -1)).reshape(corners.shape)
     return ProjectedMesh(x, y, near, FLAT_M2)
@@ -165,7 +163,7 @@ def across(direction: tuple[float, float, float]) -> FloatArray:
 
 
 def _ahead_of_lens(corners: FloatArray) -> FloatArray:
-    """(3, 3, M) axes by corners of what of the triangles lies beyond `NEAR_M`: of one that is cut, one or two."""
+    """Clip triangles (3, 3, M), axes by corners, against the near plane z = NEAR_M; a cut one yields one or two."""
     ahead = corners[2] > NEAR_M
     count = ahead.sum(axis=0)
     pieces = [corners[:, :, count == 3]]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyaround.simulator.dataset.triangle_fill import fill_triangles, polygon_within
+from flyaround.simulator.geometry.triangle_fill import fill_triangles, polygon_within
 
 WIDTH, HEIGHT = 160, 120
 

@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.runtime.arrays import FloatArray
-from flyaround.simulator.runtime.memory import cached_per_object
-
 if TYPE_CHECKING:
-    from flyaround.simulator.targets.model import Part
+    from numpy.typing import NDArray
+
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 
 def sphere_directions(count: int) -> FloatArray:
@@ -39,17 +38,16 @@ def distance_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray
     return np.where(inside, height, best)
 
 
-@cached_per_object
-def is_closed(part: Part) -> bool:
-    """Whether every edge is met once in each direction, and the shell's signed volume is positive."""
+def is_closed(positions_m: NDArray[np.floating], triangles: IntArray) -> bool:
+    """Return True if every edge is met once in each direction, and the signed volume is positive."""
     # corners that share a place are one, whatever their normals
-    _, place = np.unique(np.round(part.positions_m, 6), axis=0, return_inverse=True)
-    corners = place.ravel()[np.asarray(part.triangles)]
+    _, place = np.unique(np.round(positions_m, 6), axis=0, return_inverse=True)
+    corners = place.ravel()[np.asarray(triangles)]
     start = corners.ravel()
     end = np.roll(corners, -1, axis=1).ravel()
     count = len(place)
     forward, backward = start * count + end, end * count + start
     real = start != end  # slivers may have lost an edge in the rounding
-    p = part.positions_m.astype(float)[np.asarray(part.triangles)]
+    p = positions_m.astype(float)[np.asarray(triangles)]
     volume = np.einsum("ij,ij->", p[:, 0], np.cross(p[:, 1], p[:, 2]))
     return bool(volume > 0 and np.array_equal(np.sort(forward[real]), np.sort(backward[real])))

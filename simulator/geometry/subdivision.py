@@ -1,4 +1,4 @@
-"""A mesh cut into small triangles: so small that straight ones follow what a lens bends."""
+"""Subdivision of a mesh until its edges are short: straight edges then follow a lens's distortion."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _IndexArray = np.typing.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Cut:
-    """How a mesh was cut.
+class Subdivision:
+    """The triangles of a subdivided mesh, and the vertices that were added.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Cut:
         return values
 
 
-def cut(positions_m: FloatArray, triangles: _IndexArray, longest_m: float) -> Cut:
+def subdivide(positions_m: FloatArray, triangles: _IndexArray, longest_m: float) -> Subdivision:
     """Halve every edge longer than ``longest_m`` until there is none; neighbours stay joined.
 
     Whether an edge is halved depends on the edge alone, and the middle of two points is the same from either side.
@@ -63,7 +63,7 @@ def cut(positions_m: FloatArray, triangles: _IndexArray, longest_m: float) -> Cu
         tri, origin = _halved(tri, origin, middle, long.sum(axis=1))
     order = np.argsort(origin, kind="stable")
     first = np.searchsorted(origin[order], np.arange(len(triangles) + 1))
-    return Cut(tuple(rounds), tri[order], origin[order], first)
+    return Subdivision(tuple(rounds), tri[order], origin[order], first)
 
 
 def _halved(

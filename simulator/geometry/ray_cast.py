@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from flyaround.simulator.targets.plane_grid import PlaneGrid
+from flyaround.simulator.geometry.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.bake.mesh_cut import cut
+from flyaround.simulator.geometry.subdivision import subdivide
 from flyaround.simulator.render.bake.mesh_edges import find_edges
 from tests.harness.boxes import closed_box
 
@@ -13,7 +13,7 @@ def test_a_cut_mesh_is_the_same_closed_surface_with_short_edges():
     corners = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 0.2], [0, 0, -2.5]], float)
     faces = [(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4), (1, 0, 5), (2, 1, 5), (3, 2, 5), (0, 3, 5)]
     p = corners[np.array(faces).ravel()]
-    made = cut(p, np.arange(24).reshape(-1, 3), 0.3)
+    made = subdivide(p, np.arange(24).reshape(-1, 3), 0.3)
     q = made.extended(p.astype(np.float32)).astype(float)
     t = q[made.triangles]
     assert max(np.linalg.norm(t[:, k] - t[:, k - 1], axis=1).max() for k in range(3)) <= 0.3 + 1e-6
@@ -36,7 +36,7 @@ def test_a_cut_mesh_is_the_same_closed_surface_with_short_edges():
 
 def test_short_edges_are_left_alone():
     p = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], float)
-    made = cut(p, np.array([[0, 1, 2]]), 0.2)
+    made = subdivide(p, np.array([[0, 1, 2]]), 0.2)
     assert made.parents == ()
     assert made.triangles.tolist() == [[0, 1, 2]]
     assert made.of.tolist() == [0]
@@ -55,7 +55,7 @@ def test_edges_are_cut_where_triangles_are():
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     whole = edges.vertices_m[edges.ends]
     assert np.bincount(of, length) == pytest.approx(np.linalg.norm(whole[:, 1] - whole[:, 0], axis=1))
-    made = cut(box.positions_m.astype(float), np.asarray(box.triangles), 0.1)
+    made = subdivide(box.positions_m.astype(float), np.asarray(box.triangles), 0.1)
     corners = made.extended(box.positions_m.astype(float))
     places = {tuple(place) for place in corners}
     assert {tuple(place) for place in ends.reshape(-1, 3).astype(np.float32)} <= places
