@@ -1,4 +1,4 @@
-"""Finds texts that are cut off or lie over another one, in what was drawn last.
+"""Search of the console's last frame for texts that are cut off or lie over another one.
 
 Dear ImGui hands the window quads of letters. A letter that reaches out of its clip rectangle, or whose quad was made
 smaller than the letter is, is not read whole; texts whose boxes share room are not read at all.
@@ -52,11 +52,6 @@ class TextRun:
     cut: bool
 
 
-def text_faults(window: Window) -> list[str]:
-    """A sentence for each text of the last frame that is cut off or lies over another one."""
-    return faults_of(drawn_texts(window))
-
-
 def faults_of(runs: Sequence[TextRun]) -> list[str]:
     """What is wrong with texts."""
     single = _without_outlines(runs)
@@ -87,11 +82,11 @@ def drawn_texts(window: Window) -> list[TextRun]:
             chosen = indices[command.idx_offset : command.idx_offset + command.elem_count]
             clip = command.clip_rect
             box = (clip.x, clip.y, clip.z, clip.w)
-            runs += runs_of(part._owner_name, vertices[command.vtx_offset :], chosen, box, glyphs)  # noqa: SLF001 - its only name
+            runs += runs_of(part._owner_name, vertices[command.vtx_offset :], chosen, box, glyphs)
     return runs
 
 
-def _array(buffer: Any, kind: np.dtype) -> np.ndarray:  # noqa: ANN401 - an imgui vector
+def _array(buffer: Any, kind: np.dtype) -> np.ndarray:
     size = buffer.size() * kind.itemsize
     if size == 0:
         return np.zeros(0, kind)
