@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from flyaround.simulator.compare.fitted_pairs import FittedPair
     from flyaround.simulator.reports.markup import Markup
     from flyaround.simulator.runtime.arrays import ByteArray
+    from tools.studies.fitted_light.pairs import FittedPair
 
 MARGIN_PX, SHOWN_PX = 24, 720
 HEAD = (

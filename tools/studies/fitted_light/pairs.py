@@ -15,19 +15,23 @@ from flyaround.simulator.compare.image_statistics import (
     histogram_distance_dn,
     sobel,
 )
-from flyaround.simulator.compare.light_fit import fit_light, fit_materials, light_basis, repainted
+from flyaround.simulator.dataset.importing import is_coloured, read_picture
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene
+from tools.studies.fitted_light.fit import fit_light, fit_materials, light_basis, repainted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from flyaround.simulator.compare.light_fit import FittedLight, LightBasis
+    from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.compare.references import Reference
     from flyaround.simulator.render.renderer import Renderer
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray
     from flyaround.simulator.targets.model import Target
+    from tools.studies.fitted_light.fit import FittedLight, LightBasis
 
 CLIPPED_DN = 250
+SHAPE_WITHIN = 0.01  # largest difference of the aspect ratios of a picture and its camera
 _BLOCK_PX = 16
 _SSIM_SIGMA_PX, _SSIM_SIDE_PX = 1.5, 11
 _EDGE_DN_PX = (
@@ -242,3 +246,26 @@ def _ridges(image: ByteArray) -> BoolArray:
     gradient = sobel(np.asarray(cv2.GaussianBlur(image.astype(np.float32), (0, 0), EDGE_BLUR_PX), np.float32))
     largest = cv2.dilate(gradient, np.ones((3, 3), np.uint8))
     return np.asarray((gradient > _EDGE_DN_PX) & (gradient >= largest - 1e-3))
+
+
+def check_pictures(references: Sequence[Reference], camera: Camera) -> None:
+    """Raise if light cannot be fitted to one of the pictures.
+
+    Raises
+    ------
+    UserError
+        If one has no pose, is in colour, or has another shape than the camera's.
+    """
+    without = [one.path.name for one in references if one.pose is None]
+    if without:
+        raise UserError(f"{len(without)} of {len(references)} pictures have no pose, {without[0]} for one")
+    for path in (one.path for one in references):
+        image = read_picture(path)
+        height, width = image.shape[:2]
+        if abs(width * camera.height_px / (height * camera.width_px) - 1) > SHAPE_WITHIN:
+            raise UserError(
+                f"picture {path} is {width} x {height} pixels, which is not the shape of the camera's "
+                f"{camera.width_px} x {camera.height_px}; give the camera that took it with --camera"
+            )
+        if is_coloured(image):
+            raise UserError(f"picture {path} is in colour, and light is fitted to grey ones")
