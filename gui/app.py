@@ -24,7 +24,6 @@ from flyaround.gui.flight.recorder import FlightRecorder
 from flyaround.gui.flight.session import Session
 from flyaround.gui.flight.telemetry import telemetry_of
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
-from flyaround.gui.legibility import text_faults
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.picture.further import CAMERA_SHARE, further_feeds
 from flyaround.gui.picture.turns import Turns
@@ -51,12 +50,10 @@ STILL_HZ = 10.0
 SHARE = 0.9
 """Of the time that the window may take where drawing it is slow."""
 SLICE_S = 1 / 60
+"""Longest wait between two looks at input, time and pictures."""
 URGENT, URGENT_ARMED = ("delete",), ("delete", "x")
 """Keys of abort and stop: they overtake what a slow window has not yet taken."""
 FLIGHT_GROUPS = frozenset({"steer", "guidance", "burn", "docking", "time", "timeline"})
-MOST_TOLD = 20
-"""Of the faults that a check of the texts finds."""
-"""Input, time and pictures are looked after at least so often."""
 GIVES_WAY = 5
 """Niceness of the render process: keys and the window go before pictures."""
 ANSWER_WITHIN_S = 20.0
@@ -292,14 +289,6 @@ class ConsoleLoop:
         window.capture = False
         if screenshot is not None:
             self._keep_look(screenshot)
-        if console.wants_text_check:
-            console.wants_text_check = False
-            faults = text_faults(window)
-            console.text_faults += faults
-            for fault in faults[:MOST_TOLD]:
-                console.say(fault, "caution")
-            if not faults:
-                console.say("every text is whole and by itself")
         if console.wants_full_screen:
             console.wants_full_screen = False
             window.toggle_full_screen()
@@ -389,7 +378,6 @@ class ConsoleLoop:
             "window_ms": round(self._window_ms, 1),
             "window_per_s": round(console.window_hz, 1),
             "window_gl": console.window_gl,
-            "text_faults": console.text_faults,
         }
 
 

@@ -87,9 +87,6 @@ class Console:
     wants_close: bool = False
     wants_full_screen: bool = False
     wants_first_layout: bool = False
-    wants_text_check: bool = False
-    text_faults: list[str] = field(default_factory=list)
-    """Texts that were found cut off or over another one, by `window.check-text`."""
     source: str = ""
     """Built-in name or file of the scenario that flies; empty for one that is in no file."""
     saved_truth: str = ""

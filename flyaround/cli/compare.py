@@ -17,13 +17,10 @@ from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.compare.comparison import compare_pictures
-from flyaround.simulator.compare.fitted_page import HEAD, fit_row, write_fitted
-from flyaround.simulator.compare.fitted_pairs import fit_pictures
 from flyaround.simulator.compare.image_statistics import FIGURES
 from flyaround.simulator.compare.page import write_comparison
 from flyaround.simulator.compare.references import read_references
 from flyaround.simulator.compare.similar_view import PoseEstimate
-from flyaround.simulator.errors import UserError
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.files import empty_folder
 from flyaround.simulator.targets.library import load_target
@@ -50,16 +47,6 @@ def compare(
         Path | None,
         typer.Option(help="Poses of the pictures in SPEED's form (train.json); else they are estimated."),
     ] = None,
-    poses: Annotated[
-        Path | None,
-        typer.Option(
-            help="Poses in SPEED's form: each picture beside ours at its own pose, under light fitted to it."
-        ),
-    ] = None,
-    materials: Annotated[
-        bool,
-        typer.Option("--fit-materials", help="With --poses: fit the materials too, on every second picture."),
-    ] = False,
     sensor: Annotated[
         str | None,
         typer.Option(help="Sensor preset of ours (default: as noisy as each picture)."),
@@ -70,28 +57,7 @@ def compare(
     """Set pictures of others beside ours of the like views: histograms, Sobel, edges with and without atmosphere."""
     if sensor is not None:
         sensor_preset(sensor)  # a wrong name is said before the work
-    if poses is None and materials:
-        raise UserError("--fit-materials needs --poses: light and materials are fitted at known poses")
-    if poses is not None and (labels is not None or sensor is not None):
-        raise UserError("--poses takes its sensor and its list itself; leave out --labels and --sensor")
     model = load_target(target)
-    if poses is not None:
-        found = read_references(reference, load_camera(camera), n, poses, posed=True)
-        empty_folder(output)
-        with Renderer(device_index=gpu) as renderer, progress_bar("fit", quiet=as_json) as progress:
-            fitted, factors = fit_pictures(renderer, found, model, materials=materials, progress=progress)
-        document = write_fitted(
-            output, fitted, factors, f"{len(fitted)} pictures of {reference.resolve().name}"
-        )
-        if as_json:
-            typer.echo(json.dumps(document))
-            return
-        table = Table(*HEAD)
-        for one in document["pictures"]:
-            table.add_row(*fit_row(one))
-        terminal().print(table)
-        say(f"page: {output / 'index.html'}")
-        return
     references = read_references(reference, load_camera(camera), n, labels)
     empty_folder(output)
     with Renderer(device_index=gpu) as renderer, progress_bar("compare", quiet=as_json) as progress:

@@ -40,10 +40,6 @@ def overview(
             "--contact-sheet", help="Draw every target: a page index.html with pictures in this folder."
         ),
     ] = None,
-    docs: Annotated[
-        Path | None,
-        typer.Option("--docs", help="Write targets.md and one small JPEG per target to this folder."),
-    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """List the targets, export them, or draw their contact sheet."""
@@ -62,15 +58,9 @@ def overview(
         with progress_bar("contact sheet", quiet=as_json) as progress:
             made = write_contact_sheet(rows, folder, page=page, progress=progress)
         say(f"{made}", stderr=as_json)
-    if docs is not None:
-        from flyaround.simulator.contact_sheets.targets_docs import write_docs  # noqa: PLC0415 - the page alone needs it
-
-        built_in = [t for t in rows if t.name in built_in_targets()]
-        with progress_bar("docs", quiet=as_json) as progress:
-            say(f"{write_docs(built_in, docs, progress)}", stderr=as_json)
     if as_json:
         typer.echo(json.dumps([_summary(t) for t in rows]))
-    elif contact_sheet is None and docs is None:
+    elif contact_sheet is None:
         _print_table(rows)
 
 

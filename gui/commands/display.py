@@ -83,10 +83,6 @@ def _first_layout(console: Console) -> None:
     console.wants_first_layout = True
 
 
-def _check_text(console: Console) -> None:
-    console.wants_text_check = True
-
-
 def _acknowledge(console: Console) -> None:
     console.acknowledge()
 
@@ -179,12 +175,6 @@ COMMANDS = (
     ),
     Command(
         "window.first-layout", "First layout", "all panels back to where they were at first", _first_layout
-    ),
-    Command(
-        "window.check-text",
-        "Check text",
-        "find texts that are cut off or lie over another one",
-        _check_text,
     ),
     Command("window.full-screen", "Full screen", "full screen", _full_screen, ("f11",), "F11"),
     Command(

@@ -11,14 +11,11 @@ import numpy as np
 
 from flyaround.simulator.dataset.formats.posed_pictures import checked_pose, read_json
 from flyaround.simulator.dataset.formats.speed_reader import POSITION, QUATERNION
-from flyaround.simulator.dataset.importing import is_coloured, read_picture
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.runtime.arrays import ByteArray
 
@@ -31,7 +28,6 @@ SKIPPED = (
     ".clean.png",
 )  # label layers of our data sets
 LARGEST_PX = 2048
-SHAPE_WITHIN = 0.01  # of the ratio of width and height that a camera and its picture have
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +47,7 @@ class Reference:
     pose: Pose | None
 
 
-def read_references(
-    folder: Path, camera: Camera, count: int, labels: Path | None = None, *, posed: bool = False
-) -> list[Reference]:
+def read_references(folder: Path, camera: Camera, count: int, labels: Path | None = None) -> list[Reference]:
     """Up to ``count`` pictures of a folder, evenly over its sorted names.
 
     Parameters
@@ -61,12 +55,11 @@ def read_references(
     camera : taken to have made them: its focal length is scaled to each picture's width, its principal point moves
         with the middle of the picture. A truth record beside a picture (same name, .json) tells camera and pose.
     labels : list of ``filename q_vbs2tango r_Vo2To_vbs_true``, as SPEED and SPEED+ have it.
-    posed : each is wanted grey, as the camera takes it and with a pose.
 
     Raises
     ------
     UserError
-        If the folder or the list cannot be read, the folder has no picture, or one is not as wanted.
+        If the folder or the list cannot be read, the folder has no picture.
     """
     if not folder.is_dir():
         raise UserError(f"there is no folder {folder}; name the folder of pictures with --reference")
@@ -78,31 +71,7 @@ def read_references(
     if len(paths) > count:
         paths = [paths[k] for k in np.unique(np.linspace(0, len(paths) - 1, count).astype(int))]
     poses = {} if labels is None else read_speed_labels(labels)
-    if posed:
-        _check_posed(paths, camera, poses, folder if labels is None else labels)
     return [_read(path, camera, poses.get(path.name)) for path in paths]
-
-
-def _check_posed(paths: Sequence[Path], camera: Camera, poses: dict[str, Pose], labels: Path) -> None:
-    without = [path.name for path in paths if path.name not in poses]
-    if without:
-        many = f"{len(without)} of {len(paths)} pictures" if len(without) > 1 else "a picture"
-        raise UserError(
-            f"{labels} has no pose of {many}, {without[0]} for one: the pose is not known; give the list of these "
-            "pictures with --poses"
-        )
-    for path in paths:
-        image = read_picture(path)
-        height, width = image.shape[:2]
-        if abs(width * camera.height_px / (height * camera.width_px) - 1) > SHAPE_WITHIN:
-            raise UserError(
-                f"picture {path} is {width} x {height} pixels, which is not the shape of the camera's "
-                f"{camera.width_px} x {camera.height_px}; give the camera that took it with --camera"
-            )
-        if is_coloured(image):
-            raise UserError(
-                f"picture {path} is in colour, and light is fitted to grey ones; save the pictures in grey"
-            )
 
 
 def _read(path: Path, camera: Camera, pose: Pose | None) -> Reference:

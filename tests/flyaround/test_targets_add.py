@@ -17,6 +17,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.part_classes import target_classes
 from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.library import list_targets, load_target
+from tools.docs.targets import write_docs
 
 SCENARIO = """
 target = "{name}"
@@ -299,14 +300,14 @@ def test_render_capture_check_and_contact_sheet_of_an_added_mesh(capsys, tmp_pat
 
 
 @pytest.mark.gl
-def test_docs_page_has_a_small_picture_of_each_built_in_craft(tmp_path, monkeypatch, mesh_file, capsys):
+def test_docs_page_and_contact_sheet_have_pictures_of_the_craft(tmp_path, monkeypatch, capsys):
     tango = load_target("tango")
-    monkeypatch.setattr("flyaround.cli.targets.list_targets", lambda: ("tango",))
-    code, _, _ = command(capsys, "--docs", tmp_path / "docs", "--contact-sheet", tmp_path / "sheet.html")
-    assert code == 0
+    write_docs([tango], tmp_path / "docs")
     text = (tmp_path / "docs" / "targets.md").read_text()
     assert "![tango](images/targets/tango.jpg)" in text
     assert tango.notes in text
     assert (tmp_path / "docs" / "images" / "targets" / "tango.jpg").stat().st_size < 100_000
+    monkeypatch.setattr("flyaround.cli.targets.list_targets", lambda: ("tango",))
+    assert command(capsys, "--contact-sheet", tmp_path / "sheet.html")[0] == 0
     assert "tango-view1.jpg" in (tmp_path / "sheet.html").read_text()
     assert np.all([(tmp_path / f"tango-labels{k}.jpg").is_file() for k in (1, 2, 3)])

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.files import load_camera
-from flyaround.simulator.compare.fitted_pairs import correlation
-from flyaround.simulator.compare.light_fit import candidate_lights, scene_at_pose
 from flyaround.simulator.compare.references import Reference, fitted, read_references
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.pose import Pose
 from tools.studies import real_gap
+from tools.studies.fitted_light.fit import candidate_lights, scene_at_pose
+from tools.studies.fitted_light.pairs import correlation
 from tools.studies.real_gap import SHOWN_PX, SwapRow, drawn, failures_picture, swaps, table, twin_of
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def test_a_twin_of_our_own_picture_is_that_picture(renderer: Renderer, tmp_path:
     cv2.imwrite(str(tmp_path / "a.png"), drawn(renderer, replace(bare, lights=(box,)), mockup))
     row = {"filename": "a.png", "q_vbs2tango_true": POSE.q_wxyz, "r_Vo2To_vbs_true": POSE.t_m}
     (tmp_path / "test.json").write_text(json.dumps([row]))
-    (reference,) = read_references(tmp_path, load_camera("speed"), 1, tmp_path / "test.json", posed=True)
+    (reference,) = read_references(tmp_path, load_camera("speed"), 1, tmp_path / "test.json")
     twin = twin_of(renderer, reference, mockup)
     assert correlation(reference.image[twin.on], twin.image[twin.on]) > 0.93
     out = swaps(renderer, twin, mockup, flight, 0)

@@ -40,8 +40,6 @@ from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.evaluate.metrics import wilson_interval
 from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
 from flyaround.simulator.camera.lens.files import load_camera
-from flyaround.simulator.compare.fitted_pairs import correlation
-from flyaround.simulator.compare.light_fit import RECIPE, fit_light, light_basis
 from flyaround.simulator.compare.references import read_references
 from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene
 from flyaround.simulator.recipes.plan import plan_recipe
@@ -50,6 +48,8 @@ from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.scenario.poses import scene_with_pose
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.pose import Pose
+from tools.studies.fitted_light.fit import RECIPE, fit_light, light_basis
+from tools.studies.fitted_light.pairs import check_pictures, correlation
 from tools.studies.paired_tables import write_into_page
 from tools.studies.published_methods import wrong_model
 
@@ -286,7 +286,8 @@ def main() -> None:
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
     camera, mockup, flight = load_camera(options.camera), load_target(MOCKUP), load_target(FLIGHT)
-    references = read_references(options.folder, camera, options.n, options.folder / "test.json", posed=True)
+    references = read_references(options.folder, camera, options.n, options.folder / "test.json")
+    check_pictures(references, camera)
     model = board_model(flight)
     intrinsics = CameraIntrinsics.from_dict(msgspec.to_builtins(references[0].camera))
     estimator, bent = (PoseEstimator(m, intrinsics) for m in (model, wrong_model(model, BENT_M)))

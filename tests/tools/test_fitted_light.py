@@ -1,0 +1,162 @@
+"""Light fitted to pictures: our own under known boxes as the pictures of others."""
+
+import json
+from dataclasses import replace
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+
+from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.compare.references import Reference, fitted, read_references
+from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.frames.pose import Pose
+from flyaround.simulator.world.frames.rotation import quat_from_rotvec
+from tools.studies.fitted_light.__main__ import main
+from tools.studies.fitted_light.fit import (
+    candidate_lights,
+    fit_light,
+    fit_materials,
+    light_basis,
+    scene_at_pose,
+)
+from tools.studies.fitted_light.pairs import check_pictures, correlation, fit_pictures, structural_similarity
+
+TARGET = "tango-mockup@low"
+STRONG = {40: 900.0, 33: 400.0}
+"""Radiance of the candidates that light the picture [W m-2 sr-1]."""
+
+
+def test_a_picture_is_like_itself_and_correlation_does_not_mind_brightness() -> None:
+    image = np.random.default_rng(5).integers(0, 200, (40, 50)).astype(np.uint8)
+    assert structural_similarity(image, image).mean() == pytest.approx(1.0)
+    assert structural_similarity(image, 200 - image).mean() < 0
+    assert correlation(image, (image // 2 + 20).astype(np.uint8)) == pytest.approx(1.0, abs=1e-3)
+    assert correlation(image, np.full_like(image, 7)) == 0.0
+
+
+@pytest.fixture(scope="module")
+def pictures(renderer, tmp_path_factory):
+    """A folder of two pictures under known boxes, SPEED's list beside it, and the references."""
+    folder, target = tmp_path_factory.mktemp("pictures"), load_target(TARGET)
+    camera, rows, references = fitted(load_camera("speed"), 480, 300), [], []
+    for k, turn in enumerate([(0.4, 2.2, 0.3), (2.0, 0.5, -0.8)]):
+        pose = Pose("camera", "target", quat_from_rotvec(np.array(turn)), (0.1, -0.05, 4.0))
+        path = folder / f"img{k}.png"
+        scene = scene_at_pose(Reference(path, np.zeros((300, 480), np.uint8), camera, pose), target)
+        boxes = candidate_lights(scene)
+        lights = tuple(
+            msgspec.structs.replace(boxes[n], radiance_w_m2_sr=radiance) for n, radiance in STRONG.items()
+        )
+        scene = replace(scene, lights=lights)
+        image = digitise_scene(scene, expose_scene(scene, renderer.render(scene, target).radiance))
+        cv2.imwrite(str(path), image)
+        references.append(Reference(path, np.asarray(image, np.uint8), camera, pose))
+        q, t = pose.q_wxyz, pose.t_m
+        rows.append({"filename": path.name, "q_vbs2tango": list(q), "r_Vo2To_vbs_true": list(t)})
+    (folder / "poses.json").write_text(json.dumps(rows))
+    return folder, references
+
+
+@pytest.mark.gl
+def test_the_light_of_a_picture_is_found(renderer, pictures):
+    basis = light_basis(renderer, pictures[1][0], load_target(TARGET))
+    light = fit_light(basis)
+    rows = [[one.position_m for one in basis.lights].index(box.position_m) for box in light.lights]
+    found = np.array([box.radiance_w_m2_sr for box in light.lights]) / 1000 @ basis.drawn[rows]
+    true = np.array(list(STRONG.values())) / 1000 @ basis.drawn[list(STRONG)]
+    # boxes side by side light a face alike, so the light is held and not each box
+    shown = true < 200
+    assert np.sqrt(np.mean((found - true)[shown] ** 2)) < 0.15 * np.sqrt(np.mean(true[shown] ** 2))
+    # the box that gives most light is found, or one beside it
+    strongest = basis.lights[40].position_m
+    assert min(np.linalg.norm(np.subtract(box.position_m, strongest)) for box in light.lights) < 1.3
+    # noise, and borders of faces, which the small drawings do not blur
+    assert light.residual_dn < 15.0
+    assert light.black_dn == pytest.approx(30.0, abs=3.0)
+
+
+@pytest.mark.gl
+def test_a_material_twice_as_bright_is_told_by_both_pictures(renderer, pictures):
+    target = load_target(TARGET)
+    bases = [light_basis(renderer, one, target) for one in pictures[1]]
+    told = [b.material[b.inner & (b.seen > 70) & (b.seen < 240)] for b in bases]
+    k = int(np.bincount(np.concatenate(told)).argsort()[-2])
+    dimmed = [replace(b, drawn=np.where(b.material == k, 0.5 * b.drawn, b.drawn)) for b in bases]
+    factors = fit_materials(dimmed, target) / fit_materials(bases, target)
+    assert factors[k] == pytest.approx(2.0, rel=0.15)
+
+
+@pytest.mark.gl
+def test_ours_under_the_fitted_light_is_like_the_picture(renderer, pictures):
+    pairs, factors = fit_pictures(renderer, pictures[1], load_target(TARGET))
+    assert not factors
+    for pair in pairs:
+        assert pair.ncc > 0.95
+        assert pair.ours.dark_dn == pytest.approx(pair.theirs.dark_dn, abs=3.0)
+        assert pair.ours.noise_dn == pytest.approx(pair.theirs.noise_dn, rel=0.1)
+        assert pair.outline_px < 1.5  # noise moves ridges
+
+
+@pytest.mark.gl
+def test_the_program_writes_a_page(pictures, tmp_path):
+    folder, out = pictures[0], tmp_path / "page"
+    words = [str(folder), "--poses", str(folder / "poses.json"), "--camera", "speed", "--target", TARGET]
+    assert main([*words, "-o", str(out), "-n", "1"]) == 0
+    assert json.loads((out / "fit.json").read_text())["summary"]["all_ncc"] > 0.9
+    assert (out / "index.html").is_file()
+
+
+def test_what_cannot_be_fitted_is_told_before_anything_is_written(tmp_path, capsys):
+    folder, out, labels = tmp_path / "pictures", tmp_path / "page", tmp_path / "poses.json"
+    folder.mkdir()
+    row = {"filename": "a.png", "q_vbs2tango_true": [1, 0, 0, 0], "r_Vo2To_vbs_true": [0, 0, 5]}
+    grey = np.random.default_rng(1).integers(0, 90, (60, 96)).astype(np.uint8)
+
+    def told(rows, image=grey, *more, at=folder):
+        labels.write_text(rows if isinstance(rows, str) else json.dumps(rows))
+        cv2.imwrite(str(folder / "a.png"), image)
+        assert main([str(at), "--poses", str(labels), "-o", str(out), *more]) == 2
+        assert not out.exists()
+        error = capsys.readouterr().err.strip()
+        assert "Traceback" not in error
+        return " ".join(error.split())
+
+    assert "1 of 1 pictures have no pose, a.png for one" in told([])
+    assert "2 of 2 pictures have no pose" in told([], grey, at=two_pictures(tmp_path / "two", grey))
+    assert "entry 1 has no pose" in told([{"filename": "a.png"}])
+    assert "entry 2 has no pose" in told([row, 7])
+    assert "is no list of poses" in told({})
+    assert "is not JSON" in told("[")
+    assert "nests more than 64 brackets" in told("[" * 1000)
+    assert "length is 2" in told([row | {"q_vbs2tango_true": [2, 0, 0, 0]}])
+    assert "not before the camera" in told([row | {"r_Vo2To_vbs_true": [0, 0, -5]}])
+    # another camera
+    assert "not the shape of the camera's 1920 x 1200" in told([row], grey[:, :60], "--camera", "speedplus")
+    # colour, but for a mark of some pixels
+    coloured = np.dstack([grey, grey // 2, grey // 3])
+    assert "is in colour" in told([row], coloured)
+    marked = np.dstack([grey] * 3)
+    marked[5, 7] = (255, 0, 0)
+    cv2.imwrite(str(folder / "a.png"), marked)
+    camera = load_camera("speed")
+    check_pictures(read_references(folder, camera, 1, write(labels, [row])), camera)
+    nowhere = told([row], grey, at=tmp_path / "nowhere")
+    assert "there is no folder" in nowhere
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    assert "has no picture" in told([row], grey, at=empty)
+
+
+def two_pictures(folder, image):
+    folder.mkdir()
+    for name in ("b.png", "c.png"):
+        cv2.imwrite(str(folder / name), image)
+    return folder
+
+
+def write(path, rows):
+    path.write_text(json.dumps(rows))
+    return path
