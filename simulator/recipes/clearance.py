@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.geometry.triangles import distance_to_triangles, encloses_origin
 from flyaround.simulator.recipes.poses import radius_m
 
 if TYPE_CHECKING:
@@ -27,10 +28,10 @@ def is_clear(pose: Pose, target: Target, clearance_m: float) -> bool:
         return False
     # a triangle reaches no nearer than its first corner less its longer side from there
     near = corners[from_corner - _reach_m(target) <= clearance_m]
-    if len(near) and _distances_m(near).min() <= clearance_m:
+    if len(near) and distance_to_triangles(np.zeros((len(near), 3)), near).min() <= clearance_m:
         return False
     low, high = _box(target)[0], _box(target)[-1]
-    return bool(np.any((camera_m < low) | (camera_m > high))) or not _encloses_origin(corners)
+    return bool(np.any((camera_m < low) | (camera_m > high))) or not encloses_origin(corners)
 
 
 def share_inside(pose: Pose, target: Target, camera: Camera) -> float:
@@ -66,33 +67,3 @@ def _box(target: Target) -> FloatArray:
     points = _corners(target).reshape(-1, 3)
     ends = np.stack([points.min(axis=0), points.max(axis=0)])
     return np.stack(np.meshgrid(*ends.T), axis=-1).reshape(-1, 3)
-
-
-def _distances_m(corners: FloatArray) -> FloatArray:
-    """(T,) distance of the origin from triangles (T, 3, 3): from the face where it stands over it, else from a side."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    normal = np.cross(b - a, c - a)
-    length = np.linalg.norm(normal, axis=1)
-    height = np.abs(np.einsum("ij,ij->i", normal, a)) / np.maximum(length, 1e-30)
-    # over the face: the origin is on the same side of all three
-    over = length > 1e-15
-    for p, q in ((a, b), (b, c), (c, a)):
-        over &= np.einsum("ij,ij->i", np.cross(q - p, -p), normal) >= 0
-    sides = np.min([_from_side_m(p, q) for p, q in ((a, b), (b, c), (c, a))], axis=0)
-    return np.where(over, height, sides)
-
-
-def _from_side_m(p: FloatArray, q: FloatArray) -> FloatArray:
-    """(T,) distance of the origin from segments."""
-    along = q - p
-    share = np.clip(-np.einsum("ij,ij->i", p, along) / np.maximum((along**2).sum(axis=1), 1e-30), 0, 1)
-    return np.asarray(np.linalg.norm(p + share[:, None] * along, axis=1))
-
-
-def _encloses_origin(corners: FloatArray) -> bool:
-    """Whether closed shells hold the origin: the solid angle of all triangles (Van Oosterom and Strackee 1983)."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
-    below = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
-    solid = 2 * np.arctan2((a * np.cross(b, c)).sum(axis=1), below)
-    return bool(abs(solid.sum()) > 2 * np.pi)

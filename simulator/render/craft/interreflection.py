@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.geometry.directions import orthonormal_basis, spherical_fibonacci
 from flyaround.simulator.render.bake.radiance_transfer import (
     INTERREFLECTION_STEP,
     PATCH,
     baked_transfer,
     harmonics,
 )
-from flyaround.simulator.render.irradiance import orthonormal_basis, spherical_fibonacci
 from flyaround.simulator.scene.illumination.bands import reflectance
 
 if TYPE_CHECKING:

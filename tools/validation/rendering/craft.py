@@ -10,7 +10,8 @@ import numpy as np
 
 from flyaround.simulator.camera.lens.distortion import Distortion
 from flyaround.simulator.dataset.check.geometry import project_with_opencv
-from flyaround.simulator.render.irradiance import basis, field_of_samples, spherical_fibonacci, uniform_field
+from flyaround.simulator.geometry.directions import spherical_fibonacci
+from flyaround.simulator.render.irradiance import basis, field_of_samples, uniform_field
 from flyaround.simulator.render.view import SUN_RADIUS_M
 from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from flyaround.simulator.targets.library import load_target

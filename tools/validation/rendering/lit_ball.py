@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.irradiance import spherical_fibonacci
+from flyaround.simulator.geometry.directions import spherical_fibonacci
 from flyaround.simulator.render.view import SUN_RADIUS_M
 from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
 from tools.validation.bare_scene import ball, bare_scene, bare_target, square_camera

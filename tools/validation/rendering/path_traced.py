@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flyaround.simulator.errors import UserError, missing_extra
-from flyaround.simulator.render.irradiance import spherical_fibonacci
+from flyaround.simulator.geometry.directions import spherical_fibonacci
 from flyaround.simulator.render.view import SUN_RADIUS_M
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from flyaround.simulator.geometry.directions import spherical_fibonacci
 from flyaround.simulator.render.earth.albedo import albedo_map, albedo_of_day
 from flyaround.simulator.render.irradiance import (
     IrradianceField,
@@ -10,7 +11,6 @@ from flyaround.simulator.render.irradiance import (
     earth_shine,
     field_of_samples,
     moon_shine,
-    spherical_fibonacci,
     uniform_field,
 )
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
