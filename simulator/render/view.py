@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
-from flyaround.simulator.render.irradiance import IrradianceField, dark_field
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.irradiance import IrradianceField, dark_field
 from flyaround.simulator.scene.illumination.moonlight import moonlight_share
 from flyaround.simulator.scene.illumination.refraction import sunlight_past_earth
 from flyaround.simulator.world.constants import MOON_RADIUS_M

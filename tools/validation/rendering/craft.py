@@ -11,9 +11,9 @@ import numpy as np
 from flyaround.simulator.camera.lens.distortion import Distortion
 from flyaround.simulator.dataset.check.geometry import project_with_opencv
 from flyaround.simulator.geometry.directions import spherical_fibonacci
-from flyaround.simulator.render.irradiance import basis, field_of_samples, uniform_field
 from flyaround.simulator.render.view import SUN_RADIUS_M
 from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
+from flyaround.simulator.scene.illumination.irradiance import basis, field_of_samples, uniform_field
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Material
 from tools.validation.bare_scene import ball, bare_scene, bare_target, flat_plate, square_camera

@@ -5,7 +5,8 @@ import pytest
 
 from flyaround.simulator.geometry.directions import spherical_fibonacci
 from flyaround.simulator.render.earth.albedo import albedo_map, albedo_of_day
-from flyaround.simulator.render.irradiance import (
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.irradiance import (
     IrradianceField,
     basis,
     earth_shine,
@@ -13,7 +14,6 @@ from flyaround.simulator.render.irradiance import (
     moon_shine,
     uniform_field,
 )
-from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
 from flyaround.simulator.targets.model import Part
 
 pytestmark = pytest.mark.gl

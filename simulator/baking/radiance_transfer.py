@@ -15,22 +15,22 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from scipy.sparse import coo_matrix
 
-from flyaround.simulator.geometry.directions import spherical_fibonacci
-from flyaround.simulator.geometry.ray_cast import make_ray_caster
-from flyaround.simulator.render.bake.baked_visibility import (
+from flyaround.simulator.baking.baked_mesh import VERTEX
+from flyaround.simulator.baking.baked_visibility import (
     decode_visibility,
     encode_visibility,
     trace_visibility,
 )
-from flyaround.simulator.render.bake.geometry import VERTEX
+from flyaround.simulator.geometry.directions import spherical_fibonacci
+from flyaround.simulator.geometry.ray_cast import make_ray_caster
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_arrays
 from flyaround.simulator.runtime.prebuilt import prebuilt_array
 
 if TYPE_CHECKING:
-    from flyaround.simulator.render.bake.baked_visibility import NodeVisibility
-    from flyaround.simulator.render.bake.charts import Charts
-    from flyaround.simulator.render.bake.geometry import BakedMesh
+    from flyaround.simulator.baking.baked_mesh import BakedMesh
+    from flyaround.simulator.baking.baked_visibility import NodeVisibility
+    from flyaround.simulator.baking.charts import Charts
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 
 _T = TypeVar("_T", bound=np.generic)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from flyaround.simulator.geometry.directions import spherical_fibonacci
-from flyaround.simulator.geometry.ray_cast import EmbreeCaster, GridCaster
-from flyaround.simulator.render.bake.baked_visibility import (
+from flyaround.simulator.baking.baked_visibility import (
     decode_visibility,
     encode_visibility,
     trace_visibility,
 )
-from flyaround.simulator.render.bake.charts import make_charts
+from flyaround.simulator.baking.charts import make_charts
+from flyaround.simulator.geometry.directions import spherical_fibonacci
+from flyaround.simulator.geometry.ray_cast import EmbreeCaster, GridCaster
 
 
 def of_mesh(mesh):
