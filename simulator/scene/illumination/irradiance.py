@@ -15,11 +15,11 @@ import numpy as np
 
 from flyaround.simulator.geometry.directions import orthonormal_basis, spherical_fibonacci
 from flyaround.simulator.scene.illumination.moonlight import moonlight_share
+from flyaround.simulator.world.constants import EARTH_MEAN_RADIUS_M
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
-EARTH_RADIUS_M = 6_371_008.8
 _SAMPLES = 256
 _PLATES = 96
 _GRADIENT = np.arange(3)
@@ -130,13 +130,13 @@ def earth_shine(
     also_w_m2 : as of `field_of_samples`.
     """
     distance = float(np.linalg.norm(r_target_itrs_m))
-    sine = min(EARTH_RADIUS_M / distance, 1.0)
+    sine = min(EARTH_MEAN_RADIUS_M / distance, 1.0)
     rim = float(np.sqrt(1 - sine * sine))
     zenith = r_target_itrs_m / distance
     cap = spherical_fibonacci(_SAMPLES, rim)
     c = cap[:, 2]
     # in Earth's radii
-    above = distance / EARTH_RADIUS_M
+    above = distance / EARTH_MEAN_RADIUS_M
     along = above * c - np.sqrt(np.maximum(1 - above**2 * (1 - c * c), 0))
     axes = orthonormal_basis(zenith)
     axes[2] = -zenith
