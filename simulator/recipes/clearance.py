@@ -9,6 +9,7 @@ import numpy as np
 
 from flyaround.simulator.geometry.triangles import distance_to_triangles, encloses_origin
 from flyaround.simulator.recipes.poses import radius_m
+from flyaround.simulator.targets.joined_mesh import box_3d_m
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
@@ -30,13 +31,13 @@ def is_clear(pose: Pose, target: Target, clearance_m: float) -> bool:
     near = corners[from_corner - _reach_m(target) <= clearance_m]
     if len(near) and distance_to_triangles(np.zeros((len(near), 3)), near).min() <= clearance_m:
         return False
-    low, high = _box(target)[0], _box(target)[-1]
+    low, high = box_3d_m(target)[0], box_3d_m(target)[-1]
     return bool(np.any((camera_m < low) | (camera_m > high))) or not encloses_origin(corners)
 
 
 def share_inside(pose: Pose, target: Target, camera: Camera) -> float:
     """Share of the box about the projected mesh that the image holds; 0 where the mesh reaches behind the camera."""
-    points = pose.apply(_box(target))
+    points = pose.apply(box_3d_m(target))
     if points[:, 2].min() <= 0:
         return 0.0
     pixels = camera.project(pose.apply(_corners(target).reshape(-1, 3)))
@@ -59,11 +60,3 @@ def _reach_m(target: Target) -> FloatArray:
     """(T,) of every triangle: the longer side at its first corner."""
     corners = _corners(target)
     return np.asarray(np.linalg.norm(corners[:, 1:] - corners[:, :1], axis=2).max(axis=1))
-
-
-@lru_cache(maxsize=4)
-def _box(target: Target) -> FloatArray:
-    """(8, 3) corners of the box about the mesh."""
-    points = _corners(target).reshape(-1, 3)
-    ends = np.stack([points.min(axis=0), points.max(axis=0)])
-    return np.stack(np.meshgrid(*ends.T), axis=-1).reshape(-1, 3)
