@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from flyaround.simulator.geometry.triangles import sphere_directions
+from flyaround.simulator.geometry.directions import sphere_directions
 from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:

@@ -1,6 +1,5 @@
 // Where a ray meets the ground, and the light there: all that changes smoothly from pixel to pixel.
 
-const float EARTH_KM = 6378.137;
 const float TEXEL_KM = 4.97;            // of the maps, at the equator
 
 // Stereographic coordinates of a unit vector, each hemisphere from its own pole [1]. Conformal, without seam: both

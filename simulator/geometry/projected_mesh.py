@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.geometry.directions import across
 from flyaround.simulator.geometry.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
@@ -152,14 +153,6 @@ def project_along(mesh: TriangleMesh, direction: tuple[float, float, float]) -> 
     corners = mesh.corners_m[:, :, mesh.facing(np.append(direction, 0.0))]
     x, y, near = (across(direction) @ corners.reshape(3, -1)).reshape(corners.shape)
     return ProjectedMesh(x, y, near, FLAT_M2)
-
-
-def across(direction: tuple[float, float, float]) -> FloatArray:
-    """(3, 3) rows: two axes across a unit vector, and itself."""
-    d = np.asarray(direction)
-    e1 = np.cross(d, np.eye(3)[int(np.argmin(np.abs(d)))])
-    e1 /= np.linalg.norm(e1)
-    return np.stack([e1, np.cross(d, e1), d])
 
 
 def _ahead_of_lens(corners: FloatArray) -> FloatArray:

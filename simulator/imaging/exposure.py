@@ -24,7 +24,7 @@ from flyaround.simulator.imaging.image_motion import (
 )
 from flyaround.simulator.imaging.motion_blur import motion_blur
 from flyaround.simulator.imaging.rolling_shutter import crop, row_bands
-from flyaround.simulator.render.view import POLE_M
+from flyaround.simulator.world.constants import EARTH_POLAR_RADIUS_M
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ def _all_ground(scene: SceneState, pixels: FloatArray) -> bool:
     """Whether rays through (K, 2) pixels all meet the Earth, be it where it is lowest."""
     r = np.asarray(scene.r_camera_eci_m)
     along = -scene.camera.rays(pixels) @ matrix_from_quat(scene.q_camera_from_eci_wxyz) @ r
-    return bool(np.all((along > 0) & (r @ r - along**2 < POLE_M**2)))
+    return bool(np.all((along > 0) & (r @ r - along**2 < EARTH_POLAR_RADIUS_M**2)))
 
 
 def _over_passing_ground(

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.earth.earth_view import EarthView
     from flyaround.simulator.render.earth.screen_tiles import ScreenTiles
     from flyaround.simulator.render.frame_images import FrameImages
-    from flyaround.simulator.render.irradiance import IrradianceField
     from flyaround.simulator.render.moon.moon_view import MoonView
     from flyaround.simulator.render.sky.star_pass import Spread
     from flyaround.simulator.render.view import View
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
+    from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 

@@ -8,11 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
-from flyaround.simulator.render.irradiance import IrradianceField, dark_field
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.irradiance import IrradianceField, dark_field
 from flyaround.simulator.scene.illumination.moonlight import moonlight_share
 from flyaround.simulator.scene.illumination.refraction import sunlight_past_earth
-from flyaround.simulator.world.constants import MOON_RADIUS_M
+from flyaround.simulator.world.constants import (
+    EARTH_POLAR_RADIUS_M,
+    EARTH_RADIUS_M,
+    MOON_RADIUS_M,
+    SUN_RADIUS_M,
+)
 from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_sphere
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
@@ -23,9 +28,6 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import SceneState
-
-EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245  # WGS84
-SUN_RADIUS_M = 6.957e8  # IAU 2015 resolution B3, nominal solar radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +121,7 @@ def _sun_share(scene: SceneState, R_itrs_from_eci: FloatArray) -> FloatArray:
     fraction = np.full(len(bands_of(scene.bands)), scene.sunlit_fraction)
     if not scene.environment.sunlight or not (scene.environment.earth and scene.environment.atmosphere):
         return fraction
-    stretch = np.array([1.0, 1.0, EQUATOR_M / POLE_M])  # the ellipsoid becomes a sphere
+    stretch = np.array([1.0, 1.0, EARTH_RADIUS_M / EARTH_POLAR_RADIUS_M])  # the ellipsoid becomes a sphere
     r, sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
     through = sunlight_past_earth(
         stretch * (R_itrs_from_eci @ r), stretch * (R_itrs_from_eci @ sun), scene.bands

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flyaround.simulator.dataset.check.sampled_rays import Layers
+    from flyaround.simulator.dataset.check.ray_casting import Layers
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.render.renderer import Renderer
     from flyaround.simulator.runtime.arrays import ByteArray

@@ -11,8 +11,8 @@ import numpy as np
 
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
 from flyaround.simulator.render.projection import PixelRect, directions
-from flyaround.simulator.render.view import EQUATOR_M, POLE_M
 from flyaround.simulator.scene.illumination.atmosphere import SUN_ANGULAR_RADIUS_RAD
+from flyaround.simulator.world.constants import EARTH_POLAR_RADIUS_M, EARTH_RADIUS_M
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -64,13 +64,13 @@ def earth_view(view: View, camera: Camera, air: Atmosphere | None) -> EarthView:
     ----------
     air : its thickness widens the region; ``None`` without atmosphere.
     """
-    stretch = np.array([1.0, 1.0, EQUATOR_M / POLE_M])
+    stretch = np.array([1.0, 1.0, EARTH_RADIUS_M / EARTH_POLAR_RADIUS_M])
     M = stretch[:, None] * view.R_camera_from_itrs.T
-    c = stretch * view.r_camera_itrs_m / EQUATOR_M
+    c = stretch * view.r_camera_itrs_m / EARTH_RADIUS_M
     s = stretch * view.sun_itrs
     s = s / np.linalg.norm(s)
     # half a pixel of the limb must survive where there is no air
-    thickness = air.thickness_m / EQUATOR_M if air is not None else 2e-3
+    thickness = air.thickness_m / EARTH_RADIUS_M if air is not None else 2e-3
     top2 = (1 + thickness) ** 2
     # a camera inside the air is put on its top: tables there have no lower side
     radius = float(np.linalg.norm(c))
@@ -148,7 +148,7 @@ def _rect(
         y0, y1 = (rows.min() - 1) * step_y - 2, (rows.max() + 1) * step_y + 2
     elif center[2] > 0:
         # a pole-on bound: radius on the image of the sphere that holds Earth and air
-        radius = np.sqrt(top2) * EQUATOR_M
+        radius = np.sqrt(top2) * EARTH_RADIUS_M
         pixel = camera.project(center)
         size = max(camera.fx_px, camera.fy_px) * radius / max(center[2], distance * 0.2) * 1.5 + 4
         x0, y0, x1, y1 = pixel[0] - size, pixel[1] - size, pixel[0] + size, pixel[1] + size
@@ -173,16 +173,21 @@ def earth_values(view: View, earth: EarthView, air: Atmosphere) -> dict[str, Arr
     radius = float(np.linalg.norm(earth.camera))
     mu = earth.sun_cosine
     longitude = float(np.arctan2(earth.camera[1], earth.camera[0]))
-    moon = view.moon_itrs * np.array([1.0, 1.0, EQUATOR_M / POLE_M])
+    moon = view.moon_itrs * np.array([1.0, 1.0, EARTH_RADIUS_M / EARTH_POLAR_RADIUS_M])
     return {
         "u_earth_from_camera": matrix,
         "u_earth_camera": [*earth.camera, 1 / radius],
         "u_earth_sun": [*earth.sun, mu],
         "u_earth_moon": [*(moon / np.linalg.norm(moon)), view.moon_share],
         "u_earth_irradiance": vec4_of_bands(view.sun_at_earth_w_m2),
-        "u_earth_limits": [max(np.sqrt(max(1 - mu * mu, 0.0)), 1e-6), earth.top2, EQUATOR_M / POLE_M, 0.0],
+        "u_earth_limits": [
+            max(np.sqrt(max(1 - mu * mu, 0.0)), 1e-6),
+            earth.top2,
+            EARTH_RADIUS_M / EARTH_POLAR_RADIUS_M,
+            0.0,
+        ],
         "u_earth_meridian": [np.cos(longitude), np.sin(longitude), longitude, 0.0],
-        "u_air_radius": [air.radius_m, air.top_m, radius * EQUATOR_M, SUN_ANGULAR_RADIUS_RAD],
+        "u_air_radius": [air.radius_m, air.top_m, radius * EARTH_RADIUS_M, SUN_ANGULAR_RADIUS_RAD],
         "u_air_sun": [mu, 0.0, 0.0, 0.0],
         "u_air_shape": [1 / air.rayleigh_height_m, 1 / air.mie_height_m, air.mie_g, 0.0],
         "u_air_rayleigh": vec4_of_bands(air.rayleigh_m),

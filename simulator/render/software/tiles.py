@@ -23,7 +23,7 @@ from flyaround.simulator.render.earth.screen_tiles import (
 )
 from flyaround.simulator.render.earth.sea_ice import near_ice
 from flyaround.simulator.render.projection import directions
-from flyaround.simulator.render.view import EQUATOR_M
+from flyaround.simulator.world.constants import EARTH_RADIUS_M
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
@@ -68,7 +68,9 @@ class _CornerRays:
         self.depth = np.sqrt(np.maximum(self.disc, 0))
         self.distance = -self.along - self.depth
         # the mean of its two axes, as in shaders/earth/point.glsl
-        self.footprint_km = self.distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(self.depth, 0.02))
+        self.footprint_km = (
+            self.distance * EARTH_RADIUS_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(self.depth, 0.02))
+        )
         # seen from far away a tile spans much of the Earth
         self.span = self.distance * self.size_px * pixel_rad
         self.ground = [earth.camera[k] + self.distance * self.directions[..., k] for k in range(3)]

@@ -12,17 +12,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.scene.illumination.bands import bands_of
+from flyaround.simulator.world.constants import EARTH_RADIUS_M
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.bands import Bands
 
-EARTH_RADIUS_M = 6_378_137.0  # WGS84 semi-major axis
 SUN_ANGULAR_RADIUS_RAD = 0.004652  # IAU 2015 nominal solar radius at 1 au
 
 # Rayleigh scattering at sea level times wavelength^4: Penndorf (1957), as in Bruneton & Neyret (2008) [m-1 um^4]
 _RAYLEIGH_M_UM4 = 1.24062e-6
-# Ozone absorption at 25 km, peak of a 10-25-40 km tent holding 300 Dobson units [m-1]; cross sections averaged over
+# Ozone profile: a tent from 10 to 40 km
+OZONE_HEIGHT_M, OZONE_HALF_WIDTH_M = 25_000.0, 15_000.0
+# Ozone absorption at its peak, of a tent holding 300 Dobson units [m-1]; cross sections averaged over
 # the band: Gorshelev et al. (2014), High spectral resolution ozone absorption cross-sections, AMT 7
 _OZONE_PEAK_M = {"panchromatic": 1.18e-6, "red": 1.43e-6, "green": 1.75e-6, "blue": 1.67e-7}
 
@@ -58,7 +60,7 @@ class Atmosphere:
     def density(self, height_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rayleigh, aerosol and ozone density relative to sea level (to the peak, ozone) at a height."""
         h = np.maximum(height_m, 0.0)
-        ozone = np.clip(1 - np.abs(h - 25_000.0) / 15_000.0, 0, None)
+        ozone = np.clip(1 - np.abs(h - OZONE_HEIGHT_M) / OZONE_HALF_WIDTH_M, 0, None)
         return np.exp(-h / self.rayleigh_height_m), np.exp(-h / self.mie_height_m), ozone
 
     def extinction_m(self, height_m: FloatArray) -> FloatArray:

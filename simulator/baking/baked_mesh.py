@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from flyaround.simulator.render.bake.charts import Charts, make_charts
-from flyaround.simulator.render.bake.mesh_edges import MeshEdges, find_edges
-from flyaround.simulator.render.bake.occluders import BOX, Boxes, ConvexShell, convex_bodies, find_shells
+from flyaround.simulator.baking.charts import Charts, make_charts
+from flyaround.simulator.baking.mesh_edges import MeshEdges, find_edges
+from flyaround.simulator.geometry.convex_shells import BOX, Boxes, ConvexShell, convex_bodies, find_shells
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.runtime.serialisation import pack, unpack
@@ -154,7 +154,9 @@ def _make(merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int]
         triangles=triangles,
         planes=_planes(corners),
         boxes=Boxes.about(corners, BOX * radius),
-        shells=find_shells(convex_bodies(parts, radius), radius),
+        shells=find_shells(
+            convex_bodies([p.positions_m.astype(float)[p.triangles] for p in parts], radius), radius
+        ),
         charts=charts,
         edges=find_edges(tuple(parts), numbers, is_closed=closed),
     )

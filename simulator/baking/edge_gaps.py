@@ -11,7 +11,7 @@ from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 
 if TYPE_CHECKING:
-    from flyaround.simulator.render.bake.mesh_edges import MeshEdges
+    from flyaround.simulator.baking.mesh_edges import MeshEdges
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 VERSION = 1  # of `_nearest_creases`: raise it when the same edges give other distances

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
-    from flyaround.simulator.targets.model import Part
 
 MARGIN = 2e-4
 """Of the radius, by which what is hidden lies inside the region: more than a raster's rounding of corners."""
@@ -131,14 +130,13 @@ def hidden(shells: Sequence[ConvexShell], boxes: Boxes, place: FloatArray, radiu
     return found
 
 
-def convex_bodies(parts: Sequence[Part], radius_m: float) -> list[ConvexShell]:
-    """The closed convex bodies among those of some parts, the largest first; small ones are left out.
+def convex_bodies(corners: Sequence[FloatArray], radius_m: float) -> list[ConvexShell]:
+    """Return the closed convex bodies of some parts, the largest first; small ones are left out.
 
     Parameters
     ----------
-    radius_m : of the craft's bounding sphere.
+    corners : (T, 3, 3) of the triangles of each part [m]. radius_m : of the craft's bounding sphere.
     """
-    corners = [part.positions_m.astype(float)[np.asarray(part.triangles)] for part in parts]
     normals = [np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) / 2 for c in corners]
     areas = [float(np.linalg.norm(n, axis=1).sum()) for n in normals]
     shells: list[ConvexShell] = []
