@@ -74,14 +74,14 @@ def build_view(scene: SceneState, sky: IrradianceField | None = None) -> View:
     sky : light of Earth and Moon on the target (`earth_and_moon_shine`), or instead of it; ``None`` leaves it dark.
     """
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
-    R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
+    R_ie = scene.body("earth").R_fixed_from_eci
     r_camera, r_target = np.asarray(scene.r_camera_eci_m), np.asarray(scene.r_target_eci_m)
     r_sun = np.asarray(scene.r_sun_eci_m)
     to_sun = r_sun - r_target
     sun_distance = float(np.linalg.norm(to_sun))
     sun_unit = r_sun / np.linalg.norm(r_sun)
     sun_w_m2 = sun_irradiance_w_m2(scene.bands, sun_distance)
-    r_moon = np.asarray(scene.r_moon_eci_m)
+    r_moon = np.asarray(scene.body("moon").r_eci_m)
     return View(
         R_camera_from_target=matrix_from_quat(scene.q_camera_from_target_wxyz),
         t_camera_from_target_m=np.asarray(scene.t_camera_from_target_m),
@@ -126,7 +126,7 @@ def _sun_share(scene: SceneState, R_itrs_from_eci: FloatArray) -> FloatArray:
     )
     if np.all(through == 1):
         return fraction
-    moon = np.asarray(scene.r_moon_eci_m)
+    moon = np.asarray(scene.body("moon").r_eci_m)
     return through * float(sun_fraction_past_sphere(r - moon, sun - moon, MOON_RADIUS_M))
 
 

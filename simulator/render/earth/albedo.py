@@ -96,11 +96,11 @@ def earth_and_moon_shine(scene: SceneState) -> IrradianceField:
     if not scene.environment.earthshine:
         return dark_field(bands)
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
-    R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
+    R_ie = scene.body("earth").R_fixed_from_eci
     r_target, r_sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
     sun_eci = r_sun / np.linalg.norm(r_sun)
     sun_w_m2 = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun)))
     environment = scene.environment
     albedo = albedo_of_day(scene.epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
-    moon = moon_plate_irradiance(np.asarray(scene.r_moon_eci_m) - r_target, sun_eci, R_ce, sun_w_m2)
+    moon = moon_plate_irradiance(np.asarray(scene.body("moon").r_eci_m) - r_target, sun_eci, R_ce, sun_w_m2)
     return earth_shine(R_ie @ r_target, R_ie @ sun_eci, R_ce @ R_ie.T, sun_w_m2, albedo, moon)

@@ -66,8 +66,8 @@ class MoonView:
 def moon_view(scene: SceneState) -> MoonView:
     """Find the Moon in the image and work out its light."""
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
-    R_me = matrix_from_quat(scene.q_moon_from_eci_wxyz)
-    moon, sun = np.asarray(scene.r_moon_eci_m), np.asarray(scene.r_sun_eci_m)
+    state = scene.body("moon")
+    R_me, moon, sun = state.R_fixed_from_eci, np.asarray(state.r_eci_m), np.asarray(scene.r_sun_eci_m)
     to_camera = np.asarray(scene.r_camera_eci_m) - moon
     distance = float(np.linalg.norm(to_camera))
     to_sun = sun - moon
