@@ -79,7 +79,8 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
 def _moved(state: BodyState, scene: SceneState, dt_s: float) -> BodyState:
     """Return a body ``dt_s`` later: turned by its rate and, if it is the one that is circled, on its way."""
     r, q = np.asarray(state.r_eci_m), np.asarray(state.q_fixed_from_eci_wxyz)
-    if state.name == scene.central_body:
+    # the origin of GCRS stays, and to read the epoch takes longer than all else here
+    if state.name == scene.central_body and any(state.r_eci_m):
         r = r + dt_s * state.body.geocentric_state(Instant.from_utc(scene.epoch_utc))[1]
     if state.body.turns:
         q = quat_multiply(quat_from_rotvec(np.array([0.0, 0.0, -state.body.turn_rad_s * dt_s])), q)
