@@ -30,7 +30,7 @@ def _simulator(*, drawn: bool) -> tuple[str, ...]:
 ESTIMATOR = ("tests/hil/board/svd/**/test_*.py", "tests/hil/evaluate/test_*.py")
 NUMERICAL = (*_simulator(drawn=False), *ESTIMATOR)
 DRAWN = _simulator(drawn=True)
-PICTURES = ("tests/flyaround/test_same_bytes.py", "tests/simulator/render/target/test_target.py")
+PICTURES = ("tests/flyaround/test_same_bytes.py", "tests/simulator/render/craft/test_target.py")
 
 BLAS = """
 import numpy, scipy.linalg, threadpoolctl

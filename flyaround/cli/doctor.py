@@ -20,7 +20,7 @@ from flyaround.cli.terminal import say, terminal
 from flyaround.hil.board.errors import KernelError
 from flyaround.hil.board.svd.native.library import describe_library, library
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.render.bake.ray_cast import embree_is_here
+from flyaround.simulator.geometry.ray_cast import embree_is_here
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.cache import cache_folder
 from flyaround.simulator.runtime.cache_contents import cache_kinds

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.bake.ray_cast import make_tracer
+from flyaround.simulator.geometry.ray_cast import make_tracer
 from flyaround.simulator.runtime.arrays import Quat, Vec3, quat, vec3
 from flyaround.simulator.runtime.memory import cached_per_object
 from flyaround.simulator.targets.joined_mesh import mesh_of
@@ -16,7 +16,7 @@ from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_fro
 from flyaround.simulator.world.guidance.paths import Glideslope, Hold, RbarApproach, VbarApproach, Waypoints
 
 if TYPE_CHECKING:
-    from flyaround.simulator.render.bake.ray_cast import Tracer
+    from flyaround.simulator.geometry.ray_cast import Tracer
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Target
     from flyaround.simulator.world.flight.flight import Flight

@@ -19,8 +19,8 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
+from flyaround.simulator.geometry.triangles import sphere_directions
 from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from flyaround.simulator.targets.geometry import sphere_directions
 
 if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
+from flyaround.simulator.geometry.triangles import sphere_directions
 from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-from flyaround.simulator.targets.geometry import sphere_directions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

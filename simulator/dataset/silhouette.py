@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.dataset.check.geometry import cut_for_the_lens
-from flyaround.simulator.dataset.triangle_fill import fill_triangles, filled_mask
+from flyaround.simulator.geometry.triangle_fill import fill_triangles, filled_mask
 from flyaround.simulator.labels.boxes import NEAREST_M
 from flyaround.simulator.targets.joined_mesh import mesh_of
 

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.geometry.mesh import TriangleMesh
 from flyaround.simulator.imaging.image_formation import noise_sigma
 from flyaround.simulator.imaging.rolling_shutter import pose_at_rows
 from flyaround.simulator.labels.truth import KeypointLabel, KeypointState
 from flyaround.simulator.labels.visibility import hidden_from_direction, occluded_from_camera
-from flyaround.simulator.targets.joined_mesh import JoinedMesh
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,7 +25,7 @@ CONTRAST_RADIUS_PX = 2
 
 
 def label_keypoints(
-    scene: SceneState, target: Target, mesh: JoinedMesh, signal: Float32Array
+    scene: SceneState, target: Target, mesh: TriangleMesh, signal: Float32Array
 ) -> tuple[KeypointLabel, ...]:
     """Labels of all keypoints of a target.
 
@@ -88,7 +88,7 @@ def _by_scene(scenes: Sequence[SceneState]) -> Iterator[tuple[SceneState, IntArr
 
 
 def geometric_states(
-    scene: SceneState, target: Target, mesh: JoinedMesh, scenes: Sequence[SceneState] | None = None
+    scene: SceneState, target: Target, mesh: TriangleMesh, scenes: Sequence[SceneState] | None = None
 ) -> tuple[KeypointState | None, ...]:
     """State of each keypoint by geometry alone; None where it is lit and in sight, and the picture decides.
 

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.labels.request import LabelRequest
     from flyaround.simulator.labels.truth import Box, FlowLabel
+    from flyaround.simulator.render.craft.label_pass import Surfaces
     from flyaround.simulator.render.renderer import Renderer
-    from flyaround.simulator.render.target.label_pass import Surfaces
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target

@@ -6,24 +6,39 @@ and each point is compared with the few triangles whose projection covers it.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.labels.projected_mesh import across, seen_from_camera, seen_from_direction
+from flyaround.simulator.geometry.projected_mesh import (
+    ProjectedMesh,
+    across,
+    project_along,
+    project_to_pinhole,
+)
 from flyaround.simulator.runtime.arrays import BoolArray, vec3
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from flyaround.simulator.targets.joined_mesh import JoinedMesh
+    from flyaround.simulator.geometry.mesh import TriangleMesh
     from flyaround.simulator.world.frames.pose import Pose
 
 # A keypoint lies on the surface to well below this, and no two parts of a craft are closer on purpose.
 SURFACE_TOLERANCE_M = 2e-3
 
 
-def occluded_from_camera(mesh: JoinedMesh, points_m: ArrayLike, camera_from_target: Pose) -> BoolArray:
+@lru_cache(maxsize=2)
+def seen_from_camera(mesh: TriangleMesh, camera_from_target: Pose) -> ProjectedMesh:
+    """Return a mesh projected by a pinhole camera, cached: keypoints and wireframe of a frame share it."""
+    return project_to_pinhole(mesh, camera_from_target.R, np.asarray(camera_from_target.t_m))
+
+
+_seen_along = lru_cache(maxsize=2)(project_along)
+
+
+def occluded_from_camera(mesh: TriangleMesh, points_m: ArrayLike, camera_from_target: Pose) -> BoolArray:
     """Whether the mesh hides each point from a pinhole at the camera's origin.
 
     Parameters
@@ -38,7 +53,7 @@ def occluded_from_camera(mesh: JoinedMesh, points_m: ArrayLike, camera_from_targ
     return projected.hides(points[:, :2] / points[:, 2:], 1 / (points[:, 2] * shrink))
 
 
-def hidden_from_direction(mesh: JoinedMesh, points_m: ArrayLike, direction: ArrayLike) -> BoolArray:
+def hidden_from_direction(mesh: TriangleMesh, points_m: ArrayLike, direction: ArrayLike) -> BoolArray:
     """Whether the mesh stands between each point and a source at infinity (the Sun).
 
     Parameters
@@ -48,4 +63,4 @@ def hidden_from_direction(mesh: JoinedMesh, points_m: ArrayLike, direction: Arra
     """
     towards = vec3(np.asarray(direction, float))
     points = np.asarray(points_m, float) @ across(towards).T
-    return seen_from_direction(mesh, towards).hides(points[:, :2], points[:, 2] + SURFACE_TOLERANCE_M)
+    return _seen_along(mesh, towards).hides(points[:, :2], points[:, 2] + SURFACE_TOLERANCE_M)

@@ -18,14 +18,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.camera.lens.camera_model import Distortion
-from flyaround.simulator.labels.projected_mesh import seen_from_camera
-from flyaround.simulator.labels.visibility import SURFACE_TOLERANCE_M
+from flyaround.simulator.labels.visibility import SURFACE_TOLERANCE_M, seen_from_camera
 from flyaround.simulator.runtime.memory import cached_per_object
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.geometry.mesh import TriangleMesh
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-    from flyaround.simulator.targets.joined_mesh import JoinedMesh
     from flyaround.simulator.targets.model import Edge, Target
     from flyaround.simulator.world.frames.pose import Pose
 
@@ -80,7 +79,7 @@ def bent(camera: Camera, straight_px: FloatArray) -> FloatArray:
 
 
 def view_edges(
-    camera: Camera, camera_from_target: Pose, target: Target, mesh: JoinedMesh
+    camera: Camera, camera_from_target: Pose, target: Target, mesh: TriangleMesh
 ) -> tuple[ProjectedEdge, ...]:
     """All edges of a target that lie before the camera, with their visible stretches.
 

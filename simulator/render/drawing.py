@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from flyaround.simulator.render.craft.target_passes import TargetPasses
 from flyaround.simulator.render.earth.albedo import earth_and_moon_shine
 from flyaround.simulator.render.earth.earth_pass import EarthFrame
 from flyaround.simulator.render.earth.earth_view import earth_values, earth_view
@@ -39,7 +40,6 @@ from flyaround.simulator.render.moon.moon_view import moon_values, moon_view
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.sky.star_pass import StarPass
 from flyaround.simulator.render.sky.sun_pass import SunPass
-from flyaround.simulator.render.target.target_passes import TargetPasses
 from flyaround.simulator.render.view import build_view, frame_values
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
+from flyaround.simulator.render.craft.mesh_array import Culling, NoCulling
 from flyaround.simulator.render.earth.earth_pass import EarthPass
-from flyaround.simulator.render.target.mesh_array import Culling, NoCulling
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

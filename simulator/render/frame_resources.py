@@ -9,6 +9,8 @@ from flyaround.simulator.render.frame_graph import Resource
 if TYPE_CHECKING:
     import moderngl
 
+    from flyaround.simulator.render.craft.interreflection import AtlasTextures
+    from flyaround.simulator.render.craft.target_passes import PlacedTarget, TargetSamples, TargetShadow
     from flyaround.simulator.render.earth.earth_pass import EarthPass
     from flyaround.simulator.render.earth.earth_view import EarthView
     from flyaround.simulator.render.earth.screen_tiles import ScreenTiles
@@ -16,8 +18,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.irradiance import IrradianceField
     from flyaround.simulator.render.moon.moon_view import MoonView
     from flyaround.simulator.render.sky.star_pass import Spread
-    from flyaround.simulator.render.target.interreflection import AtlasTextures
-    from flyaround.simulator.render.target.target_passes import PlacedTarget, TargetSamples, TargetShadow
     from flyaround.simulator.render.view import View
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere

@@ -43,11 +43,11 @@ if TYPE_CHECKING:
 
     import moderngl
 
+    from flyaround.simulator.render.craft.label_pass import Surfaces
     from flyaround.simulator.render.earth.map_textures import EarthMaps
     from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.render.gl.context import GlInfo
     from flyaround.simulator.render.irradiance import IrradianceField
-    from flyaround.simulator.render.target.label_pass import Surfaces
     from flyaround.simulator.runtime.arrays import Float32Array
     from flyaround.simulator.scene.illumination.bands import Bands
     from flyaround.simulator.scene.state import SceneState

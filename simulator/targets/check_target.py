@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.targets.geometry import distance_to_triangles
+from flyaround.simulator.geometry.triangles import distance_to_triangles
 from flyaround.simulator.targets.textures import check_picture, mime_of
 
 if TYPE_CHECKING:

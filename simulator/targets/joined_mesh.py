@@ -1,109 +1,42 @@
-"""The mesh of a whole target: its parts joined, with the box and the hull about them."""
+"""The mesh of a whole target: its parts joined, and the bounding box of them all."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
+from flyaround.simulator.geometry.mesh import TriangleMesh, box_corners_m
+from flyaround.simulator.geometry.triangles import is_closed
 from flyaround.simulator.runtime.memory import cached_per_object
-from flyaround.simulator.targets.geometry import is_closed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-    from flyaround.simulator.targets.model import Target
-
-# Sine of the angle under which a triangle may look away and counts as facing: rounding must not lose one.
-GRAZING = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class JoinedMesh:
-    """All triangles of a target: positions (N, 3) [m] and indices (M, 3).
-
-    Parameters
-    ----------
-    in_shell : (M,) whether a triangle is of a closed shell that faces outwards; None where nothing is known of it.
-    """
-
-    positions_m: FloatArray
-    triangles: IntArray
-    in_shell: BoolArray | None = None
-
-    @staticmethod
-    def of(target: Target) -> JoinedMesh:
-        """The parts of a target joined."""
-        offsets = np.cumsum([0] + [len(p.positions_m) for p in target.parts[:-1]])
-        return JoinedMesh(
-            np.concatenate([p.positions_m for p in target.parts]).astype(np.float64),
-            np.concatenate([p.triangles + o for p, o in zip(target.parts, offsets, strict=True)]).astype(
-                np.int64
-            ),
-            np.repeat([is_closed(p) for p in target.parts], [len(p.triangles) for p in target.parts]),
-        )
-
-    @cached_property
-    def corners_m(self) -> FloatArray:
-        """(3, 3, M) x, y, z of each triangle's three corners, each in a row of its own."""
-        return np.ascontiguousarray(self.positions_m[self.triangles].transpose(2, 1, 0))
-
-    @cached_property
-    def box_m(self) -> FloatArray:
-        """(3, 8) corners of the box about the mesh; corner k is high in x, y, z by bits 4, 2, 1."""
-        return box_corners_m([self.positions_m]).T
-
-    @cached_property
-    def hull_m(self) -> FloatArray:
-        """(K, 3) corners of the convex hull; all positions of a mesh that is flat."""
-        try:
-            return np.asarray(self.positions_m[ConvexHull(self.positions_m).vertices])
-        except QhullError:
-            return self.positions_m
-
-    @cached_property
-    def _planes(self) -> FloatArray:
-        """(4, M) unit normal and distance from the origin, sign turned; zeros for what counts as facing everything."""
-        a, b, c = self.corners_m.transpose(1, 0, 2)
-        normal = np.cross(b - a, c - a, axis=0)
-        length = np.linalg.norm(normal, axis=0)
-        normal /= np.maximum(length, 1e-30)
-        planes = np.concatenate([normal, -(normal * a).sum(axis=0)[None]])
-        planes[:, length < 1e-12] = 0
-        if self.in_shell is None:
-            return np.zeros_like(planes)
-        return planes * self.in_shell
-
-    def facing(self, place: FloatArray) -> IntArray:
-        """Numbers of the triangles that may be the first on a ray from a place: of closed shells those that face it.
-
-        Parameters
-        ----------
-        place : (4,) homogeneous: a point outside all shells (x, y, z, 1) [m], or the direction (x, y, z, 0) of one far
-            away.
-        """
-        unit = place / np.linalg.norm(place[:3])
-        return np.flatnonzero(unit @ self._planes >= -GRAZING)
-
-
-def box_corners_m(positions_m: Sequence[NDArray[np.floating]]) -> FloatArray:
-    """(8, 3) corners of the box about sets of points (N, 3); corner k is high in x, y, z by bits 4, 2, 1."""
-    low = np.min([points.min(axis=0) for points in positions_m], axis=0).astype(float)
-    high = np.max([points.max(axis=0) for points in positions_m], axis=0).astype(float)
-    bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])
-    return np.asarray(low + bits * (high - low))
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.model import Part, Target
 
 
 @cached_per_object
-def mesh_of(target: Target) -> JoinedMesh:
-    """``JoinedMesh.of``, kept for the targets in use."""
-    return JoinedMesh.of(target)
+def part_is_closed(part: Part) -> bool:
+    """Return True if a part is a set of closed shells that face outwards."""
+    return is_closed(part.positions_m, part.triangles)
+
+
+def join_parts(parts: Sequence[Part]) -> TriangleMesh:
+    """Join parts into one mesh, in their order."""
+    offsets = np.cumsum([0] + [len(p.positions_m) for p in parts[:-1]])
+    return TriangleMesh(
+        np.concatenate([p.positions_m for p in parts]).astype(np.float64),
+        np.concatenate([p.triangles + o for p, o in zip(parts, offsets, strict=True)]).astype(np.int64),
+        np.repeat([part_is_closed(p) for p in parts], [len(p.triangles) for p in parts]),
+    )
+
+
+@cached_per_object
+def mesh_of(target: Target) -> TriangleMesh:
+    """Return the joined mesh of a target, cached for as long as the target lives."""
+    return join_parts(target.parts)
 
 
 @cached_per_object

@@ -21,6 +21,8 @@ from flyaround.simulator.bench.scenes import BENCH_SCENES, bench_views
 from flyaround.simulator.bench.start import start_once
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.render import frame_graph
+from flyaround.simulator.render.craft import viewport_fit, visible_edges, visible_triangles
+from flyaround.simulator.render.craft.mesh_array import WholeMesh
 from flyaround.simulator.render.earth import air_pass, earth_pass
 from flyaround.simulator.render.earth.screen_tiles import uniform_tiles
 from flyaround.simulator.render.frame_resources import EARTH, EARTH_TILES, SCENE
@@ -30,8 +32,6 @@ from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.render.sky.star_pass import StarPass
 from flyaround.simulator.render.software import smooth_earth, software_path, tiles
-from flyaround.simulator.render.target import viewport_fit, visible_edges, visible_triangles
-from flyaround.simulator.render.target.mesh_array import WholeMesh
 from flyaround.simulator.runtime.memory import keep_freed_memory
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ from flyaround.simulator.render.earth import maps
 maps.DecodedMaps.__call__ = lambda self, name, flags: maps.decode_file(name, flags)
 """
 _BAKED_FIRST = """
-from flyaround.simulator.render.target.interreflection import Interreflection as I
+from flyaround.simulator.render.craft.interreflection import Interreflection as I
 begin = I.begin
 def wait(self, bands):
     if bands not in self._kept and bands not in self._begun:

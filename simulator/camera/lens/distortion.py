@@ -9,7 +9,7 @@ Normalised coordinates are (x / z, y / z) of a point in the camera frame. Models
 
 A new model takes three steps: its name in `DistortionModel`, how many coefficients it has in `COEFFICIENT_COUNTS`, and
 the map and its derivative in `distort` and `jacobian`. The renderer has rays by a table, and the map in
-shaders/target/lens.glsl.
+shaders/craft/lens.glsl.
 tests/simulator/camera/test_distortion.py runs every round trip over it, with OpenCV's projection beside.
 
 A polynomial turns back somewhere. `LensDomain` holds the radius up to which it is used, just outside the image;

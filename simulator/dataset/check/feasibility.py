@@ -18,7 +18,7 @@ from flyaround.simulator.dataset.check.geometry import (
     project_with_opencv,
     shown_triangles,
 )
-from flyaround.simulator.dataset.triangle_fill import fill_triangles
+from flyaround.simulator.geometry.triangle_fill import fill_triangles
 from flyaround.simulator.imaging.image_formation import noise_sigma
 from flyaround.simulator.labels.wireframe import view_edges
 from flyaround.simulator.targets.joined_mesh import mesh_of

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from flyaround.simulator.dataset.check.mask_statistics import lit_pixels
-from flyaround.simulator.dataset.triangle_fill import FILL_SCALE, fill_triangles
+from flyaround.simulator.geometry.triangle_fill import FILL_SCALE, fill_triangles
 from flyaround.simulator.imaging.rolling_shutter import pose_at_rows
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.targets.joined_mesh import mesh_of
@@ -18,10 +18,10 @@ from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_fro
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.geometry.mesh import TriangleMesh
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
     from flyaround.simulator.scene.state import SceneState
-    from flyaround.simulator.targets.joined_mesh import JoinedMesh
     from flyaround.simulator.targets.model import Target
 
 # Exported pixels carry float64 through JSON: only rounding in the projection may differ.
@@ -232,7 +232,7 @@ def doubtful_pixels(
     return np.asarray(lit_pixels((extra | missing).view(np.uint8)) + first)
 
 
-def shown_triangles(mesh: JoinedMesh, corners_px: FloatArray) -> BoolArray:
+def shown_triangles(mesh: TriangleMesh, corners_px: FloatArray) -> BoolArray:
     """(M,) which projected triangles (M, 3, 2) a silhouette needs: of a closed shell those that face the camera.
 
     They cover all that the shell does.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.dataset.check.raster_tolerance import triangles_near
-from flyaround.simulator.dataset.triangle_fill import lowest_and_highest
+from flyaround.simulator.geometry.triangle_fill import lowest_and_highest
 from flyaround.simulator.runtime.memory import cached_per_object
 from flyaround.simulator.targets.joined_mesh import mesh_of
 

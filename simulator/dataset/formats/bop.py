@@ -22,8 +22,8 @@ from scipy.spatial.distance import pdist
 from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, lens_problem
 from flyaround.simulator.dataset.formats.native import encode_png
 from flyaround.simulator.dataset.formats.speed_writer import json_bytes
-from flyaround.simulator.dataset.triangle_fill import filled_mask
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.geometry.triangle_fill import filled_mask
 from flyaround.simulator.labels.boxes import NEAREST_M
 from flyaround.simulator.labels.truth import Truth
 from flyaround.simulator.targets.joined_mesh import mesh_of

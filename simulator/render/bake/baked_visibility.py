@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from flyaround.simulator.geometry.ray_cast import Int32Array, Tracer
     from flyaround.simulator.render.bake.charts import Charts
-    from flyaround.simulator.render.bake.ray_cast import Int32Array, Tracer
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet that stands for a round face

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
+from flyaround.simulator.geometry.plane_grid import PlaneGrid
 from flyaround.simulator.render.bake.chart_cuts import cut_charts
-from flyaround.simulator.targets.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray

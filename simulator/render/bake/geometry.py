@@ -15,7 +15,7 @@ from flyaround.simulator.render.bake.occluders import BOX, Boxes, ConvexShell, c
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.runtime.serialisation import pack, unpack
-from flyaround.simulator.targets.geometry import is_closed
+from flyaround.simulator.targets.joined_mesh import part_is_closed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -68,7 +68,7 @@ class BakedMesh:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Geometry(BakedMesh):
-    """A baked mesh with what is uploaded beside its vertices; see `target.mesh.GpuMesh`.
+    """A baked mesh with what is uploaded beside its vertices; see `craft.mesh.GpuMesh`.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def _make(merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int]
     )
     own, triangles = whole[charts.origin], charts.triangles
     corners = own["position_m"].astype(float)[triangles]
-    closed = all(is_closed(part) for part in parts)
+    closed = all(part_is_closed(part) for part in parts)
     return Geometry(
         values=own.view(np.float32).reshape(len(own), -1),
         uv=merged.uv[charts.origin] if len(merged.uv) else merged.uv,

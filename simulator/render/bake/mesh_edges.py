@@ -53,7 +53,7 @@ class MeshEdges:
     def cut(self, longest_m: float) -> tuple[MeshEdges, IntArray]:
         """The edges in halves of halves, none longer than this, and of each piece the edge that it is of.
 
-        The pieces of an edge follow each other, and end where `mesh_cut.cut` cuts the same edge of a triangle.
+        The pieces of an edge follow each other, and end where `subdivision.subdivide` cuts the same edge of a triangle.
         """
         places, ends, of = self.vertices_m, self.ends, np.arange(len(self.ends))
         while True:

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from scipy.sparse import coo_matrix
 
+from flyaround.simulator.geometry.ray_cast import make_tracer
 from flyaround.simulator.render.bake.baked_visibility import (
     decode_visibility,
     encode_visibility,
     trace_visibility,
 )
 from flyaround.simulator.render.bake.geometry import VERTEX
-from flyaround.simulator.render.bake.ray_cast import make_tracer
 from flyaround.simulator.render.irradiance import spherical_fibonacci
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_arrays

@@ -11,7 +11,7 @@ from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS
 if TYPE_CHECKING:
     import moderngl
 
-MOST_PATCHES = 128  # of all area lights together: simulator/render/target/light_maps.py
+MOST_PATCHES = 128  # of all area lights together: simulator/render/craft/light_maps.py
 MAX_MATERIALS = 255  # the g-buffer keeps the material's number in 8 bits, 0 meaning nothing
 
 FRAME = (
@@ -95,7 +95,7 @@ MATERIALS = (
     ),  # xyz: of brushing, target frame; w: strength, negative: around it
 )
 
-# simulator/render/target/light_maps.py; lights are rectangles, and each has patches of one size
+# simulator/render/craft/light_maps.py; lights are rectangles, and each has patches of one size
 AREA_LIGHTS = (
     Field(
         "vec4", "u_light_count"

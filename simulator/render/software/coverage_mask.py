@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.render.target.viewport_fit import TILE_PX, all_tiles, tile_centers
+from flyaround.simulator.render.craft.viewport_fit import TILE_PX, all_tiles, tile_centers
 
 if TYPE_CHECKING:
+    from flyaround.simulator.render.craft.viewport_fit import ViewportFit
     from flyaround.simulator.render.projection import PixelRect
-    from flyaround.simulator.render.target.viewport_fit import ViewportFit
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 _MASK_PX = 2  # of the picture that the hulls are filled into

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
+from flyaround.simulator.render.craft.visible_triangles import CulledVertexArray
 from flyaround.simulator.render.drawing import earth_frame
 from flyaround.simulator.render.earth.earth_pass import ice_day
 from flyaround.simulator.render.frame_graph import Pass, Resource
@@ -30,14 +31,13 @@ from flyaround.simulator.render.software.flat_varyings import rewriter
 from flyaround.simulator.render.software.quad_packing import QuadPackingPass, worth_packing
 from flyaround.simulator.render.software.smooth_earth import CornerAir, SmoothEarthPass
 from flyaround.simulator.render.software.tiles import earth_tiles
-from flyaround.simulator.render.target.visible_triangles import CulledVertexArray
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flyaround.simulator.render.craft.viewport_fit import ViewportFit
     from flyaround.simulator.render.device import Device
     from flyaround.simulator.render.frame_graph import PassResources
-    from flyaround.simulator.render.target.viewport_fit import ViewportFit
     from flyaround.simulator.runtime.arrays import FloatArray
 
 CORNER_AIR: Resource[CornerAir] = Resource("corner air")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.render.craft.viewport_fit import TILE_PX
 from flyaround.simulator.render.earth.earth_pass import FAR_LEVEL
 from flyaround.simulator.render.earth.ocean_colour import near_bright_water
 from flyaround.simulator.render.earth.screen_tiles import (
@@ -22,7 +23,6 @@ from flyaround.simulator.render.earth.screen_tiles import (
 )
 from flyaround.simulator.render.earth.sea_ice import near_ice
 from flyaround.simulator.render.projection import directions
-from flyaround.simulator.render.target.viewport_fit import TILE_PX
 from flyaround.simulator.render.view import EQUATOR_M
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Area lights: diffuse boxes and lamps with a face. CPU twin of shaders/target/area_lights.glsl."""
+"""Area lights: diffuse boxes and lamps with a face. CPU twin of shaders/craft/area_lights.glsl."""
 
 from __future__ import annotations
 

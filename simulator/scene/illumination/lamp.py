@@ -1,4 +1,4 @@
-"""A lamp on the chaser: its beam, what it throws on a surface, per band. CPU twin of shaders/target/lamp.glsl."""
+"""A lamp on the chaser: its beam, what it throws on a surface, per band. CPU twin of shaders/craft/lamp.glsl."""
 
 from __future__ import annotations
 

@@ -5,8 +5,9 @@ import pytest
 import trimesh
 
 from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.geometry.mesh import TriangleMesh
 from flyaround.simulator.labels.wireframe import view_edges
-from flyaround.simulator.targets.joined_mesh import JoinedMesh
+from flyaround.simulator.targets.joined_mesh import mesh_of
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Edge
 from flyaround.simulator.world.frames.pose import Pose
@@ -23,7 +24,7 @@ class _Model:
 
 def _mesh(*solids):
     joined = trimesh.util.concatenate(solids)
-    return JoinedMesh(np.asarray(joined.vertices, float), np.asarray(joined.faces, np.int64))
+    return TriangleMesh(np.asarray(joined.vertices, float), np.asarray(joined.faces, np.int64))
 
 
 def _box(size, centre):
@@ -101,7 +102,7 @@ def test_a_rod_in_the_open_is_seen_whole_and_behind_a_plate_not_at_all(lean_deg)
 def test_tangos_antennas_are_seen_in_the_open():
     """From here nothing stands before any of the three."""
     target = load_target("tango")
-    mesh = JoinedMesh.of(target)
+    mesh = mesh_of(target)
     pose = Pose.of("camera", "target", (0.93, -0.06, -0.36, 0.08), (0.0, 0.0, 7.0))
     views = {v.edge.name: v for v in view_edges(CAMERA, pose, target, mesh)}
     antennas = [v for name, v in views.items() if name.startswith("antenna_")]
@@ -113,15 +114,15 @@ def test_tangos_antennas_are_seen_in_the_open():
 
 def test_nothing_is_seen_of_edges_behind_the_camera():
     target = load_target("tango")
-    mesh = JoinedMesh.of(target)
+    mesh = mesh_of(target)
     assert view_edges(CAMERA, Pose.of("camera", "target", (1.0, 0, 0, 0), (0, 0, -5.0)), target, mesh) == ()
 
 
 def test_what_looks_away_hides_nothing_that_the_rest_of_its_shell_does_not():
     target = load_target("tango@low")
-    shells = JoinedMesh.of(target)
+    shells = mesh_of(target)
     assert shells.in_shell.all()
-    unknown = JoinedMesh(shells.positions_m, shells.triangles)  # so that every triangle is asked
+    unknown = TriangleMesh(shells.positions_m, shells.triangles)  # so that every triangle is asked
     for q, t_m in (((0.3, 0.5, -0.2, 0.7), (0.1, 0.05, 9.0)), ((0.9, -0.1, 0.4, 0.1), (-0.4, 0.2, 2.5))):
         pose = Pose.of("camera", "target", q, t_m)
         assert len(shells.facing(np.append(pose.inverse().t_m, 1.0))) < 0.6 * len(shells.triangles)
@@ -134,7 +135,7 @@ def test_lines_through_a_cloud_of_triangles_are_hidden_where_rays_are():
     rng = np.random.default_rng(7)
     middles = rng.uniform(-1, 1, (300, 1, 3)) * (1.0, 1.0, 0.5)
     corners = (middles + rng.normal(size=(300, 3, 3)) * rng.choice([0.02, 0.3], (300, 1, 1))).reshape(-1, 3)
-    mesh = JoinedMesh(corners, np.arange(900).reshape(-1, 3))
+    mesh = TriangleMesh(corners, np.arange(900).reshape(-1, 3))
     ends = rng.uniform(-1.2, 1.2, (40, 2, 3))
     ends[:4, :, 1] = ends[:4, :1, 1]  # some of them level
     lines = [Edge(name=str(k), a_m=tuple(a), b_m=tuple(b)) for k, (a, b) in enumerate(ends)]

@@ -12,18 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.geometry.mesh import TriangleMesh
 from flyaround.simulator.labels.keypoints import geometric_states
 from flyaround.simulator.labels.visibility import hidden_from_direction, occluded_from_camera
 from flyaround.simulator.labels.wireframe import view_edges
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
-from flyaround.simulator.targets.joined_mesh import JoinedMesh, mesh_of
+from flyaround.simulator.targets.joined_mesh import join_parts, mesh_of
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Part
 from flyaround.simulator.world.frames.pose import Pose
 
 CUBE = trimesh.creation.box(extents=(1, 1, 1))
-MESH = JoinedMesh(np.asarray(CUBE.vertices, float), np.asarray(CUBE.faces, np.int64))
+MESH = TriangleMesh(np.asarray(CUBE.vertices, float), np.asarray(CUBE.faces, np.int64))
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
@@ -47,7 +48,7 @@ def test_a_bar_that_reaches_past_the_camera_hides_what_lies_behind_its_part_befo
     far, near = np.array([0.0, 0.0, 2.0]), np.array([0.4 * (2 - end_m) / 2, 0.0, end_m])
     up = np.array([0.0, 0.1, 0.0])
     corners = np.array([far - up, near - up, near + up, far + up])
-    bar = JoinedMesh(corners - (0, 0, 5), np.array([[0, 1, 2], [0, 2, 3]]))
+    bar = TriangleMesh(corners - (0, 0, 5), np.array([[0, 1, 2], [0, 2, 3]]))
     # behind the bar at z = 1, where it is at x = 0.2, and beside it
     points = np.array([[0.2, 0.0, 1.0], [0.2, 0.08, 1.0], [0.2, 0.12, 1.0], [-0.1, 0.0, 1.0]]) * 1.5
     camera = Pose.of("camera", "target", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0))
@@ -93,7 +94,7 @@ def _with_a_sheet(normal_z):
         normals=np.tile(np.float32([0, 0, normal_z]), (4, 1)),
         triangles=np.array(turn, np.int64),
     )
-    return JoinedMesh.of(SimpleNamespace(parts=(cube, sheet)))
+    return join_parts((cube, sheet))
 
 
 @pytest.mark.parametrize("normal_z", [1, -1])
@@ -115,7 +116,7 @@ def test_an_open_sheet_hides_what_is_behind_it_whichever_way_it_looks(normal_z):
 def _tango():
     """The model, its mesh, and a ray caster of it, whose tree takes longer to make than to use."""
     target = load_target("tango")
-    mesh = JoinedMesh.of(target)
+    mesh = mesh_of(target)
     solid = trimesh.Trimesh(mesh.positions_m, mesh.triangles, process=False)
     return target, mesh, trimesh.ray.ray_triangle.RayMeshIntersector(solid)
 

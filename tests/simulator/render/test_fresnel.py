@@ -42,7 +42,7 @@ def evaluated(renderer, functions, expression):
 
 
 def test_schlick_s_reflectance_of_glass_and_of_water(renderer):
-    text = read_source("target/brdf.glsl")
+    text = read_source("craft/brdf.glsl")
     functions = "#define BANDS 1\n" + re.sub(r"#version.*", "", text)
     glass = evaluated(renderer, functions, "fresnel_schlick(0.04, c)")
     coat = evaluated(renderer, functions, "0.04 + 0.96 * pow5(1.0 - c)")

@@ -14,10 +14,10 @@ import pytest
 from flyaround.simulator.camera.lens.camera_model import Distortion
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.frame import take_frame
+from flyaround.simulator.render.craft.resident_targets import MOST_LOADED
 from flyaround.simulator.render.earth.terrain_detail import terrain_texture
 from flyaround.simulator.render.gl.context import create_context
 from flyaround.simulator.render.renderer import Renderer
-from flyaround.simulator.render.target.resident_targets import MOST_LOADED
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 

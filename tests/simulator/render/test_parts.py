@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.render.craft.viewport_fit import PATTERNS as PRESETS
+from flyaround.simulator.render.craft.viewport_fit import TINY_PATTERN, all_tiles
 from flyaround.simulator.render.earth.detail_noise import detail_texture
 from flyaround.simulator.render.earth.earth_view import earth_view
 from flyaround.simulator.render.gl.programs import ProgramLibrary, read_source
@@ -11,8 +13,6 @@ from flyaround.simulator.render.gl.shared_blocks import EARTH, FRAME, MATERIALS,
 from flyaround.simulator.render.gl.uniform_block import Field, UniformBlock
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.software import tiles
-from flyaround.simulator.render.target.viewport_fit import PATTERNS as PRESETS
-from flyaround.simulator.render.target.viewport_fit import TINY_PATTERN, all_tiles
 from flyaround.simulator.render.view import build_view
 from flyaround.simulator.runtime import cached_arrays as cache
 from flyaround.simulator.scene.environments import Environment
@@ -85,9 +85,9 @@ def test_a_missing_or_unknown_member_is_an_error(renderer):
 @pytest.mark.gl
 def test_setting_a_uniform_that_is_not_used_is_nothing(renderer):
     library = ProgramLibrary(renderer._device.context, ())
-    program = library.get("common/full_screen.vert", "target/shadow.frag", {})
+    program = library.get("common/full_screen.vert", "craft/shadow.frag", {})
     program.set("u_removed_by_the_compiler", 3.0)
-    assert library.get("common/full_screen.vert", "target/shadow.frag", {}) is program
+    assert library.get("common/full_screen.vert", "craft/shadow.frag", {}) is program
 
 
 def test_includes_are_expanded_once():

@@ -19,10 +19,10 @@ import pytest
 
 from flyaround.hil.board_model import write
 from flyaround.simulator.render.bake import geometry, radiance_transfer
+from flyaround.simulator.render.craft.mesh import prepared
 from flyaround.simulator.render.earth import detail_noise, maps, sea_ice, seasons, terrain_detail
 from flyaround.simulator.render.gl import mipmaps
 from flyaround.simulator.render.moon import craters, moon_pass
-from flyaround.simulator.render.target.mesh import prepared
 from flyaround.simulator.runtime.prebuilt import without_prebuilt
 from flyaround.simulator.targets.library import ENTRIES, FILE_VERSION, load_target
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from flyaround.simulator.geometry.triangles import sphere_directions
 from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
-from flyaround.simulator.targets.geometry import sphere_directions
 from flyaround.simulator.targets.importing.propose.surface_points import SurfacePoints, surface_points
 from flyaround.simulator.targets.importing.repair.topology import MeshBody
 

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
+from flyaround.simulator.geometry.plane_grid import PlaneGrid
 from flyaround.simulator.targets.importing.repair.topology import components, edge_table, face_bodies
-from flyaround.simulator.targets.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

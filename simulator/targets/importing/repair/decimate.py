@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from flyaround.simulator.geometry.triangles import distance_to_triangles
 from flyaround.simulator.runtime.arrays import FloatArray, IntArray
-from flyaround.simulator.targets.geometry import distance_to_triangles
 from flyaround.simulator.targets.importing.repair.topology import MeshBody
 
 SAMPLES = 20_000

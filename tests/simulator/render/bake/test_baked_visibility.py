@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
+from flyaround.simulator.geometry.ray_cast import EmbreeTracer, GridTracer
 from flyaround.simulator.render.bake.baked_visibility import (
     decode_visibility,
     encode_visibility,
     trace_visibility,
 )
 from flyaround.simulator.render.bake.charts import make_charts
-from flyaround.simulator.render.bake.ray_cast import EmbreeTracer, GridTracer
 from flyaround.simulator.render.irradiance import spherical_fibonacci
 from flyaround.simulator.targets.library import load_target
 

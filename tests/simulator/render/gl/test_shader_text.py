@@ -16,7 +16,7 @@ FILES = sorted(
 
 
 def test_there_are_shaders():
-    assert {"target/shade.frag", "earth/earth.frag"} <= set(FILES)
+    assert {"craft/shade.frag", "earth/earth.frag"} <= set(FILES)
 
 
 @pytest.mark.parametrize("path", FILES)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.files import load_camera
+from flyaround.simulator.render.craft import target_passes as passes
 from flyaround.simulator.render.renderer import Renderer
-from flyaround.simulator.render.target import target_passes as passes
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from tools.bench.scaling import scaled

@@ -10,6 +10,10 @@ import pytest
 
 from flyaround.simulator.bench.scenes import bench_scenes
 from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.render.craft import resident_targets as loaded_targets
+from flyaround.simulator.render.craft import target_passes
+from flyaround.simulator.render.craft import visible_triangles as culling
+from flyaround.simulator.render.craft.viewport_fit import TILE_PX, all_tiles
 from flyaround.simulator.render.earth.earth_view import earth_view
 from flyaround.simulator.render.gl.depth_buffer import MOST_RANGES
 from flyaround.simulator.render.gl.library import gl_library
@@ -19,10 +23,6 @@ from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.render.software import quad_packing, software_path
 from flyaround.simulator.render.software.coverage_mask import hull_tiles
 from flyaround.simulator.render.software.tiles import earth_tiles
-from flyaround.simulator.render.target import resident_targets as loaded_targets
-from flyaround.simulator.render.target import target_passes
-from flyaround.simulator.render.target import visible_triangles as culling
-from flyaround.simulator.render.target.viewport_fit import TILE_PX, all_tiles
 from flyaround.simulator.render.view import build_view
 from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.scene.environments import Environment

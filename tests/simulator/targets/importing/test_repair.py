@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.targets.geometry import distance_to_triangles
+from flyaround.simulator.geometry.triangles import distance_to_triangles
 from flyaround.simulator.targets.glb.read import load_glb
 from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh

@@ -1,0 +1,172 @@
+// Light that leaves a surface of the target: the Sun with shadows, the sky with occlusion, the craft's own parts.
+#include "craft/brdf.glsl"
+#include "craft/shadow.glsl"
+#ifdef CRINKLE
+#include "craft/crinkle.glsl"
+#endif
+#ifdef LAMP
+#include "craft/lamp.glsl"
+#endif
+
+// Baked on the atlas of charts, simulator/render/bake/radiance_transfer.py: visibility of the sky, a + b . w over directions w, and
+// irradiance from the craft's other parts, per band [W m-2].
+uniform sampler2D t_sky_visibility;
+uniform sampler2D t_interreflection;
+
+// Irradiance of the sky on a plate of normal n, camera frame [W m-2]; simulator/render/irradiance.py.
+color sky_irradiance(vec3 n) {
+    color e = BAND(u_sky[0]) + BAND(u_sky[1]) * n.x + BAND(u_sky[2]) * n.y + BAND(u_sky[3]) * n.z;
+    e += BAND(u_sky[4]) * (n.x * n.y) + BAND(u_sky[5]) * (n.y * n.z) + BAND(u_sky[6]) * (n.z * n.x);
+    e += BAND(u_sky[7]) * (3.0 * n.z * n.z - 1.0) + BAND(u_sky[8]) * (n.x * n.x - n.y * n.y);
+    float c2 = dot(n, u_earth_rim.xyz);
+    c2 *= c2;
+    e += BAND(u_sky[9]) * ((35.0 * c2 - 30.0) * c2 + 3.0) * 0.125;
+    return max(e, color(0.0));
+}
+
+// Radiance of the Earth's disc in direction d [W m-2 sr-1].
+color earth_radiance(vec3 d) {
+#if BANDS == 1
+    return max(dot(u_earth_radiance[0], vec4(d, 1.0)), 0.0);
+#else
+    vec4 q = vec4(d, 1.0);
+    return max(vec3(dot(u_earth_radiance[0], q), dot(u_earth_radiance[1], q), dot(u_earth_radiance[2], q)), 0.0);
+#endif
+}
+
+// Width of a lobe of the given roughness under the Sun's disc: half the disc's radius in the half vector's angle, added
+// in squares. Exact for a mirror (the disc's own radiance) and, to second order, for the peak of a wide lobe.
+float sun_alpha(float roughness) {
+    float a2 = roughness * roughness * roughness * roughness, s = 0.5 * u_sun_direction.w;
+    return sqrt(min(a2 + s * s, 1.0));
+}
+
+// Visibility of the sky towards m: share of the light from around direction m that reaches a face of normal n, over what an open plate gets [1].
+float sky_visibility_towards(vec4 visibility, vec3 n, vec3 m) {
+    // 1.008: eight bits hold the visibility, and an open face must not lose by their rounding
+    return clamp(1.008 * (visibility.w + 0.667 * dot(visibility.xyz, m)) / (0.5 + 0.5 * max(dot(n, m), -0.8)), 0.0, 1.0);
+}
+
+// What one direction of light meets of a surface: its normal and view, colours and lobe.
+struct Surface {
+    vec3 n, v;      // camera frame
+    float n_v;
+    color diffuse;  // reflectance over pi
+    color f0;
+    color again;    // over the first bounce between microfacets
+    float coat;     // share that is clear coated
+#ifdef BRUSHED
+    vec3 across;    // unit vector along the surface, across the grain
+    float stretch;  // by which the lobe is wider that way: alpha -> mix(alpha, 1, stretch)
+#endif
+};
+
+// Radiance over the irradiance of a face that looks at the light; l: unit vector to it.
+// alpha, coat_alpha: widths of the lobes, the light's own included.
+color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
+    vec3 h = unit_or(s.v + l, s.n); // light from straight behind has no half vector
+    float n_h = clamp(dot(s.n, h), 0.0, 1.0), v_h = clamp(dot(s.v, h), 0.0, 1.0);
+    color f = fresnel_schlick(s.f0, v_h);
+#ifdef BRUSHED
+    float lobe = brushed_lobe(s.n, s.across, s.v, l, h, vec2(mix(alpha, 1.0, s.stretch), alpha));
+#else
+    float lobe = distribution_ggx(n_h, alpha) * visibility_smith(n_l, s.n_v, alpha);
+#endif
+    color out_light = (color(1.0) - f) * s.diffuse + f * s.again * lobe;
+#ifdef CLEARCOAT
+    float fc = (0.04 + 0.96 * pow5(1.0 - v_h)) * s.coat;
+    out_light = out_light * (1.0 - fc) + fc * distribution_ggx(n_h, coat_alpha) * visibility_smith(n_l, s.n_v, coat_alpha);
+#endif
+    return out_light;
+}
+
+#ifdef LIGHT_POINTS
+#include "craft/area_lights.glsl"
+#endif
+
+// Radiance that leaves one surface towards the camera [W m-2 sr-1].
+// base: reflectance per band, metallic; surface: roughness, clear coat, its roughness, crinkle; p_m: camera frame [m].
+// geometric: the face's normal, which shadows are cut at; n: the one that light falls on.
+// chart: place in the atlas of charts; lit: share of the Sun's disc that it sees.
+// grain: direction of the brushing, target frame; w: how much it stretches the lobe, 0..1, negative around the axis.
+color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m, vec2 chart, float lit) {
+    vec3 v = -normalize(p_m);
+#ifdef CRINKLE
+    if (surface.w > 0.0) n = crinkled(n, p_m, surface.w, surface.x);
+#endif
+    float n_v = max(dot(n, v), 1e-3); // 1e-3: a normal averaged at the silhouette may look away
+    vec3 l = u_sun_direction.xyz;
+    float n_l = max(dot(n, l), 0.0) * step(0.0, dot(geometric, l));
+    color albedo = BAND(base);
+    color f0 = mix(color(0.04), albedo, base.w);
+#ifdef CLEARCOAT
+    f0 = mix(f0, under_coat(f0), surface.y);
+#endif
+    color diffuse = albedo * ((1.0 - base.w) / PI);
+#ifdef BRUSHED
+    vec3 axis = mat3(u_camera_from_target) * grain.xyz;
+    // brushed along the axis; or around it, as a lathe leaves metal
+    vec3 across = grain.w > 0.0 ? cross(n, axis) : axis - dot(axis, n) * n;
+    float length2 = dot(across, across);
+    // a face that looks along the grain shows no direction
+    across = length2 > 1e-4 ? across * inversesqrt(length2) : any_across(n);
+    float stretch = length2 > 1e-4 ? grain.w * grain.w : 0.0;
+    vec2 e = directional_albedo(brushed_roughness(surface.x, stretch, n_v, dot(across, v)), n_v);
+#else
+    vec2 e = directional_albedo(surface.x, n_v);
+#endif
+    // light that bounces several times between microfacets: Turquin (2019), Practical multiple scattering compensation
+    color again = color(1.0) + f0 * (1.0 / (e.x + e.y) - 1.0);
+#ifdef BRUSHED
+    Surface s = Surface(n, v, n_v, diffuse, f0, again, surface.y, across, stretch);
+#else
+    Surface s = Surface(n, v, n_v, diffuse, f0, again, surface.y);
+#endif
+    color direct = color(0.0);
+#if SHADOW_WINDOW
+    direct = reflected(s, l, n_l, sun_alpha(surface.x), sun_alpha(surface.z)) * BAND(u_sun_irradiance) * (n_l * lit);
+#endif
+#ifdef LAMP
+    {
+        vec3 towards;
+        color falling = lamp_irradiance(p_m, towards);
+        float cosine = max(dot(n, towards), 0.0) * step(0.0, dot(geometric, towards));
+        float wide = surface.x * surface.x, coat_wide = surface.z * surface.z;
+        direct += reflected(s, towards, cosine, wide, coat_wide) * falling * cosine;
+    }
+#endif
+
+    // the sky: what the craft leaves open of it, and what the craft's other parts give in its place
+    mat3 R = mat3(u_camera_from_target);
+    vec3 n_target = geometric * R, r = reflect(-v, n);
+    vec4 visibility = textureLod(t_sky_visibility, chart, 0.0);
+    visibility.xyz = (visibility.xyz - 0.5) * (2.0 * LARGEST_SLOPE);
+    color interreflection = BAND(textureLod(t_interreflection, chart, 0.0));
+#ifndef CLOSED
+    if (min(chart.x, chart.y) > 0.9999) { // the back of an open shell: nothing is baked there
+        visibility = vec4(0.75 * n_target, 0.5);
+        interreflection = color(0.0);
+    }
+#endif
+    vec3 m = unit_or(n_target + u_nadir_direction.w * (u_nadir_direction.xyz * R), n_target);
+    color ambient = sky_irradiance(n) * sky_visibility_towards(visibility, n_target, m) + interreflection;
+    // the mean radiance of what hides the sky, where the mirror meets it
+    float hidden = max(1.0 - sky_visibility_towards(visibility, n_target, n_target), 0.05);
+    float mirrored = sky_visibility_towards(visibility, n_target, r * R);
+    color own = interreflection * (min((1.0 - mirrored) / hidden, 2.0) / PI), earth = earth_radiance(r) * mirrored;
+    float rim = dot(r, u_earth_rim.xyz) - u_earth_rim.w;
+    float blur = surface.x * surface.x + 0.02;
+    color gloss = (f0 * e.x + e.y) * again;
+#ifdef LIGHT_POINTS
+    direct += area_light(s, geometric, p_m, surface, color(1.0) - gloss);
+#endif
+    color sky = ambient * diffuse * (color(1.0) - gloss) + gloss * (earth * smoothstep(-blur, blur, rim) + own);
+#ifdef CLEARCOAT
+    {
+        float fe = (0.04 + 0.96 * pow5(1.0 - n_v)) * surface.y;
+        float coat_blur = surface.z * surface.z + 0.02;
+        sky = sky * (1.0 - fe) + fe * (earth * smoothstep(-coat_blur, coat_blur, rim) + own);
+    }
+#endif
+    return direct + sky;
+}

@@ -1,0 +1,84 @@
+"""A triangle mesh with its bounding box, its convex hull and the planes of its triangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+
+# Sine of the angle under which a triangle may look away and counts as facing: rounding must not lose one.
+GRAZING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """A triangle mesh: vertex positions (N, 3) [m] and vertex indices (M, 3).
+
+    Parameters
+    ----------
+    in_shell : (M,) whether a triangle is of a closed shell that faces outwards; None where nothing is known of it.
+    """
+
+    positions_m: FloatArray
+    triangles: IntArray
+    in_shell: BoolArray | None = None
+
+    @cached_property
+    def corners_m(self) -> FloatArray:
+        """(3, 3, M) x, y, z of each triangle's three corners, each in a row of its own."""
+        return np.ascontiguousarray(self.positions_m[self.triangles].transpose(2, 1, 0))
+
+    @cached_property
+    def box_m(self) -> FloatArray:
+        """(3, 8) corners of the box about the mesh; corner k is high in x, y, z by bits 4, 2, 1."""
+        return box_corners_m([self.positions_m]).T
+
+    @cached_property
+    def hull_m(self) -> FloatArray:
+        """(K, 3) corners of the convex hull; all positions of a mesh that is flat."""
+        try:
+            return np.asarray(self.positions_m[ConvexHull(self.positions_m).vertices])
+        except QhullError:
+            return self.positions_m
+
+    @cached_property
+    def _planes(self) -> FloatArray:
+        """(4, M) unit normal and distance from the origin, sign turned; zeros for what counts as facing everything."""
+        a, b, c = self.corners_m.transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a, axis=0)
+        length = np.linalg.norm(normal, axis=0)
+        normal /= np.maximum(length, 1e-30)
+        planes = np.concatenate([normal, -(normal * a).sum(axis=0)[None]])
+        planes[:, length < 1e-12] = 0
+        if self.in_shell is None:
+            return np.zeros_like(planes)
+        return planes * self.in_shell
+
+    def facing(self, place: FloatArray) -> IntArray:
+        """Numbers of the triangles that may be the first on a ray from a place: of closed shells those that face it.
+
+        Parameters
+        ----------
+        place : (4,) homogeneous: a point outside all shells (x, y, z, 1) [m], or the direction (x, y, z, 0) of one far
+            away.
+        """
+        unit = place / np.linalg.norm(place[:3])
+        return np.flatnonzero(unit @ self._planes >= -GRAZING)
+
+
+def box_corners_m(positions_m: Sequence[NDArray[np.floating]]) -> FloatArray:
+    """(8, 3) corners of the box about sets of points (N, 3); corner k is high in x, y, z by bits 4, 2, 1."""
+    low = np.min([points.min(axis=0) for points in positions_m], axis=0).astype(float)
+    high = np.max([points.max(axis=0) for points in positions_m], axis=0).astype(float)
+    bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])
+    return np.asarray(low + bits * (high - low))

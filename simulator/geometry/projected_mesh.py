@@ -1,0 +1,241 @@
+"""A mesh projected once for many questions: what an eye, or a light far away, has before a point or along a line.
+
+On the plane of projection a triangle's nearness (inverse depth from an eye, distance towards a far light) is linear,
+and so is an edge's. A grid of cells holds the triangles that touch each, so that a question is put to few of them.
+
+References
+----------
+Franklin (1980), A linear time exact hidden surface algorithm: the uniform grid on the screen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.geometry.plane_grid import PlaneGrid
+
+if TYPE_CHECKING:
+    from flyaround.simulator.geometry.mesh import TriangleMesh
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+
+NEAR_M = 1e-3  # near plane: what lies closer to the camera's plane, or behind it, has no projection
+# Triangles seen edge-on hide nothing: twice their area on the plane z = 1, and seen from a far light [m2].
+FLAT, FLAT_M2 = 1e-15, 1e-12
+FEW = 12  # for so few points no grid is made
+SHORTEST = 1e-6  # a stretch shorter than this share of its edge is rounding where two triangles meet
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectedMesh:
+    """The projected mesh.
+
+    Parameters
+    ----------
+    x, y, near : (3, M) corners of the triangles, and their nearness. flat : twice the area of a triangle that counts as
+        seen edge-on: that hides nothing.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    near: FloatArray
+    flat: float
+
+    @cached_property
+    def _bounds(self) -> FloatArray:
+        """(4, M) low x, low y, high x, high y."""
+        return np.stack([_least(self.x), _least(self.y), _most(self.x), _most(self.y)])
+
+    @cached_property
+    def _nearest(self) -> FloatArray:
+        return _most(self.near)
+
+    @cached_property
+    def _discs(self) -> FloatArray:
+        """(3, M) centre x, y and radius of a disc that holds each triangle."""
+        low, high = self._bounds[:2], self._bounds[2:]
+        return np.concatenate([(low + high) / 2, np.hypot(*(high - low))[None] / 2])
+
+    @cached_property
+    def _planes(self) -> FloatArray:
+        return _planes(self.x, self.y, self.near, self.flat)
+
+    @cached_property
+    def _grid(self) -> PlaneGrid:
+        return PlaneGrid.over(self._bounds)
+
+    def hides(self, points: FloatArray, near: FloatArray) -> BoolArray:
+        """Whether some triangle covers each point (K, 2) and is nearer than (K,) there."""
+        point, triangle = self._about(points)
+        planes = _planes(self.x[:, triangle], self.y[:, triangle], self.near[:, triangle], self.flat)
+        a, b, c = planes.transpose(1, 0, 2)
+        nearness, *sides = a * points[point, 0] + b * points[point, 1] + c
+        hidden = np.zeros(len(points), bool)
+        hidden[point[(nearness > near[point]) & (np.min(sides, axis=0) >= 0)]] = True
+        return hidden
+
+    def _about(self, points: FloatArray) -> tuple[IntArray, IntArray]:
+        """Pairs of a point and a triangle that may cover it."""
+        if len(points) > FEW:
+            return self._grid.at(points)
+        low, high = self._bounds[:2], self._bounds[2:]
+        about = [
+            np.flatnonzero((low[0] <= x) & (high[0] >= x) & (low[1] <= y) & (high[1] >= y)) for x, y in points
+        ]
+        point = np.repeat(np.arange(len(points)), [len(triangles) for triangles in about])
+        return point, np.concatenate([np.zeros(0, np.int64), *about])
+
+    def seen(self, ends: FloatArray, near: FloatArray) -> list[tuple[tuple[float, float], ...]]:
+        """Of each edge the intervals of 0..1, in order, where no triangle covers it and is nearer.
+
+        Parameters
+        ----------
+        ends : (E, 2, 2). near : (E, 2) nearness of the ends.
+        """
+        if len(ends) == 0:
+            return []
+        edge, triangle = self._grid.along(ends)
+        edge, triangle = self._beside(edge, triangle, ends, near.min(axis=1))
+        first, last = np.zeros(len(edge)), np.ones(len(edge))
+        way, rise = ends[:, 1] - ends[:, 0], near[:, 1] - near[:, 0]
+        start, along = ends[edge, 0].T, way[edge].T
+        for k in range(4):
+            a, b, c = (coefficient[triangle] for coefficient in self._planes[k])
+            value, slope = a * start[0] + b * start[1] + c, a * along[0] + b * along[1]
+            if k == 0:
+                value, slope = value - near[edge, 0], slope - rise[edge]
+            _cut(first, last, value, slope)
+            left = np.flatnonzero(last > first)
+            edge, triangle, first, last = edge[left], triangle[left], first[left], last[left]
+            start, along = start[:, left], along[:, left]
+        return _gaps(len(ends), edge, first, last)
+
+    def _beside(
+        self, edge: IntArray, triangle: IntArray, ends: FloatArray, farthest: FloatArray
+    ) -> tuple[IntArray, IntArray]:
+        """Those of some pairs whose triangle may cross the edge's line, and be nearer than ``farthest`` (E,)."""
+        way = ends[:, 1] - ends[:, 0]
+        across = np.stack([-way[:, 1], way[:, 0]]) / np.maximum(np.hypot(*way.T), 1e-300)
+        offset = (across * ends[:, 0].T).sum(axis=0)
+        x, y, radius = (values[triangle] for values in self._discs)
+        distance = np.abs(across[0][edge] * x + across[1][edge] * y - offset[edge])
+        may = np.flatnonzero((distance <= radius + 1e-12) & (self._nearest[triangle] > farthest[edge]))
+        return edge[may], triangle[may]
+
+
+def project_to_pinhole(mesh: TriangleMesh, R: FloatArray, t: FloatArray) -> ProjectedMesh:
+    """Project a mesh on the plane z = 1 of a pinhole camera. Nearness is the inverse of depth [m-1].
+
+    Back faces of closed shells are left out, unless the mesh reaches the camera's plane: a ray may then leave a shell
+    that it never entered before the camera.
+
+    Parameters
+    ----------
+    R, t : (3, 3) rotation and (3,) translation [m] from the mesh's frame to the camera's.
+    """
+    ends = R[2] @ mesh.box_m + t[2]
+    corners = mesh.corners_m
+    if ends.min() > NEAR_M:
+        corners = corners[:, :, mesh.facing(np.append(-R.T @ t, 1.0))]
+    x, y, z = (R @ corners.reshape(3, -1)).reshape(corners.shape) + t[:, None, None]
+    if ends.min() <= NEAR_M:
+        x, y, z = _ahead_of_lens(np.stack([x, y, z]))
+    near = 1 / z
+    return ProjectedMesh(x * near, y * near, near, FLAT)
+
+
+def project_along(mesh: TriangleMesh, direction: tuple[float, float, float]) -> ProjectedMesh:
+    """Project a mesh orthographically along a unit vector. Nearness is the distance along it [m]."""
+    corners = mesh.corners_m[:, :, mesh.facing(np.append(direction, 0.0))]
+    x, y, near = (across(direction) @ corners.reshape(3, -1)).reshape(corners.shape)
+    return ProjectedMesh(x, y, near, FLAT_M2)
+
+
+def across(direction: tuple[float, float, float]) -> FloatArray:
+    """(3, 3) rows: two axes across a unit vector, and itself."""
+    d = np.asarray(direction)
+    e1 = np.cross(d, np.eye(3)[int(np.argmin(np.abs(d)))])
+    e1 /= np.linalg.norm(e1)
+    return np.stack([e1, np.cross(d, e1), d])
+
+
+def _ahead_of_lens(corners: FloatArray) -> FloatArray:
+    """Clip triangles (3, 3, M), axes by corners, against the near plane z = NEAR_M; a cut one yields one or two."""
+    ahead = corners[2] > NEAR_M
+    count = ahead.sum(axis=0)
+    pieces = [corners[:, :, count == 3]]
+    for alone, n in ((True, 1), (False, 2)):
+        which = np.flatnonzero(count == n)
+        # the corner that lies by itself on its side comes first
+        order = (np.argmax(ahead[:, which] == alone, axis=0) + np.arange(3)[:, None]) % 3
+        a, b, c = corners[:, order, which].transpose(1, 0, 2)
+        ab, ac = (a + (NEAR_M - a[2]) / (other[2] - a[2]) * (other - a) for other in (b, c))
+        cut = [(a, ab, ac)] if alone else [(ab, b, c), (ab, c, ac)]
+        pieces += [np.stack(triangle, axis=1) for triangle in cut]
+    return np.concatenate(pieces, axis=2)
+
+
+def _least(corners: FloatArray) -> FloatArray:
+    return np.asarray(np.minimum(np.minimum(corners[0], corners[1]), corners[2]))
+
+
+def _most(corners: FloatArray) -> FloatArray:
+    return np.asarray(np.maximum(np.maximum(corners[0], corners[1]), corners[2]))
+
+
+def _planes(x: FloatArray, y: FloatArray, near: FloatArray, flat: float) -> FloatArray:
+    """(4, 3, M) coefficients a, b, c of a x + b y + c: nearness, then the distance from each side, positive inside.
+
+    The latter times the side's length. Of triangles seen edge-on the nearness is minus infinity.
+    """
+    area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
+    edge_on = np.abs(area) <= flat
+    scale = 1 / np.where(edge_on, 1.0, area)
+    planes = np.empty((4, 3, len(area)))
+    d1, d2 = (near[1] - near[0]) * scale, (near[2] - near[0]) * scale
+    planes[0, 0] = d1 * (y[2] - y[0]) - d2 * (y[1] - y[0])
+    planes[0, 1] = d2 * (x[1] - x[0]) - d1 * (x[2] - x[0])
+    planes[0, 2] = near[0] - planes[0, 0] * x[0] - planes[0, 1] * y[0]
+    planes[0, 2, edge_on] = -np.inf
+    turn = np.sign(area)
+    for k in range(3):
+        j = (k + 1) % 3
+        planes[1 + k, 0] = turn * (y[k] - y[j])
+        planes[1 + k, 1] = turn * (x[j] - x[k])
+        planes[1 + k, 2] = -planes[1 + k, 0] * x[k] - planes[1 + k, 1] * y[k]
+    return planes
+
+
+def _cut(first: FloatArray, last: FloatArray, value: FloatArray, slope: FloatArray) -> None:
+    """Shrink [first, last] in place to where ``value + s slope >= 0``."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = -value / slope
+    np.maximum(first, root, out=first, where=slope > 0)
+    np.minimum(last, root, out=last, where=slope < 0)
+    last[((slope == 0) & (value < 0)) | (value == -np.inf)] = -1.0
+
+
+def _gaps(
+    n_edges: int, edge: IntArray, first: FloatArray, last: FloatArray
+) -> list[tuple[tuple[float, float], ...]]:
+    """Of each edge what the union of its intervals, (N,) from ``first`` to ``last``, leaves of [0, 1]."""
+    # an interval of no length closes each edge
+    edge, one = np.concatenate([edge, np.arange(n_edges)]), np.ones(n_edges)
+    first, last = np.concatenate([first, one]), np.concatenate([last, one])
+    order = np.lexsort((first, edge))
+    edge, first, last = edge[order], first[order], last[order]
+    # the farthest that any earlier interval of an edge reaches: a running maximum, by rank so that edges stay apart
+    by_value = np.argsort(last, kind="stable")
+    rank = np.empty(len(last), np.int64)
+    rank[by_value] = np.arange(len(last))
+    farthest = np.maximum.accumulate(edge * len(last) + rank)
+    reached = np.concatenate([[0.0], last[by_value[farthest - edge * len(last)]][:-1]])
+    reached[np.flatnonzero(np.diff(edge, prepend=-1))] = 0.0
+    gaps = np.flatnonzero(first - reached > SHORTEST)
+    found: list[list[tuple[float, float]]] = [[] for _ in range(n_edges)]
+    for k, a, b in zip(edge[gaps].tolist(), reached[gaps].tolist(), first[gaps].tolist(), strict=True):
+        found[k].append((a, b))
+    return [tuple(stretches) for stretches in found]

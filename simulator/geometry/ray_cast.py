@@ -1,0 +1,124 @@
+"""Ray casting of parallel rays on a mesh: by Embree, or by an exact grid in numpy where it has no package.
+
+Wald et al. (2014), Embree: a kernel framework for efficient CPU ray tracing, ACM TOG 33(4). The grid is exact too and
+some fifty times slower; tests hold the two together.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from flyaround.simulator.geometry.plane_grid import PlaneGrid
+
+if TYPE_CHECKING:
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
+
+_PAIRS = 2_000_000  # of a ray and a triangle that are looked at together: 0.3 GB
+_EDGE_ON_M2 = 1e-14  # twice the area of a triangle, seen along the rays, that hides nothing
+
+Int32Array = np.typing.NDArray[np.int32]
+
+
+class Tracer(Protocol):
+    """A mesh that rays are traced against; safe to ask from several threads."""
+
+    def first_hits(self, origins_m: FloatArray, direction: FloatArray) -> tuple[Int32Array, Float32Array]:
+        """Triangle (K,) that each ray meets first, -1 for none, and the distance to there [m].
+
+        Parameters
+        ----------
+        origins_m : (K, 3). direction : (3,) unit vector of all rays.
+        """
+        ...
+
+
+def make_tracer(corners_m: FloatArray) -> Tracer:
+    """The fastest tracer that this machine has.
+
+    Parameters
+    ----------
+    corners_m : (T, 3, 3) of the triangles.
+    """
+    return EmbreeTracer(corners_m) if embree_is_here() else GridTracer(corners_m)
+
+
+def embree_is_here() -> bool:
+    """Whether Embree's package is installed: there is none for Linux on ARM."""
+    return importlib.util.find_spec("embreex") is not None
+
+
+class EmbreeTracer:
+    """Rays by Embree, in single precision."""
+
+    def __init__(self, corners_m: FloatArray) -> None:
+        # loads 40 MB of libraries: needed once a craft
+        from embreex.mesh_construction import TriangleMesh  # noqa: PLC0415
+        from embreex.rtcore_scene import EmbreeScene  # noqa: PLC0415
+
+        self._scene = EmbreeScene()
+        TriangleMesh(self._scene, np.ascontiguousarray(corners_m, np.float32))
+        # the tree is built at the first question, which must not be two threads'
+        self.first_hits(np.zeros((1, 3)), np.array([0.0, 0.0, 1.0]))
+
+    def first_hits(self, origins_m: FloatArray, direction: FloatArray) -> tuple[Int32Array, Float32Array]:
+        """As of `Tracer`."""
+        origins = np.ascontiguousarray(origins_m, np.float32)
+        along = np.tile(np.asarray(direction, np.float32), (len(origins), 1))
+        found = self._scene.run(origins, along, query="INTERSECT", output=1)
+        return found["primID"], found["tfar"]
+
+
+class GridTracer:
+    """Rays by projecting the mesh along them, in double precision."""
+
+    def __init__(self, corners_m: FloatArray) -> None:
+        self._corners = np.ascontiguousarray(np.asarray(corners_m, float).transpose(1, 2, 0))
+
+    def first_hits(self, origins_m: FloatArray, direction: FloatArray) -> tuple[Int32Array, Float32Array]:
+        """As of `Tracer`."""
+        d = np.asarray(direction, float)
+        e1 = np.cross(d, np.eye(3)[int(np.argmin(np.abs(d)))])
+        e1 /= np.linalg.norm(e1)
+        axes = np.stack([e1, np.cross(d, e1), d])
+        x, y, z = np.einsum("ac,kct->akt", axes, self._corners)
+        grid = PlaneGrid.over(np.stack([x.min(axis=0), y.min(axis=0), x.max(axis=0), y.max(axis=0)]))
+        origins = np.asarray(origins_m, float) @ axes.T
+        triangles, distance = np.full(len(origins), -1, np.int32), np.full(len(origins), np.inf, np.float32)
+        candidates = np.cumsum(grid.counts(origins[:, :2]))
+        pieces = np.searchsorted(candidates, np.arange(_PAIRS, candidates[-1:].sum(), _PAIRS))
+        for piece in np.split(np.arange(len(origins)), pieces):
+            ray, triangle = grid.at(origins[piece, :2])
+            ray, triangle, at = _covered(piece[ray], triangle, origins, x, y, z)
+            order = np.lexsort((at, ray))
+            ray, first = np.unique(ray[order], return_index=True)
+            triangles[ray], distance[ray] = triangle[order][first], at[order][first]
+        return triangles, distance
+
+
+def _covered(
+    ray: np.typing.NDArray[np.int64],
+    triangle: np.typing.NDArray[np.int64],
+    origins: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    z: FloatArray,
+) -> tuple[np.typing.NDArray[np.int64], np.typing.NDArray[np.int64], FloatArray]:
+    """Those of some pairs (P,) whose triangle lies before the ray, and the distances; all seen along the rays.
+
+    Parameters
+    ----------
+    origins : (K, 3) of the rays. x, y, z : (3, T) of the triangles' corners.
+    """
+    ahead = z.max(axis=0)[triangle] > origins[ray, 2]
+    ray, triangle = ray[ahead], triangle[ahead]
+    dx, dy = x[:, triangle] - origins[ray, 0], y[:, triangle] - origins[ray, 1]
+    weights = np.roll(dx, -1, 0) * np.roll(dy, -2, 0) - np.roll(dx, -2, 0) * np.roll(dy, -1, 0)
+    area = weights.sum(axis=0)
+    inside = np.flatnonzero((weights * np.sign(area) >= 0).all(axis=0) & (np.abs(area) > _EDGE_ON_M2))
+    ray, triangle = ray[inside], triangle[inside]
+    at = (weights[:, inside] * z[:, triangle]).sum(axis=0) / area[inside] - origins[ray, 2]
+    before = at > 0
+    return ray[before], triangle[before], at[before]

@@ -1,0 +1,91 @@
+"""Subdivision of a mesh until its edges are short: straight edges then follow a lens's distortion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
+
+_IndexArray = np.typing.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Subdivision:
+    """The triangles of a subdivided mesh, and the vertices that were added.
+
+    Parameters
+    ----------
+    parents : per round, (K, 2) vertices whose middle each new vertex is. triangles : (T, 3) of the cut mesh, in the
+        order of the triangles that they come from. of : (T,) which that is. first : (T0 + 1,) where their pieces begin.
+    """
+
+    parents: tuple[_IndexArray, ...]
+    triangles: _IndexArray
+    of: _IndexArray
+    first: _IndexArray
+
+    def extended(self, values: FloatArray | Float32Array) -> Float32Array:
+        """Values (V, n) at the vertices, with those at the new ones: the mean of their two parents."""
+        for pairs in self.parents:
+            values = np.concatenate([values, (values[pairs[:, 0]] + values[pairs[:, 1]]) * 0.5])
+        return np.asarray(values, np.float32)
+
+    def inherited(self, values: _IndexArray) -> _IndexArray:
+        """Values (V,) at the vertices, with those at the new ones: one of their parents'."""
+        for pairs in self.parents:
+            values = np.concatenate([values, values[pairs[:, 0]]])
+        return values
+
+
+def subdivide(positions_m: FloatArray, triangles: _IndexArray, longest_m: float) -> Subdivision:
+    """Halve every edge longer than ``longest_m`` until there is none; neighbours stay joined.
+
+    Whether an edge is halved depends on the edge alone, and the middle of two points is the same from either side.
+    """
+    p = np.asarray(positions_m, float)
+    tri = np.asarray(triangles, np.int64)
+    origin = np.arange(len(tri))
+    rounds: list[_IndexArray] = []
+    while True:
+        edges = np.stack([tri, np.roll(tri, -1, axis=1)], axis=-1)  # (T, 3, 2): edge k leaves corner k
+        long = np.linalg.norm(p[edges[..., 0]] - p[edges[..., 1]], axis=-1) > longest_m
+        if not long.any():
+            break
+        pairs, which = np.unique(np.sort(edges[long], axis=-1), axis=0, return_inverse=True)
+        middle = np.full(long.shape, -1)
+        middle[long] = len(p) + which.ravel()
+        p = np.concatenate([p, (p[pairs[:, 0]] + p[pairs[:, 1]]) * 0.5])
+        rounds.append(pairs)
+        tri, origin = _halved(tri, origin, middle, long.sum(axis=1))
+    order = np.argsort(origin, kind="stable")
+    first = np.searchsorted(origin[order], np.arange(len(triangles) + 1))
+    return Subdivision(tuple(rounds), tri[order], origin[order], first)
+
+
+def _halved(
+    tri: _IndexArray, origin: _IndexArray, middle: _IndexArray, count: _IndexArray
+) -> tuple[_IndexArray, _IndexArray]:
+    """Triangles with the middles of one, two or three of their edges put in."""
+    # turned so that a lone halved edge, or a lone whole one, is edge 0
+    turn = np.where(
+        count == 1, np.argmax(middle >= 0, axis=1), np.where(count == 2, np.argmax(middle < 0, axis=1), 0)
+    )
+    at = (turn[:, None] + np.arange(3)) % 3
+    (a, b, c), (ab, bc, ca) = np.take_along_axis(tri, at, 1).T, np.take_along_axis(middle, at, 1).T
+    patterns = {
+        0: [(a, b, c)],
+        1: [(a, ab, c), (ab, b, c)],
+        2: [(a, b, bc), (a, bc, ca), (ca, bc, c)],
+        3: [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)],
+    }
+    out, owners = [], []
+    for n, pieces in patterns.items():
+        chosen = count == n
+        for piece in pieces:
+            out.append(np.stack([corner[chosen] for corner in piece], axis=1))
+            owners.append(origin[chosen])
+    return np.concatenate(out), np.concatenate(owners)

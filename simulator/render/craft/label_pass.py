@@ -1,0 +1,205 @@
+"""Label pass: what the target shows at each pixel's centre (depth, normal, part), and its whole silhouette.
+
+One sample a pixel, at its centre: mask, depth, normals and parts come from one raster and so have one support. On
+every driver only what can show is drawn: of faces in one plane the one beneath would win here and there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.render.craft.visible_triangles import CulledVertexArray
+from flyaround.simulator.render.gl.context import release
+from flyaround.simulator.render.gl.fences import draw_to, flush
+from flyaround.simulator.render.gl.lens_rays import lens_values
+from flyaround.simulator.render.projection import PixelRect, clip_from_camera, window_from_pixel
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.craft.mesh import GpuMesh
+    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.gl.shared_blocks import UniformBlocks
+    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
+    from flyaround.simulator.targets.model import Target
+
+_SILHOUETTE_SIDE_PX = 1024  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved
+_ROUNDING_PX = 1 / 4096  # what a driver's single precision moves a corner at a whole step by
+MAX_PARTS = 2048  # what the surface buffer's 16-bit floats count exactly
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """What lies at each pixel's centre.
+
+    Parameters
+    ----------
+    depth_m : (H, W) float32 camera z of the nearest surface, NaN where the target is not.
+    normals : (H, W, 3) float16, camera frame, unit, towards the camera; zero where the target is not; or None.
+    parts : (H, W) uint16, number of the part in the target from 1, 0 where the target is not; or None.
+    window : rows and columns outside which the target is not.
+    """
+
+    depth_m: Float32Array
+    normals: np.typing.NDArray[np.float16] | None = None
+    parts: np.typing.NDArray[np.uint16] | None = None
+    window: tuple[slice, slice] = (slice(None), slice(None))
+
+
+@dataclass(frozen=True, eq=False)
+class LabelArrays:
+    """Vertex arrays of one uploaded mesh: for depth alone, and for all layers."""
+
+    depth: CulledVertexArray
+    layers: CulledVertexArray
+    parts: moderngl.Buffer
+
+    def release(self) -> None:
+        """Free them."""
+        for resource in (self.depth, self.layers, self.parts):
+            resource.release()
+
+
+@dataclass(frozen=True, eq=False)
+class PendingSurfaces:
+    """A label raster that the driver is drawing; to be read once."""
+
+    context: moderngl.Context
+    framebuffer: moderngl.Framebuffer
+    resources: tuple[moderngl.Texture | moderngl.Renderbuffer, ...]
+    size: tuple[int, int]
+    layers: bool
+
+    def read(self) -> Surfaces:
+        """Wait for the raster, take it and free its memory."""
+        shape = self.size[::-1]
+        flush(self.context)
+        z = self.framebuffer.read(components=1, dtype="f4", alignment=1)
+        depth_m = np.frombuffer(z, np.float32).reshape(shape).copy()
+        depth_m[depth_m == 0] = np.nan
+        normals = parts = None
+        if self.layers:
+            data = self.framebuffer.read(components=4, attachment=1, dtype="f2", alignment=1)
+            surface = np.frombuffer(data, np.float16).reshape(*shape, 4)
+            normals, parts = surface[..., :3], surface[..., 3].astype(np.uint16)
+        release(self.context, self.framebuffer, *self.resources)
+        return Surfaces(depth_m, normals, parts)
+
+
+class LabelPass:
+    """Draws the target once more at one sample a pixel. Reads the mesh; owns what it writes."""
+
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: UniformBlocks) -> None:
+        self._context, self._lens, self._library = context, blocks.lens, programs
+        self._aside = context.framebuffer([context.texture((1, 1), 1)])
+
+    @cached_property
+    def _programs(self) -> dict[bool, Program]:
+        """With and without layers, compiled with the first labels: many a picture is drawn without."""
+        return {
+            layers: self._library.get("craft/labels.vert", "craft/labels.frag", {"LAYERS": int(layers)})
+            for layers in (False, True)
+        }
+
+    def arrays(self, target: Target, mesh: GpuMesh) -> LabelArrays:
+        """What draws a mesh of a target."""
+        numbers = np.concatenate(
+            [np.full(len(target.parts[k].positions_m), k + 1, np.float32) for k in mesh.order]
+        )
+        parts = self._context.buffer(numbers[mesh.charts.origin][mesh.sources].tobytes())
+        return LabelArrays(
+            CulledVertexArray(self._context, mesh, self._programs[False].gl),
+            CulledVertexArray(self._context, mesh, self._programs[True].gl, (parts, "1f", "in_part")),
+            parts,
+        )
+
+    def begin(
+        self,
+        arrays: LabelArrays,
+        camera: Camera,
+        rect: PixelRect,
+        camera_from_target: FloatArray,
+        near_far_m: tuple[float, float],
+        *,
+        layers: bool = False,
+        scale: float = 1.0,
+    ) -> PendingSurfaces:
+        """Have the driver draw what the pixels of ``rect`` show; ``scale`` < 1 draws fewer, larger pixels.
+
+        Parameters
+        ----------
+        layers : also normals and parts.
+        """
+        program = self._programs[layers]
+        size = (max(1, round(rect.width * scale)), max(1, round(rect.height * scale)))
+        clip = clip_from_camera(camera, *near_far_m, window_from_pixel(rect) * scale, size)
+        outputs = [self._context.texture(size, 1, dtype="f4")]
+        depth = self._context.depth_renderbuffer(size)
+        if layers:
+            outputs.append(self._context.texture(size, 4, dtype="f2"))
+        framebuffer = self._context.framebuffer(outputs, depth)
+        if not camera.distortion.is_none:
+            self._lens.write(lens_values(camera))
+        draw_to(framebuffer)
+        framebuffer.clear()
+        self._context.enable_only(self._context.DEPTH_TEST)
+        if camera.distortion.is_none:
+            clip = clip @ camera_from_target
+        program.set("u_label_clip", tuple(clip.T.ravel()))
+        program.set("u_label_camera_from_target", tuple(camera_from_target.T.ravel()))
+        eye_m = -camera_from_target[:3, :3].T @ camera_from_target[:3, 3]
+        program.set("u_label_px", size)
+        # Corners stand at whole steps of a raster, so that a face is shown within itself alone. One that is thinner
+        # than single precision may still have any depth: each is put back by what it changes over that.
+        self._context.polygon_offset = (_ROUNDING_PX, 0.0)
+        (arrays.layers if layers else arrays.depth).render(np.append(eye_m, 1.0))
+        self._context.polygon_offset = (0.0, 0.0)
+        # a software driver begins to draw once something else is drawn to, and then does so on threads of its own
+        draw_to(self._aside)
+        self._aside.clear()
+        return PendingSurfaces(self._context, framebuffer, (depth, *outputs), size, layers)
+
+    def silhouette(
+        self,
+        arrays: LabelArrays,
+        camera: Camera,
+        bounds_px: FloatArray,
+        camera_from_target: FloatArray,
+        near_far_m: tuple[float, float],
+    ) -> float:
+        """Share of the silhouette's area that lies on the image.
+
+        Parameters
+        ----------
+        bounds_px : x0, y0, x1, y1 of the whole projected target, not clipped.
+        """
+        x0, y0 = np.floor(bounds_px[:2]).astype(int)
+        x1, y1 = np.ceil(bounds_px[2:]).astype(int) + 1
+        if x0 >= 0 and y0 >= 0 and x1 <= camera.width_px and y1 <= camera.height_px:
+            return 1.0
+        rect = PixelRect(int(x0), int(y0), int(x1), int(y1))
+        scale = min(1.0, _SILHOUETTE_SIDE_PX / max(rect.width, rect.height))
+        drawn = self.begin(arrays, camera, rect, camera_from_target, near_far_m, scale=scale)
+        seen = np.isfinite(drawn.read().depth_m)
+        on_image = _on_image(camera, rect, seen.shape, scale)
+        total = int(seen.sum())
+        return float((seen & on_image).sum() / total) if total else 0.0
+
+    def release(self) -> None:
+        """Free what is drawn to between rasters."""
+        release(self._context, self._aside, *self._aside.color_attachments)
+
+
+def _on_image(camera: Camera, rect: PixelRect, shape: tuple[int, ...], scale: float) -> BoolArray:
+    """Which pixels of a scaled window have their centre on the image."""
+    x = (np.arange(shape[1]) + 0.5) / scale + rect.x0 - 0.5
+    y = (np.arange(shape[0]) + 0.5) / scale + rect.y0 - 0.5
+    return np.asarray(
+        ((x >= -0.5) & (x < camera.width_px - 0.5))[None, :]
+        & ((y >= -0.5) & (y < camera.height_px - 0.5))[:, None]
+    )

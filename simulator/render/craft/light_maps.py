@@ -1,0 +1,139 @@
+"""Area lights on a target: a shadow map from each of their patches, side by side in one image; their block."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.render.gl.fences import draw_to
+from flyaround.simulator.render.gl.shared_blocks import MOST_PATCHES
+from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
+from flyaround.simulator.render.irradiance import orthonormal_basis
+from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import moderngl
+
+    from flyaround.simulator.render.craft.resident_targets import ResidentTarget
+    from flyaround.simulator.render.craft.viewport_fit import ViewportFit
+    from flyaround.simulator.render.gl.programs import ProgramLibrary
+    from flyaround.simulator.render.gl.shared_blocks import UniformBlocks
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.area_light import PlacedLight
+    from flyaround.simulator.scene.state import Quality, SceneState
+
+PATCHES: dict[Quality, int] = {"draft": 4, "default": 8, "high": 16}
+"""Of each light; a straight edge's penumbra has so many steps, each less than the noise of a picture."""
+TILE_PX = 512
+_WIDER = 1.03  # than the sphere about the craft: for the filter's reach
+_WIDEST_SINE = 0.9  # of half the angle that a map sees; a light nearer to the craft sees a part of it
+_LIFT_TEXELS, _LEAST_TEXELS = 1.5, 0.15
+"""Texels by which a point is lifted off its face: at grazing light, and always."""
+
+
+def patch_view(place_m: FloatArray, center_m: FloatArray, radius_m: float) -> tuple[FloatArray, float]:
+    """(4, 4) clip matrix of a light's view of a sphere, and the angle that a texel sees [rad].
+
+    Parameters
+    ----------
+    place_m : (3,) of the light. center_m : (3,) of the sphere. Depth grows away from the light, -1 to 1.
+    """
+    along = center_m - place_m
+    distance = max(float(np.linalg.norm(along)), 1e-3)
+    sine = min(_WIDER * radius_m / distance, _WIDEST_SINE)
+    tangent = sine / math.sqrt(1 - sine * sine)
+    near = max(distance - _WIDER * radius_m, 0.02 * distance)
+    far = distance + _WIDER * radius_m
+    view = np.eye(4)
+    view[:3, :3] = orthonormal_basis(along / distance)
+    view[:3, 3] = -view[:3, :3] @ place_m
+    clip = np.zeros((4, 4))
+    clip[0, 0] = clip[1, 1] = 1 / tangent
+    clip[2, 2:] = (far + near) / (far - near), -2 * far * near / (far - near)
+    clip[3, 2] = 1.0
+    return clip @ view, 2 * tangent / TILE_PX
+
+
+class LightMaps:
+    """The maps of one frame's area lights."""
+
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: UniformBlocks) -> None:
+        self._context, self._blocks = context, blocks
+        self._program = programs.get("craft/shadow.vert", "craft/shadow.frag", {})
+        self._image: moderngl.Texture | None = None
+        self._framebuffer: moderngl.Framebuffer | None = None
+
+    def draw(
+        self, scene: SceneState, loaded: ResidentTarget, place: ViewportFit
+    ) -> tuple[moderngl.Texture, int]:
+        """Draw the maps and write the block; the image of all maps, and the number of patches of each light."""
+        mesh, count = loaded.mesh, PATCHES[scene.quality]
+        lights = [light.placed(scene.camera_from_target) for light in scene.area_lights]
+        target_from_camera = np.linalg.inv(place.camera_from_target)
+        patches = [point for light in lights for point in light.points_m(count)]
+        columns = math.ceil(math.sqrt(len(patches)))
+        image, framebuffer = self._images(columns * TILE_PX)
+        draw_to(framebuffer)
+        framebuffer.viewport = (0, 0, *image.size)
+        framebuffer.clear()
+        self._context.enable_only(self._context.DEPTH_TEST)
+        matrices, texel_rad = np.zeros((MOST_PATCHES, 4, 4)), 0.0
+        for k, patch in enumerate(patches):
+            row, column = divmod(k, columns)
+            point = target_from_camera[:3, :3] @ patch + target_from_camera[:3, 3]
+            clip, texel = patch_view(point, mesh.center_m, mesh.radius_m)
+            texel_rad = max(texel_rad, texel)
+            framebuffer.viewport = (column * TILE_PX, row * TILE_PX, TILE_PX, TILE_PX)
+            self._program.set("u_light_clip_from_target", tuple(clip.T.ravel().tolist()))
+            loaded.shadow.render(np.append(point, 1.0))
+            tile = np.eye(4)
+            tile[:3, :3] = np.diag([0.5 / columns, 0.5 / columns, 0.5])
+            tile[:3, 3] = (column + 0.5) / columns, (row + 0.5) / columns, 0.5
+            matrices[k] = tile @ clip @ target_from_camera
+        self._blocks.lights.write(_values(scene, lights, patches, matrices, texel_rad))
+        return image, count
+
+    def _images(self, side: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+        if self._image is None or self._framebuffer is None or self._image.width != side:
+            self.release()
+            self._image = self._context.depth_texture((side, side))
+            self._image.compare_func = "<="
+            self._image.filter = (self._context.LINEAR, self._context.LINEAR)
+            self._image.repeat_x = self._image.repeat_y = False
+            self._framebuffer = self._context.framebuffer(depth_attachment=self._image)
+        return self._image, self._framebuffer
+
+    def release(self) -> None:
+        """Free the image."""
+        if self._image is not None and self._framebuffer is not None:
+            self._framebuffer.release()
+            self._image.release()
+        self._image = self._framebuffer = None
+
+
+def _values(
+    scene: SceneState,
+    lights: Sequence[PlacedLight],
+    patches: Sequence[FloatArray],
+    matrices: FloatArray,
+    texel_rad: float,
+) -> dict[str, FloatArray]:
+    """Members of the block ``AreaLights``."""
+    names = ("middle", "right", "down", "axis", "radiance")
+    values = {f"u_light_{name}": np.zeros((MOST_LIGHTS, 4)) for name in names}
+    share = len(lights) / len(patches)
+    for k, (light, asked) in enumerate(zip(lights, scene.area_lights, strict=True)):
+        values["u_light_middle"][k, :3] = light.middle_m
+        values["u_light_right"][k] = [*light.right_m, light.area_m2 * share]
+        values["u_light_down"][k, :3] = light.down_m
+        values["u_light_axis"][k] = [*light.axis, light.exponent]
+        values["u_light_radiance"][k] = vec4_of_bands(asked.radiance(scene.bands))
+    places = np.zeros((MOST_PATCHES, 4))
+    places[: len(patches), :3] = patches
+    # lifted by texels: [m] a metre from the light
+    count = np.array([len(lights), _LIFT_TEXELS * texel_rad, _LEAST_TEXELS * texel_rad, 0.0])
+    return {**values, "u_patch_place": places, "u_patch_map": matrices, "u_light_count": count}

@@ -1,0 +1,207 @@
+"""A target on the GPU: one vertex buffer for all parts, the material's number on each vertex."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.geometry.subdivision import subdivide
+from flyaround.simulator.render.bake.charts import TEXEL
+from flyaround.simulator.render.bake.geometry import VERTEX, BakedMesh, MergedParts, geometry_of
+from flyaround.simulator.render.gl.shared_blocks import MAX_MATERIALS
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from flyaround.simulator.render.bake.geometry import Geometry
+    from flyaround.simulator.runtime.arrays import Float32Array, IntArray
+    from flyaround.simulator.targets.model import Material, Target
+
+VERTEX_FORMAT = "3f 3f 1f"
+ATTRIBUTES = ("in_position_m", "in_normal", "in_material")
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A stretch of the index buffer with one set of textures.
+
+    Parameters
+    ----------
+    first, count : indices. material : what its textures and factors are taken from; None where there are none.
+    """
+
+    first: int
+    count: int
+    material: Material | None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GpuMesh(BakedMesh):
+    """Buffers of one uploaded target, and its shape.
+
+    Parameters
+    ----------
+    vertices : of ``values``. indices : of ``triangles``. at_chart : the vertices' places in the atlas.
+    uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
+    order : which of the target's parts lie in the buffers first, second and so on.
+    sources : (V,) of each vertex, one of the uncut mesh's on the same part.
+    """
+
+    vertices: moderngl.Buffer
+    indices: moderngl.Buffer
+    sources: IntArray
+    materials: tuple[Material, ...]
+    at_chart: moderngl.Buffer
+    uv: moderngl.Buffer | None = None
+    draws: tuple[Draw, ...] = ()
+    order: tuple[int, ...] = ()
+
+    @cached_property
+    def area_m2(self) -> float:
+        """Of all triangles."""
+        corners = self.values[:, :3].astype(float)[self.triangles]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return 0.5 * float(np.linalg.norm(across, axis=1).sum())
+
+    def vertex_array(
+        self,
+        context: moderngl.Context,
+        program: moderngl.Program,
+        *more: tuple[moderngl.Buffer, str, str],
+        indices: moderngl.Buffer | None = None,
+    ) -> moderngl.VertexArray:
+        """The mesh as ``program`` reads it.
+
+        Parameters
+        ----------
+        more : further buffers with a value per vertex, by name. indices : instead of those of all triangles.
+        """
+        content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = [
+            (self.vertices, VERTEX_FORMAT, *ATTRIBUTES),
+            *more,
+        ]
+        if "in_chart" in program:
+            content.append((self.at_chart, "2f", "in_chart"))
+        if self.uv is not None and "in_uv" in program:
+            content.append((self.uv, "2f", "in_uv"))
+        return context.vertex_array(program, content, indices or self.indices, skip_errors=True)
+
+    def cut(self, context: moderngl.Context, longest_m: float) -> GpuMesh:
+        """The same surface in triangles with no edge longer than this, in buffers of its own."""
+        made = subdivide(self.values[:, :3].astype(float), self.triangles.astype(np.int64), longest_m)
+        values = made.extended(self.values.astype(float))
+        new = values[len(self.values) :, 3:6]
+        new /= np.maximum(np.linalg.norm(new, axis=1, keepdims=True), 1e-9)
+        triangles = made.triangles.astype(np.uint32)
+
+        def extended(buffer: moderngl.Buffer) -> moderngl.Buffer:
+            at = np.frombuffer(buffer.read(), np.float32).reshape(len(self.values), 2)
+            return context.buffer(made.extended(at).tobytes())
+
+        def place(index: int) -> int:
+            return 3 * int(made.first[index // 3])
+
+        return replace(
+            self,
+            values=values,
+            triangles=triangles,
+            planes=self.planes[made.of],
+            boxes=replace(self.boxes, of=self.boxes.of[made.of]),
+            sources=made.inherited(self.sources),
+            vertices=context.buffer(values.tobytes()),
+            indices=context.buffer(triangles.tobytes()),
+            at_chart=extended(self.at_chart),
+            uv=None if self.uv is None else extended(self.uv),
+            draws=tuple(
+                replace(d, first=place(d.first), count=place(d.first + d.count) - place(d.first))
+                for d in self.draws
+            ),
+        )
+
+    def release(self) -> None:
+        """Free the buffers."""
+        self.vertices.release()
+        self.indices.release()
+        self.at_chart.release()
+        if self.uv is not None:
+            self.uv.release()
+
+
+def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> GpuMesh:
+    """Merge the parts and upload them; parameters as of `prepared`."""
+    made, draws, order = prepared(target, texel)
+    return GpuMesh(
+        **{field.name: getattr(made, field.name) for field in fields(BakedMesh)},
+        vertices=context.buffer(made.values.tobytes()),
+        indices=context.buffer(made.triangles.tobytes()),
+        sources=np.arange(len(made.values)),
+        materials=target.materials,
+        at_chart=context.buffer(made.charts.uv.astype(np.float32).tobytes()),
+        uv=context.buffer(made.uv.tobytes()) if len(made.uv) else None,
+        draws=draws,
+        order=order,
+    )
+
+
+def prepared(target: Target, texel: float = TEXEL) -> tuple[Geometry, tuple[Draw, ...], tuple[int, ...]]:
+    """The parts merged, with all that is made of them; the draws and the parts' order of `GpuMesh`. Needs no OpenGL.
+
+    Parameters
+    ----------
+    texel : between nodes of baked light, of the mesh's radius.
+
+    Raises
+    ------
+    UserError
+        If the target has no triangles, too many materials, or a part names a material it lacks.
+    """
+    numbers = {material.name: k + 1 for k, material in enumerate(target.materials)}
+    if len(numbers) > MAX_MATERIALS:
+        raise UserError(
+            f"target {target.name} has {len(numbers)} materials and {MAX_MATERIALS} can be drawn; merge some"
+        )
+    vertices, indices, start = [], [], 0
+    uv: list[Float32Array] = []
+    draws: list[Draw] = []
+    textured = {m.name: m for m in target.materials if any(m.textures)}
+    first = 0
+    # parts with one material follow each other, so that each set of textures is bound once
+    names = [part.material if part.material in textured else "" for part in target.parts]
+    order = sorted(range(len(names)), key=names.__getitem__)
+    for part in (target.parts[k] for k in order):
+        if part.material not in numbers:
+            raise UserError(
+                f"part {part.name} of target {target.name} names the material {part.material!r}, which the target "
+                "does not define; add it to the target's materials"
+            )
+        block = np.zeros(len(part.positions_m), VERTEX)
+        block["position_m"], block["normal"] = part.positions_m, part.normals
+        block["material"] = numbers[part.material]
+        vertices.append(block)
+        indices.append(np.asarray(part.triangles, np.uint32).ravel() + np.uint32(start))
+        start += len(block)
+        if textured:
+            uv.append(np.zeros((len(block), 2), np.float32) if part.uv is None else part.uv)
+            material = textured.get(part.material)
+            if draws and draws[-1].material == material:
+                draws[-1] = replace(draws[-1], count=draws[-1].count + len(indices[-1]))
+            else:
+                draws.append(Draw(first, len(indices[-1]), material))
+            first += len(indices[-1])
+    if not sum(len(block) for block in indices):
+        raise UserError(f"target {target.name} has no triangles; give it at least one part with faces")
+    made = geometry_of(
+        MergedParts(
+            np.concatenate(vertices),
+            np.concatenate(indices).reshape(-1, 3),
+            np.concatenate(uv).astype(np.float32) if textured else np.zeros((0, 2), np.float32),
+        ),
+        target.parts,
+        numbers,
+        texel,
+    )
+    return made, tuple(draws), tuple(order)
