@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.render.earth.maps import DAY, NIGHT, decode_file
+from flyaround.simulator.render.globe.globe_pass import albedo_of
 from flyaround.simulator.render.moon.moon_pass import moon_map
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def _grey_map(ground: ByteArray | Float32Array) -> GroundMap:
 _MAPS: dict[str, Callable[[Body], GroundMap]] = {
     "earth": _earth_map,
     "moon": lambda _: _grey_map(moon_map()),
+    "globe": lambda body: _grey_map(albedo_of(body)),
 }
 """By the passes that draw the body."""
 

@@ -162,7 +162,7 @@ def _all_ground(scene: SceneState, pixels: FloatArray) -> bool:
     body = scene.globe.body
     r = np.subtract(scene.r_camera_eci_m, scene.globe.r_eci_m)
     along = -scene.camera.rays(pixels) @ matrix_from_quat(scene.q_camera_from_eci_wxyz) @ r
-    return bool(np.all((along > 0) & (r @ r - along**2 < (body.radius_m * (1 - body.flattening)) ** 2)))
+    return bool(np.all((along > 0) & (r @ r - along**2 < body.polar_radius_m**2)))
 
 
 def _over_passing_ground(

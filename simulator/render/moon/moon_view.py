@@ -38,7 +38,7 @@ class MoonView:
     shadow_share : (K, n) of the Sun's light across the shadow, ``None`` when the Moon is clear of it.
     shadow_reach : distance from the axis of the last of them.
     center_camera : (3,) direction to its centre, camera frame. sine : of its angular radius.
-    in_front : whether it is nearer than the Earth.
+    in_front : whether it is nearer than the globe.
     rect : pixels that it can touch, ``None`` when there are none.
     """
 
@@ -99,7 +99,7 @@ def moon_view(scene: SceneState) -> MoonView:
         shadow_reach=reach / MOON_RADIUS_M,
         center_camera=center,
         sine=sine,
-        in_front=distance < float(np.linalg.norm(scene.r_camera_eci_m)),
+        in_front=distance < float(np.linalg.norm(np.subtract(scene.r_camera_eci_m, scene.globe.r_eci_m))),
         rect=disc_rect(scene.camera, center, sine),
     )
 

@@ -23,11 +23,11 @@ from flyaround.simulator.render.earth.screen_tiles import (
 )
 from flyaround.simulator.render.earth.sea_ice import near_ice
 from flyaround.simulator.render.projection import directions
-from flyaround.simulator.render.view import EQUATOR_M
+from flyaround.simulator.world.constants import EARTH_RADIUS_M
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.render.earth.earth_view import EarthView
+    from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 _SMOOTH_DISC = (
@@ -56,7 +56,7 @@ class _CornerRays:
     footprint_km : of a pixel. span : of a tile on the ground across its ray [radii].
     """
 
-    def __init__(self, earth: EarthView, camera: Camera) -> None:
+    def __init__(self, earth: GlobeView, camera: Camera) -> None:
         self.earth, self.size_px = earth, tile_size_px(camera)
         self.pixel_rad = pixel_rad = camera.pixel_angle_rad()
         self.x_px = tile_edges(camera.width_px, self.size_px)
@@ -68,7 +68,9 @@ class _CornerRays:
         self.depth = np.sqrt(np.maximum(self.disc, 0))
         self.distance = -self.along - self.depth
         # the mean of its two axes, as in shaders/earth/point.glsl
-        self.footprint_km = self.distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(self.depth, 0.02))
+        self.footprint_km = (
+            self.distance * EARTH_RADIUS_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(self.depth, 0.02))
+        )
         # seen from far away a tile spans much of the Earth
         self.span = self.distance * self.size_px * pixel_rad
         self.ground = [earth.camera[k] + self.distance * self.directions[..., k] for k in range(3)]
@@ -128,7 +130,7 @@ class _CornerRays:
         return np.asarray(corner + np.float32(self.size_px / 2))
 
 
-def earth_tiles(earth: EarthView, camera: Camera, target_px: FloatArray | None, day: str) -> ScreenTiles:
+def earth_tiles(earth: GlobeView, camera: Camera, target_px: FloatArray | None, day: str) -> ScreenTiles:
     """Cut the image into tiles and sort them.
 
     Parameters

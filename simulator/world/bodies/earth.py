@@ -31,6 +31,11 @@ class Earth(Body):
         """``q_itrs_from_eci_wxyz``."""
         return q_itrs_from_eci(now)
 
+    @property
+    def polar_radius_m(self) -> float:
+        """Polar radius [m], as WGS 84 tabulates it."""
+        return 6_356_752.314245
+
     def pole_eci(self, now: Instant) -> FloatArray:
         """Celestial intermediate pole, which polar motion (0.6 arcsec) has no part in."""
         return pole_eci(now)

@@ -14,7 +14,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import Quat, Vec3, quat, vec3
 from flyaround.simulator.runtime.plugins import plugins
 from flyaround.simulator.world.constants import AU_M, LIGHT_M_S
-from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -109,6 +109,11 @@ class Body(ABC):
         """Return where it is seen from the Earth's centre, corrected for light time: (3,) GCRS axes [m]."""
         r, v = self.geocentric_state(now)
         return np.asarray(r - v * (float(np.linalg.norm(r)) / LIGHT_M_S))
+
+    @property
+    def polar_radius_m(self) -> float:
+        """Polar radius of the ellipsoid [m]."""
+        return self.radius_m * (1 - self.flattening)
 
     def pole_eci(self, now: Instant) -> FloatArray:
         """Return the unit vector (3,) along its axis, GCRS."""
@@ -237,6 +242,11 @@ def R_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> Float
     Celest. Mech. Dyn. Astr. 130, figure 1.
     """
     return _about_z(W_deg) @ _about_x(90.0 - delta_deg) @ _about_z(90.0 + alpha_deg)
+
+
+def q_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> FloatArray:
+    """Return `R_fixed_from_pole` as a unit quaternion, scalar first."""
+    return quat_from_matrix(R_fixed_from_pole(alpha_deg, delta_deg, W_deg))
 
 
 def _about_z(angle_deg: float) -> FloatArray:

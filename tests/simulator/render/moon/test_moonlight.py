@@ -12,7 +12,6 @@ from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.moonlight import moonlight_share
 from flyaround.simulator.scene.state import TargetRef
 from flyaround.simulator.scene.viewpoint import scene_above
-from flyaround.simulator.world.ephemeris.body import earth_and_moon
 
 pytestmark = pytest.mark.gl
 CAMERA = Camera(width_px=96, height_px=64, fx_px=140.0, fy_px=140.0, cx_px=47.5, cy_px=31.5)
@@ -31,9 +30,8 @@ def by_day_and_by_moonlight(speck, environment, bands="mono"):
         environment=environment, azimuth_deg=40.0, off_nadir_deg=30.0)  # fmt: skip
     sun = np.asarray(day.r_sun_eci_m)
     moon = sun / np.linalg.norm(sun) * 3.844e8
-    return day, replace(
-        day, r_sun_eci_m=vec3(-sun), bodies=earth_and_moon(vec3(moon)), sun_visible_fraction=0.0
-    )
+    night = replace(day, r_sun_eci_m=vec3(-sun), sun_visible_fraction=0.0)
+    return day, night.with_body("moon", r_eci_m=vec3(moon))
 
 
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
