@@ -138,8 +138,10 @@ class Drawing:
         """Free everything."""
         for target in self._targets.values():
             target.release()
-        for body in (*self._earths.values(), *self._globes.values()):
-            body.release()
+        for earth in self._earths.values():
+            earth.release()
+        for globe in self._globes.values():
+            globe.release()
         if self._moon is not None:
             self._moon.release()
 
