@@ -13,6 +13,7 @@ from flyaround.simulator.world.ephemeris.body import bodies_at
 from flyaround.simulator.world.ephemeris.eclipse import add_shares, past_body
 from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.orbit.gravity import Gravity
 from flyaround.simulator.world.orbit.propagation import elements_from_state
 
 if TYPE_CHECKING:
@@ -64,11 +65,13 @@ def ground_track(flight: Flight, t_s: float) -> GroundTrack:
     r, v = flight.orbit(t_s)
     body, mu = flight.body, flight.body.mu_m3_s2
     period = 2 * math.pi * math.sqrt(elements_from_state(r, v, mu).semi_major_axis_m ** 3 / mu)
-    past, coming = (_arc(r, v, span, body) for span in (-period, AHEAD * period))
+    now = flight.epoch.plus(t_s)
+    gravity = Gravity.of(body, now)
+    past, coming = (_arc(r, v, span, gravity) for span in (-period, AHEAD * period))
     steps = np.linspace(0.0, period, SAMPLES)
     offsets = np.concatenate([-steps[:0:-1], steps])
     r_eci = np.vstack([past(-steps[:0:-1]), coming(steps)])
-    fixed = r_eci @ matrix_from_quat(body.q_fixed_from_eci(flight.epoch.plus(t_s))).T
+    fixed = r_eci @ matrix_from_quat(body.q_fixed_from_eci(now)).T
     latitude, longitude = geodetic_deg(fixed, body)
     longitude = longitude - np.degrees(body.turn_rad_s * offsets)
     sunlit = _sunlight(flight, t_s, AHEAD * period)
@@ -85,26 +88,12 @@ def ground_track(flight: Flight, t_s: float) -> GroundTrack:
 
 
 def _arc(
-    r: FloatArray, v: FloatArray, span_s: float, body: Body
+    r: FloatArray, v: FloatArray, span_s: float, gravity: Gravity
 ) -> Callable[[float | FloatArray], FloatArray]:
     """Positions (3,) or (n, 3) at times from now, forward or backward."""
-    mu_m3_s2 = body.mu_m3_s2
-    j2 = 1.5 * body.j2 * mu_m3_s2 * body.radius_m**2
 
-    def rate(_: float, y: FloatArray) -> list[float]:
-        px, py, pz, vx, vy, vz = y.tolist()
-        r2 = px * px + py * py + pz * pz
-        central = -mu_m3_s2 / (r2 * math.sqrt(r2))
-        flat = j2 / (r2 * r2 * math.sqrt(r2))
-        tilt = 5 * pz * pz / r2
-        return [
-            vx,
-            vy,
-            vz,
-            px * (central + flat * (tilt - 1)),
-            py * (central + flat * (tilt - 1)),
-            pz * (central + flat * (tilt - 3)),
-        ]
+    def rate(_: float, y: FloatArray) -> FloatArray:
+        return np.concatenate([y[3:], gravity.acceleration(y[:3])])
 
     solved = solve_ivp(
         rate, (0.0, span_s), np.concatenate([r, v]), "DOP853", rtol=1e-9, atol=1e-3, dense_output=True

@@ -44,7 +44,7 @@ def mars(tmp_path_factory):
     info = folder / "mars_body-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mars-body\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[flyaround.bodies]\nmars = mars:MARS\n")
+    (info / "entry_points.txt").write_text("[flyaround.bodies]\nmars = mars:MARS\nnumber = mars:AU_M\n")
     (folder / "mars.py").write_text(MODULE.read_text())
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(folder))
@@ -160,8 +160,13 @@ def test_a_frame_is_drawn_again_from_its_record(renderer, plan, tmp_path):
     assert np.array_equal(again.image, frame.image)
     assert again.image.any()
     path.write_bytes(path.read_bytes().replace(b'"mars"', b'"pluto"'))
-    with pytest.raises(UserError, match="unknown body 'pluto'; choose from earth, moon, mars"):
+    with pytest.raises(UserError, match="unknown body 'pluto'; choose from earth, moon, mars, number"):
         read_truth(path)
+
+
+def test_what_is_no_body_is_refused_by_the_packages_name():
+    with pytest.raises(UserError, match=r"body number of package mars-body 1\.0 is not a Body named number"):
+        body_named("number")
 
 
 @pytest.mark.parametrize(
