@@ -1,4 +1,4 @@
-"""Public types for plug-ins: what a package that adds a sensor, a format, a recipe, an estimator or a target imports.
+"""Public types for plug-ins: sensors, formats, recipes, estimators, targets and bodies of other packages.
 
 `docs/plugins.md` says what an entry point of each group must be.
 """
@@ -22,10 +22,15 @@ if TYPE_CHECKING:
     from flyaround.simulator.frame import Frame
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.ephemeris.body import Body, BodyAir, q_fixed_from_pole
+    from flyaround.simulator.world.ephemeris.sun_moon import sun_geometric_m
+    from flyaround.simulator.world.time.instant import Instant
 
 __all__ = [
     "BoardEstimator",
     "BoardModel",
+    "Body",
+    "BodyAir",
     "CameraIntrinsics",
     "DatasetCard",
     "DatasetFormat",
@@ -33,12 +38,15 @@ __all__ = [
     "FormatOutput",
     "FormatWriter",
     "Frame",
+    "Instant",
     "LabelledFrame",
     "PoseResult",
     "PosedPictures",
     "Sensor",
     "Target",
     "Truth",
+    "q_fixed_from_pole",
+    "sun_geometric_m",
 ]
 
 
@@ -63,6 +71,8 @@ __getattr__ = lazy_names(
     {
         "BoardEstimator": "flyaround.hil.board.answering",
         "BoardModel": "flyaround.hil.board.svd",
+        "Body": "flyaround.simulator.world.ephemeris.body",
+        "BodyAir": "flyaround.simulator.world.ephemeris.body",
         "CameraIntrinsics": "flyaround.hil.board.svd",
         "DatasetCard": "flyaround.simulator.dataset.card",
         "DatasetFormat": "flyaround.simulator.dataset.formats.base",
@@ -70,11 +80,14 @@ __getattr__ = lazy_names(
         "FormatOutput": "flyaround.simulator.dataset.formats.base",
         "FormatWriter": "flyaround.simulator.dataset.formats.base",
         "Frame": "flyaround.simulator.frame",
+        "Instant": "flyaround.simulator.world.time.instant",
         "LabelledFrame": "flyaround.simulator.dataset.formats.labelled_frame",
         "PoseResult": "flyaround.hil.board.svd",
         "PosedPictures": "flyaround.simulator.dataset.formats.posed_pictures",
         "Target": "flyaround.simulator.targets.model",
         "Truth": "flyaround.simulator.labels.truth",
+        "q_fixed_from_pole": "flyaround.simulator.world.ephemeris.body",
+        "sun_geometric_m": "flyaround.simulator.world.ephemeris.sun_moon",
     },
 )
 

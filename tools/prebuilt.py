@@ -16,10 +16,10 @@ import numpy as np
 from flyaround.simulator.baking.edge_gaps import edge_gaps
 from flyaround.simulator.baking.radiance_transfer import visibility_to_ship
 from flyaround.simulator.render.craft.mesh import prepared
-from flyaround.simulator.render.earth.air_tables import air_tables
 from flyaround.simulator.render.earth.albedo import cached_albedo
 from flyaround.simulator.render.earth.ocean_colour import ocean_colour
 from flyaround.simulator.render.earth.seasons import land_of_months
+from flyaround.simulator.render.globe.air_tables import air_tables
 from flyaround.simulator.runtime.cache import read_checked
 from flyaround.simulator.runtime.prebuilt import SUFFIX, without_prebuilt
 from flyaround.simulator.targets.library import cache_name, load_target

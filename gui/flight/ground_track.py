@@ -9,26 +9,24 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from flyaround.simulator.world.constants import EARTH_RADIUS_M, FLATTENING, J2_EARTH, MOON_RADIUS_M
-from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
-from flyaround.simulator.world.ephemeris.moon_orientation import q_moon_from_eci
-from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from flyaround.simulator.world.ephemeris.body import bodies_at
+from flyaround.simulator.world.ephemeris.eclipse import add_shares, past_body
+from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.orbit.gravity import Gravity
 from flyaround.simulator.world.orbit.propagation import elements_from_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from flyaround.simulator.runtime.arrays import FloatArray
-    from flyaround.simulator.world.ephemeris.bodies import BodyName
+    from flyaround.simulator.world.ephemeris.body import Body
     from flyaround.simulator.world.flight.flight import Flight
 
 SAMPLES = 181
 """Points of the track an orbit."""
 AHEAD = 1.7
 """Orbits that are looked ahead for shadow; one of them is drawn."""
-TURN_RAD_S: dict[BodyName, float] = {"earth": 7.292115e-5, "moon": 2.661699e-6}
 _EXACT_S = 0.05
 _WHOLE = 1.0 - 1e-9
 
@@ -39,14 +37,13 @@ class GroundTrack:
 
     Parameters
     ----------
-    body : that it is about. t_s : the moment.
+    t_s : the moment.
     times_s : (n,) from one orbit before it to one after it.
     latitude_deg, longitude_deg : (n,) geodetic places below the target.
     sunlit : (n,) share of the Sun's disc that the target sees.
     enters_s, leaves_s : when shadow next begins and ends; None where it does not within an orbit and a half.
     """
 
-    body: BodyName
     t_s: float
     times_s: FloatArray
     latitude_deg: FloatArray
@@ -66,20 +63,20 @@ def ground_track(flight: Flight, t_s: float) -> GroundTrack:
     flight : whose target it is. t_s : the moment, inside the flight.
     """
     r, v = flight.orbit(t_s)
-    mu = flight.body.mu_m3_s2
+    body, mu = flight.body, flight.body.mu_m3_s2
     period = 2 * math.pi * math.sqrt(elements_from_state(r, v, mu).semi_major_axis_m ** 3 / mu)
-    past, coming = (_arc(r, v, span, mu, flight.body.name) for span in (-period, AHEAD * period))
+    now = flight.epoch.plus(t_s)
+    gravity = Gravity.of(body, now)
+    past, coming = (_arc(r, v, span, gravity) for span in (-period, AHEAD * period))
     steps = np.linspace(0.0, period, SAMPLES)
     offsets = np.concatenate([-steps[:0:-1], steps])
     r_eci = np.vstack([past(-steps[:0:-1]), coming(steps)])
-    q = q_itrs_from_eci if flight.body.name == "earth" else q_moon_from_eci
-    fixed = r_eci @ matrix_from_quat(q(flight.epoch.plus(t_s))).T
-    latitude, longitude = geodetic_deg(fixed, FLATTENING if flight.body.name == "earth" else 0.0)
-    longitude = longitude - np.degrees(TURN_RAD_S[flight.body.name] * offsets)
+    fixed = r_eci @ matrix_from_quat(body.q_fixed_from_eci(now)).T
+    latitude, longitude = geodetic_deg(fixed, body)
+    longitude = longitude - np.degrees(body.turn_rad_s * offsets)
     sunlit = _sunlight(flight, t_s, AHEAD * period)
     enters, leaves = _shadow(lambda dt: float(sunlit(coming(dt)[None], np.array([dt]))[0]), AHEAD * period)
     return GroundTrack(
-        flight.body.name,
         t_s,
         t_s + offsets,
         latitude,
@@ -91,25 +88,12 @@ def ground_track(flight: Flight, t_s: float) -> GroundTrack:
 
 
 def _arc(
-    r: FloatArray, v: FloatArray, span_s: float, mu_m3_s2: float, body: BodyName
+    r: FloatArray, v: FloatArray, span_s: float, gravity: Gravity
 ) -> Callable[[float | FloatArray], FloatArray]:
     """Positions (3,) or (n, 3) at times from now, forward or backward."""
-    j2 = 1.5 * J2_EARTH * mu_m3_s2 * EARTH_RADIUS_M**2 if body == "earth" else 0.0
 
-    def rate(_: float, y: FloatArray) -> list[float]:
-        px, py, pz, vx, vy, vz = y.tolist()
-        r2 = px * px + py * py + pz * pz
-        central = -mu_m3_s2 / (r2 * math.sqrt(r2))
-        flat = j2 / (r2 * r2 * math.sqrt(r2))
-        tilt = 5 * pz * pz / r2
-        return [
-            vx,
-            vy,
-            vz,
-            px * (central + flat * (tilt - 1)),
-            py * (central + flat * (tilt - 1)),
-            pz * (central + flat * (tilt - 3)),
-        ]
+    def rate(_: float, y: FloatArray) -> FloatArray:
+        return np.concatenate([y[3:], gravity.acceleration(y[:3])])
 
     solved = solve_ivp(
         rate, (0.0, span_s), np.concatenate([r, v]), "DOP853", rtol=1e-9, atol=1e-3, dense_output=True
@@ -122,17 +106,23 @@ def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray
     """Share of the Sun's disc seen at positions (n, 3) from the body at times (n,) from now."""
     now, then = flight.epoch.plus(t_s), flight.epoch.plus(t_s + span_s)
     sun, sun_then = sun_eci_m(now.tt1, now.tt2), sun_eci_m(then.tt1, then.tt2)
-    moon, moon_then = moon_eci_m(now.tt1, now.tt2), moon_eci_m(then.tt1, then.tt2)
-    about_moon = flight.body.name == "moon"
-    pole = matrix_from_quat(q_itrs_from_eci(now))[2]
+    bodies = bodies_at(now, flight.body)
+    ways = [
+        np.subtract(later.r_eci_m, state.r_eci_m)
+        for state, later in zip(bodies, bodies_at(then, flight.body), strict=True)
+    ]
+    centre = next(k for k, state in enumerate(bodies) if state.name == flight.body.name)
 
     def seen(r: FloatArray, offset_s: FloatArray) -> FloatArray:
         share = (offset_s / span_s)[:, None]
-        suns, moons = sun + share * (sun_then - sun), moon + share * (moon_then - moon)
-        geocentric = r + moons if about_moon else r
-        past_earth = sun_visible_fraction(geocentric, suns, pole)
-        past_moon = sun_fraction_past_sphere(geocentric - moons, suns - moons, MOON_RADIUS_M)
-        return np.maximum(past_earth + past_moon - 1.0, 0.0)
+        suns = sun + share * (sun_then - sun)
+        geocentric = r + bodies[centre].r_eci_m + share * ways[centre]
+        # each body moves: the places are shifted by its way instead
+        past = [
+            past_body(state, geocentric - share * way, suns - share * way)
+            for state, way in zip(bodies, ways, strict=True)
+        ]
+        return np.maximum(add_shares(past), 0.0)
 
     return seen
 
@@ -153,15 +143,16 @@ def _shadow(sunlit: Callable[[float], float], span_s: float) -> tuple[float | No
     return found[False], found[True]
 
 
-def geodetic_deg(r_fixed_m: FloatArray, flattening: float = FLATTENING) -> tuple[FloatArray, FloatArray]:
-    """Geodetic latitude and longitude [deg] of Earth-fixed places (..., 3), to a metre below 2000 km.
+def geodetic_deg(r_fixed_m: FloatArray, body: Body) -> tuple[FloatArray, FloatArray]:
+    """Compute geodetic latitude and longitude [deg] of body-fixed places (..., 3), to a metre below 2000 km.
 
     References
     ----------
     Bowring (1976), Transformation from spatial to geographical coordinates, Survey Review 23.
     """
     x, y, z = (np.asarray(r_fixed_m, float)[..., k] for k in range(3))
-    a, b = EARTH_RADIUS_M, EARTH_RADIUS_M * (1 - flattening)
+    flattening = body.flattening
+    a, b = body.radius_m, body.radius_m * (1 - flattening)
     e2, second = flattening * (2 - flattening), (a * a - b * b) / (b * b)
     p = np.hypot(x, y)
     reduced = np.arctan2(z * a, p * b)

@@ -8,10 +8,9 @@ import numpy as np
 
 from flyaround.gui.flight.open_end import orbit_ahead
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.ephemeris.body import bodies_at
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
+from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -103,10 +102,7 @@ def sun_fraction(flight: Flight, t_s: float) -> float:
     now = flight.epoch.plus(t_s)
     r_body, _ = flight.body.geocentric_state(now)
     r = r_body + flight.orbit(t_s)[0]
-    pole = matrix_from_quat(q_itrs_from_eci(now))[2]
-    return sun_fraction_past_earth_and_moon(
-        r, sun_eci_m(now.tt1, now.tt2), moon_eci_m(now.tt1, now.tt2), pole
-    )
+    return sun_fraction_past_bodies(bodies_at(now, flight.body), r, sun_eci_m(now.tt1, now.tt2))
 
 
 def sun_height(flight: Flight, t_s: float) -> float:

@@ -10,11 +10,14 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.render.earth.maps import DAY, NIGHT, decode_file
+from flyaround.simulator.render.globe.globe_pass import albedo_of
 from flyaround.simulator.render.moon.moon_pass import moon_map
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
-    from flyaround.simulator.world.ephemeris.bodies import BodyName
+    from flyaround.simulator.world.ephemeris.body import Body
 
 WIDTH_PX, HEIGHT_PX = 720, 360
 NIGHT_SHARE = 0.22
@@ -34,7 +37,6 @@ class GroundMap:
     day, night : (360, 720, 3) RGB, 0..255.
     """
 
-    body: BodyName
     day: Float32Array
     night: Float32Array
 
@@ -49,7 +51,7 @@ class GroundMap:
         return (self.night + day * (self.day - self.night)).astype(np.uint8)
 
 
-def load_ground_map(body: BodyName) -> GroundMap:
+def load_ground_map(body: Body) -> GroundMap:
     """The maps of a body; takes a few tenths of a second.
 
     Raises
@@ -57,13 +59,27 @@ def load_ground_map(body: BodyName) -> GroundMap:
     UserError
         If a map is missing or damaged.
     """
-    if body == "moon":
-        grey = cv2.resize(moon_map(), (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA)
-        bright = np.asarray(grey, np.float32) / max(float(np.max(grey)), 1e-6) * 255 * DIMMED
-        day = np.repeat(bright.reshape(HEIGHT_PX, WIDTH_PX, 1), 3, axis=2)
-        return GroundMap(body, day, day * np.float32(NIGHT_SHARE))
+    return _MAPS[body.surface](body)
+
+
+def _earth_map(_: Body) -> GroundMap:
     day = _reduced(DAY) * np.float32(DIMMED)
-    return GroundMap(body, day, np.minimum(NIGHT_SHARE * day + 0.9 * _reduced(NIGHT), 255.0))
+    return GroundMap(day, np.minimum(NIGHT_SHARE * day + 0.9 * _reduced(NIGHT), 255.0))
+
+
+def _grey_map(ground: ByteArray | Float32Array) -> GroundMap:
+    grey = cv2.resize(ground, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA)
+    bright = np.asarray(grey, np.float32) / max(float(np.max(grey)), 1e-6) * 255 * DIMMED
+    day = np.repeat(bright.reshape(HEIGHT_PX, WIDTH_PX, 1), 3, axis=2)
+    return GroundMap(day, day * np.float32(NIGHT_SHARE))
+
+
+_MAPS: dict[str, Callable[[Body], GroundMap]] = {
+    "earth": _earth_map,
+    "moon": lambda _: _grey_map(moon_map()),
+    "globe": lambda body: _grey_map(albedo_of(body)),
+}
+"""By the passes that draw the body."""
 
 
 def _reduced(name: str) -> Float32Array:

@@ -20,8 +20,6 @@ from flyaround.gui.flight.ground_track import (
 )
 from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
 from flyaround.gui.views.letterbox import Letterbox
-from flyaround.simulator.world.constants import FLATTENING
-from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -31,7 +29,6 @@ if TYPE_CHECKING:
     from flyaround.gui.flight.session import Session
     from flyaround.gui.window import Window
     from flyaround.simulator.runtime.arrays import FloatArray
-    from flyaround.simulator.world.ephemeris.bodies import BodyName
     from flyaround.simulator.world.flight.world_state import WorldState
 
 TRACK_EVERY_S = 60.0
@@ -53,7 +50,7 @@ class EarthMap:
         self._imgui = window.imgui
         # decoding maps and propagating an orbit must not hold the window up
         self._aside = ThreadPoolExecutor(1)
-        self._maps: dict[BodyName, Future[GroundMap]] = {}
+        self._maps: dict[str, Future[GroundMap]] = {}
         self._shade: tuple[object, ...] = ()
         self._shaded: np.ndarray | None = None
         self._session: Session | None = None
@@ -109,7 +106,7 @@ class EarthMap:
     def _ground(self, canvas: Canvas, box: Letterbox, world: WorldState) -> None:
         body = world.central_body
         if body not in self._maps:
-            self._maps[body] = self._aside.submit(load_ground_map, body)
+            self._maps[body] = self._aside.submit(load_ground_map, world.central.body)
         canvas.box((box.x, box.y), (box.width, box.height), style.RAISED)
         loading = self._maps[body]
         if not loading.done():
@@ -117,7 +114,9 @@ class EarthMap:
         error = loading.exception()
         if error is not None:
             # the track is worth as much without the map
-            canvas.text((box.x + 6, box.y + 6), f"no map of the {body}: {error}", style.YELLOW)
+            canvas.text(
+                (box.x + 6, box.y + 6), f"no map of {world.central.body.title}: {error}", style.YELLOW
+            )
             return
         ground = loading.result()
         sun = self._subsolar(world)
@@ -128,21 +127,14 @@ class EarthMap:
             canvas.picture(self.name, self._shade, self._shaded, 8, (box.x, box.y, box.width, box.height))
 
     @staticmethod
-    def _fixed_from_eci(world: WorldState) -> FloatArray:
-        moon = world.central_body == "moon"
-        return matrix_from_quat(world.q_moon_from_eci_wxyz if moon else world.q_itrs_from_eci_wxyz)
+    def _subsolar(world: WorldState) -> tuple[float, float]:
+        to_sun = np.subtract(world.r_sun_eci_m, world.central.r_eci_m)
+        return subsolar_deg(to_sun, world.central.R_fixed_from_eci)
 
     @staticmethod
-    def _centre(world: WorldState) -> FloatArray:
-        return np.array(world.r_moon_eci_m if world.central_body == "moon" else (0.0, 0.0, 0.0))
-
-    def _subsolar(self, world: WorldState) -> tuple[float, float]:
-        to_sun = np.array(world.r_sun_eci_m) - self._centre(world)
-        return subsolar_deg(to_sun, self._fixed_from_eci(world))
-
-    def _below(self, world: WorldState) -> tuple[float, float]:
-        fixed = self._fixed_from_eci(world) @ (np.array(world.r_target_eci_m) - self._centre(world))
-        latitude, longitude = geodetic_deg(fixed, FLATTENING if world.central_body == "earth" else 0.0)
+    def _below(world: WorldState) -> tuple[float, float]:
+        out = np.subtract(world.r_target_eci_m, world.central.r_eci_m)
+        latitude, longitude = geodetic_deg(world.central.R_fixed_from_eci @ out, world.central.body)
         return float(latitude), float(longitude)
 
     # --- what is drawn

@@ -1,4 +1,4 @@
-// In-scatter and transmittance of every ray from this frame's camera; see simulator/render/earth/air_pass.py.
+// In-scatter and transmittance of every ray from this frame's camera; see simulator/render/globe/air_pass.py.
 // Column: cosine of the azimuth between ray and Sun. Row: rays that meet the ground, then rays that miss it.
 #include "atmosphere/march.glsl"
 

@@ -1,4 +1,4 @@
-// The air in front of the ground at corners of tiles, for `simulator/render/earth/air_pass.py` to read back: over the Sun's
+// The air in front of the ground at corners of tiles, for `simulator/render/globe/air_pass.py` to read back: over the Sun's
 // irradiance. A look-up in the frame's table would have the vertices of the tiles wait for all that was drawn before it.
 #include "atmosphere/march.glsl"
 #include "earth/geometry.glsl"

@@ -15,6 +15,7 @@ from flyaround.simulator.scene.environments import NOTHING
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
 from flyaround.simulator.scene.state import SceneState, TargetRef
 from flyaround.simulator.world.constants import AU_M
+from flyaround.simulator.world.ephemeris.body import earth_and_moon
 from flyaround.simulator.world.frames.rotation import quat_from_matrix
 
 if TYPE_CHECKING:
@@ -112,8 +113,7 @@ def view_scene(
         r_target_eci_m=vec3(place + t),
         v_target_eci_m_s=(0.0, 0.0, 0.0),
         r_sun_eci_m=vec3(place + t + sun),
-        r_moon_eci_m=(0.0, 3.8e8, 0.0),
-        q_itrs_from_eci_wxyz=(1.0, 0.0, 0.0, 0.0),
+        bodies=earth_and_moon((0.0, 3.8e8, 0.0)),
         sun_visible_fraction=1.0,
     )
 

@@ -24,7 +24,6 @@ from flyaround.simulator.imaging.image_motion import (
 )
 from flyaround.simulator.imaging.motion_blur import motion_blur
 from flyaround.simulator.imaging.rolling_shutter import crop, row_bands
-from flyaround.simulator.world.constants import EARTH_POLAR_RADIUS_M
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -136,8 +135,9 @@ def drawings_of_ground(scene: SceneState, at: Callable[[float], SceneState] | No
     ----------
     at : `moments_of` the scene.
     """
-    far = float(np.linalg.norm(scene.r_camera_eci_m)) > LOW_ORBIT_M
-    if not scene.environment.earth or scene.central_body != "earth" or far:
+    globe = scene.globe
+    far = float(np.linalg.norm(np.subtract(scene.r_camera_eci_m, globe.r_eci_m))) > LOW_ORBIT_M
+    if not scene.environment.draws(globe.body) or globe.name != scene.central_body or far:
         return 0  # the Moon may be before the ground
     at = at or moments_of(scene)
     early, late = (at(sign * scene.exposure_s / 2) for sign in (-1, 1))
@@ -158,10 +158,11 @@ def drawings_of_ground(scene: SceneState, at: Callable[[float], SceneState] | No
 
 
 def _all_ground(scene: SceneState, pixels: FloatArray) -> bool:
-    """Whether rays through (K, 2) pixels all meet the Earth, be it where it is lowest."""
-    r = np.asarray(scene.r_camera_eci_m)
+    """Whether rays through (K, 2) pixels all meet the globe, be it where it is lowest."""
+    body = scene.globe.body
+    r = np.subtract(scene.r_camera_eci_m, scene.globe.r_eci_m)
     along = -scene.camera.rays(pixels) @ matrix_from_quat(scene.q_camera_from_eci_wxyz) @ r
-    return bool(np.all((along > 0) & (r @ r - along**2 < EARTH_POLAR_RADIUS_M**2)))
+    return bool(np.all((along > 0) & (r @ r - along**2 < body.polar_radius_m**2)))
 
 
 def _over_passing_ground(

@@ -11,7 +11,6 @@ import numpy as np
 
 from flyaround.simulator.scene.motion import propagated_scene
 from flyaround.simulator.targets.joined_mesh import box_3d_m
-from flyaround.simulator.world.ephemeris.bodies import BODIES
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -90,9 +89,8 @@ def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
     """A motion that `image_motion_px` is never above, for a fraction of its cost; infinite where it is not known."""
     camera, size = scene.camera, float(np.linalg.norm(box_3d_m(target), axis=1).max())
     t = scene.t_camera_from_target_m
-    body = BODIES[scene.central_body]
-    moon = scene.central_body == "moon"
-    height = math.dist(scene.r_camera_eci_m, scene.r_moon_eci_m if moon else (0.0, 0.0, 0.0)) - body.radius_m
+    central, body = scene.central, scene.central.body
+    height = math.dist(scene.r_camera_eci_m, central.r_eci_m) - body.radius_m
     if not camera.distortion.is_none or t[2] <= 2 * size or height <= 1e3:
         return float("inf")
     passing = math.dist(scene.v_target_eci_m_s, scene.v_camera_eci_m_s)
@@ -103,7 +101,7 @@ def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
     x = max(camera.cx_px, camera.width_px - camera.cx_px) / camera.fx_px
     y = max(camera.cy_px, camera.height_px - camera.cy_px) / camera.fy_px
     aside = max(math.hypot(x, y), (math.hypot(t[0], t[1]) + size) / (t[2] - size))
-    rate = turning + max(craft, ground if scene.environment.earth else 0.0)
+    rate = turning + max(craft, ground if scene.environment.draws(body) else 0.0)
     # a quarter more: rates change within the span by far less
     return 1.25 * span_s * rate * max(camera.fx_px, camera.fy_px) * (1 + aside**2)
 
@@ -120,15 +118,13 @@ def background_px(scene: SceneState, then: SceneState, pixels: FloatArray) -> Fl
     """(K, 2) where the ground or sky at pixels of ``scene`` is seen in the scene ``then``."""
     d = scene.camera.rays(pixels)
     d = d @ matrix_from_quat(scene.q_camera_from_eci_wxyz)  # in ECI
-    body = BODIES[scene.central_body]
-    moon = scene.central_body == "moon"
-    # the Moon turns too slowly to matter here
-    here, there = (np.eye(3) if moon else matrix_from_quat(s.q_itrs_from_eci_wxyz).T for s in (scene, then))
-    centers = [np.asarray(s.r_moon_eci_m) if moon else np.zeros(3) for s in (scene, then)]
+    body, states = scene.central.body, (scene.central, then.central)
+    here, there = (s.R_fixed_from_eci.T if body.turns else np.eye(3) for s in states)
+    centers = [np.asarray(s.r_eci_m) for s in states]
     r = np.asarray(scene.r_camera_eci_m) - centers[0]
     along = -d @ r
     left = along**2 - (r @ r - body.radius_m**2)
-    ground = (left > 0) & (along > 0) & scene.environment.earth
+    ground = (left > 0) & (along > 0) & scene.environment.draws(body)
     place = r + (along - np.sqrt(np.maximum(left, 0)))[:, None] * d
     place = place @ (there @ here.T).T + centers[1] - np.asarray(then.r_camera_eci_m)
     seen = np.where(ground[:, None], place, d) @ matrix_from_quat(then.q_camera_from_eci_wxyz).T

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.imaging.image_formation import expose
-from flyaround.simulator.scene.illumination.bands import PANCHROMATIC, reflectance, sun_irradiance_w_m2
-from flyaround.simulator.world.ephemeris.bodies import BODIES
+from flyaround.simulator.scene.illumination.bands import reflectance, sun_irradiance_w_m2
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -25,10 +24,6 @@ if TYPE_CHECKING:
 
 POINTS = 600
 GRID = (16, 12)
-GROUND_ALBEDO = {
-    "earth": 0.30,
-    "moon": 0.12,
-}  # Stephens et al. (2015); Allen's Astrophysical Quantities (2000)
 LOWEST_W_M2_SR = 1e-4
 """What counts as dark: the sunlit Earth and any sunlit paint are five orders of magnitude above."""
 
@@ -107,15 +102,15 @@ def _craft(scene: SceneState, target: Target) -> tuple[FloatArray, FloatArray]:
 
 def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
     """Radiance of the ground of the body that is circled, on a grid over the image, and each point's pixels."""
-    c, body = scene.camera, BODIES[scene.central_body]
+    c, central, body = scene.camera, scene.central, scene.central.body
     u = (np.arange(GRID[0]) + 0.5) / GRID[0] * c.width_px - 0.5
     v = (np.arange(GRID[1]) + 0.5) / GRID[1] * c.height_px - 0.5
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     area = np.full(len(pixels), c.width_px * c.height_px / len(pixels))
-    if not scene.environment.earth:
+    if not scene.environment.draws(body):
         return np.zeros(len(pixels)), area
     d = c.rays(pixels) @ matrix_from_quat(scene.q_camera_from_eci_wxyz)
-    center = np.asarray(scene.r_moon_eci_m) if scene.central_body == "moon" else np.zeros(3)
+    center = np.asarray(central.r_eci_m)
     r = np.asarray(scene.r_camera_eci_m) - center
     along = -d @ r
     left = along**2 - (r @ r - body.radius_m**2)
@@ -123,8 +118,8 @@ def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
     zenith = (r + (along - np.sqrt(np.maximum(left, 0)))[:, None] * d) / body.radius_m
     sun = np.asarray(scene.r_sun_eci_m) - center
     cosine = np.clip(zenith @ sun / np.linalg.norm(sun), 0, None)
-    sunlight = PANCHROMATIC.sun_irradiance_w_m2
-    return np.where(hit, GROUND_ALBEDO[scene.central_body] / np.pi * sunlight * cosine, 0.0), area
+    sunlight = sun_irradiance_w_m2("mono", body.sun_distance_m)[0]
+    return np.where(hit, body.albedo / np.pi * sunlight * cosine, 0.0), area
 
 
 def wanted_exposure_s(auto: AutoExposure, scene: SceneState, target: Target) -> float:

@@ -33,6 +33,7 @@ from flyaround.simulator.labels.truth import Box, RowPose, Software, Truth, Wire
 from flyaround.simulator.labels.wireframe import view_edges
 from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, vec3
 from flyaround.simulator.scene.motion import propagated_scene
+from flyaround.simulator.scene.record import SceneRecord
 from flyaround.simulator.targets.joined_mesh import box_3d_m, mesh_of
 
 if TYPE_CHECKING:
@@ -173,7 +174,7 @@ def truth_record(
         wireframe_step_share=share,
         image_sha256="",
         mask_sha256="",
-        scene=scene,
+        record=SceneRecord.of(scene),
         software=software,
         exposure_s=scene.exposure_s,
         earth_direction_camera=scene.earth_direction_camera,

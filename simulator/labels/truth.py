@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
@@ -12,7 +13,10 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import Quat, Vec3
 from flyaround.simulator.runtime.untrusted_files import read_regular, refuse_deep, without_mark
 from flyaround.simulator.scene.limits import scene_problem
-from flyaround.simulator.scene.state import SceneState
+from flyaround.simulator.scene.record import SceneRecord
+
+if TYPE_CHECKING:
+    from flyaround.simulator.scene.state import SceneState
 
 MOST_BYTES = 64_000_000  # of a record: its wireframe and row poses take the most
 
@@ -68,7 +72,7 @@ class Software(msgspec.Struct, frozen=True, kw_only=True):
     gl_renderer: str
 
 
-class Truth(msgspec.Struct, frozen=True, kw_only=True):
+class Truth(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     """Everything known of one frame, at mid-exposure.
 
     ``scene`` holds every SceneState field and is all that is needed to draw the same bytes again. The hashes are
@@ -95,7 +99,7 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
     wireframe_step_share: float
     image_sha256: str
     mask_sha256: str
-    scene: SceneState
+    record: SceneRecord = msgspec.field(name="scene")
     software: Software
     exposure_s: float | None = None
     earth_direction_camera: Vec3 | None = None
@@ -108,6 +112,11 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
     flow: FlowLabel | None = None
     wireframe: tuple[WireLabel, ...] = ()
     row_poses: tuple[RowPose, ...] = ()
+
+    @cached_property
+    def scene(self) -> SceneState:
+        """The scene that was drawn."""
+        return self.record.scene()
 
 
 def truth_to_json(truth: Truth) -> bytes:

@@ -17,11 +17,11 @@ import numpy as np
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.recipes.euler_poses import from_left_handed, quat_from_euler
-from flyaround.simulator.recipes.sky import PlaceInSky, random_moment, sun_and_moon, uniform_direction
+from flyaround.simulator.recipes.sky import PlaceInSky, random_moment, uniform_direction
 from flyaround.simulator.scene.sample import BackgroundView
-from flyaround.simulator.world.ephemeris.bodies import BODIES
-from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.ephemeris.body import bodies_at, body_named
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
+from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -66,31 +66,29 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
     rng = np.random.Generator(
         np.random.SFC64(np.random.SeedSequence(library.seed, spawn_key=(number, 0xBAC6)))
     )
-    body = BODIES[library.body]
+    body = body_named(library.body)
     for draw in range(MOST_DRAWS):
         now = random_moment(rng)
         up, angles = uniform_direction(rng), rng.uniform(-360.0, 360.0, 3)
         along = np.cross(up, uniform_direction(rng))
         R = matrix_from_quat(from_left_handed(quat_from_euler(angles)))
-        r_sun, r_moon = sun_and_moon(now, body)
+        r_sun, bodies = sun_eci_m(now.tt1, now.tt2), bodies_at(now, body)
         centre, v_centre = body.geocentric_state(now)
         r = (body.radius_m + library.altitude_km * 1e3) * up
-        pole = matrix_from_quat(q_itrs_from_eci(now))[2]
-        sunlit = sun_fraction_past_earth_and_moon(centre + r, r_sun, r_moon, pole) > _SUNLIT
+        sunlit = sun_fraction_past_bodies(bodies, centre + r, r_sun) > _SUNLIT
         to_sun = (r_sun - centre) / np.linalg.norm(r_sun - centre)
         behind = R[:, 2] @ to_sun > -np.cos(np.radians(library.max_phase_deg))
         if not sunlit or behind or _sunlit_share(camera, R, body.radius_m, r, to_sun) < library.least_share:
             continue
         place = PlaceInSky(
             now=now,
-            body=library.body,
+            body=body,
             R_eci_from_camera=R,
             camera_eci_m=centre + r,
-            centre_eci_m=centre,
             centre_m_s=v_centre,
             along_eci=along,
             r_sun_eci_m=r_sun,
-            r_moon_eci_m=r_moon,
+            bodies=bodies,
         )
         reference = BackgroundView(body=library.body, library_seed=library.seed, id=number)
         return DrawnView(reference=reference, place=place, euler_deg=angles, redraws=draw)

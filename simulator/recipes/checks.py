@@ -13,7 +13,7 @@ from flyaround.simulator.recipes.file import (
     UniformRange,
 )
 from flyaround.simulator.recipes.poses import radius_m, resolved_range
-from flyaround.simulator.world.ephemeris.bodies import BODIES
+from flyaround.simulator.world.ephemeris.body import body_named
 
 if TYPE_CHECKING:
     from flyaround.simulator.recipes.file import Recipe
@@ -37,17 +37,17 @@ def check_recipe(recipe: Recipe, where: str) -> None:
             raise UserError(
                 f"{where}: key sky[{number}].nadir_off_boresight_deg is [{low:g}, {high:g}], allowed: the smaller first"
             )
-        body = BODIES[sky.body]
+        body = body_named(sky.body)
         if sky.altitude_km * 1e3 < body.lowest_m:
             raise UserError(
                 f"{where}: key sky[{number}].altitude_km is {sky.altitude_km:g}, allowed above {body.title}: at least "
                 f"{body.lowest_m / 1e3:g}"
             )
     b = recipe.background
-    if b is not None and b.altitude_km * 1e3 < BODIES[b.body].lowest_m:
+    if b is not None and b.altitude_km * 1e3 < (below := body_named(b.body)).lowest_m:
         raise UserError(
-            f"{where}: key background.altitude_km is {b.altitude_km:g}, allowed above {BODIES[b.body].title}: at least "
-            f"{BODIES[b.body].lowest_m / 1e3:g}"
+            f"{where}: key background.altitude_km is {b.altitude_km:g}, allowed above {below.title}: at least "
+            f"{below.lowest_m / 1e3:g}"
         )
     if isinstance(recipe.poses, Sequences):
         for key in ("range_m", "rate_deg_s"):

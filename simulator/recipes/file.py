@@ -16,7 +16,6 @@ from flyaround.simulator.scene.environments import EnvironmentName, EnvironmentS
 from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
 from flyaround.simulator.scene.illumination.lamp import Lamp
 from flyaround.simulator.scene.second_camera import SecondCamera
-from flyaround.simulator.world.ephemeris.bodies import BodyName
 
 Share = Annotated[float, Meta(ge=0, le=1)]
 Angle = Annotated[float, Meta(ge=0, le=180)]
@@ -132,7 +131,7 @@ class Sky(Section, frozen=True, kw_only=True):
     """
 
     share: Annotated[float, Meta(gt=0, le=1)] = 1.0
-    body: BodyName = "earth"
+    body: str = "earth"
     altitude_km: AltitudeKm = 700.0
     nadir_off_boresight_deg: tuple[Angle, Angle]
     max_phase_deg: Angle = 120.0
@@ -147,7 +146,7 @@ class Background(Section, frozen=True, kw_only=True):
     ``least_share``: of the image that must show the body's day side; place and turn are drawn again until it does.
     """
 
-    body: BodyName = "earth"
+    body: str = "earth"
     views: Count = 3000
     seed: Annotated[int, Meta(ge=0, le=2**53 - 1)] = 0
     altitude_km: AltitudeKm = 400.0

@@ -31,9 +31,7 @@ from flyaround.simulator.scene.sample import PairMember, Sample
 from flyaround.simulator.scene.state import Quality, SceneState, TargetRef
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Target
-from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from flyaround.simulator.world.ephemeris.moon_orientation import q_moon_from_eci
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
 from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
@@ -228,7 +226,6 @@ class RecipePlan:
             origin = place.camera_eci_m + place.R_eci_from_camera @ t
         r_target = origin + com
         v = place.velocity_m_s(r_target)
-        q_ie = q_itrs_from_eci(now)
         where = f"recipe {recipe.name}"
         scene = SceneState(
             epoch_utc=now.iso(),
@@ -255,13 +252,9 @@ class RecipePlan:
             r_target_eci_m=vec3(r_target),
             v_target_eci_m_s=vec3(v),
             r_sun_eci_m=vec3(place.r_sun_eci_m),
-            r_moon_eci_m=vec3(place.r_moon_eci_m),
-            q_itrs_from_eci_wxyz=quat(q_ie),
-            q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
-            sun_visible_fraction=sun_fraction_past_earth_and_moon(
-                r_target, place.r_sun_eci_m, place.r_moon_eci_m, matrix_from_quat(q_ie)[2]
-            ),
-            central_body=place.body,
+            bodies=place.bodies,
+            sun_visible_fraction=sun_fraction_past_bodies(place.bodies, r_target, place.r_sun_eci_m),
+            central_body=place.body.name,
             lamp=recipe.lamp,
             lights=tuple(recipe.lights) or msgspec.UNSET,
         )

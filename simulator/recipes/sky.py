@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.world.ephemeris.bodies import BODIES, MOON
-from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from flyaround.simulator.world.ephemeris.body import bodies_at, body_named
+from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
 from flyaround.simulator.world.frames.rotation import quat_from_matrix
 from flyaround.simulator.world.time.instant import Instant
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.recipes.file import Sky
     from flyaround.simulator.runtime.arrays import FloatArray
-    from flyaround.simulator.world.ephemeris.bodies import Body, BodyName
+    from flyaround.simulator.world.ephemeris.body import Body, BodyState
 
 YEAR_START_UTC = "2026-01-01T00:00:00Z"
 YEAR_S = 365.0 * 86400.0
@@ -38,24 +38,25 @@ class PlaceInSky:
     Parameters
     ----------
     R_eci_from_camera : (3, 3). camera_eci_m : (3,). origin_eci_m : (3,) of the model, where that was placed.
-    along_eci : (3,) direction of flight about the body, any length. centre_m_s : (3,) the body's own velocity.
-    r_sun_eci_m, r_moon_eci_m : (3,) apparent; about the Moon its own is the geometric one.
+    along_eci : (3,) direction of flight about the body, any length.
+    body : that is circled. centre_m_s : (3,) its own velocity.
+    r_sun_eci_m : (3,) apparent. bodies : as of `SceneState`.
     """
 
     now: Instant
-    body: BodyName
+    body: Body
     R_eci_from_camera: FloatArray
     camera_eci_m: FloatArray
-    centre_eci_m: FloatArray
     centre_m_s: FloatArray
     along_eci: FloatArray
     r_sun_eci_m: FloatArray
-    r_moon_eci_m: FloatArray
+    bodies: tuple[BodyState, ...]
     origin_eci_m: FloatArray | None = None
 
     def velocity_m_s(self, r_eci_m: FloatArray) -> FloatArray:
         """Of a craft on a circle through a place (3,) [m s-1]."""
-        speed = np.sqrt(BODIES[self.body].mu_m3_s2 / np.linalg.norm(r_eci_m - self.centre_eci_m))
+        centre = next(np.asarray(b.r_eci_m) for b in self.bodies if b.name == self.body.name)
+        speed = np.sqrt(self.body.mu_m3_s2 / np.linalg.norm(r_eci_m - centre))
         return np.asarray(self.centre_m_s + speed * self.along_eci / np.linalg.norm(self.along_eci))
 
     @property
@@ -67,12 +68,6 @@ class PlaceInSky:
 def random_moment(rng: Generator) -> Instant:
     """A whole second of the year."""
     return Instant.from_utc(YEAR_START_UTC).plus(float(np.floor(rng.uniform(0, YEAR_S))))
-
-
-def sun_and_moon(now: Instant, body: Body) -> tuple[FloatArray, FloatArray]:
-    """Where Sun and Moon are seen, geocentric [m], each (3,); about the Moon that is where it is."""
-    moon = body.geocentric_state(now)[0] if body is MOON else moon_eci_m(now.tt1, now.tt2)
-    return sun_eci_m(now.tt1, now.tt2), moon
 
 
 def choose_sky(rng: Generator, skies: list[Sky]) -> Sky:
@@ -94,7 +89,7 @@ def sun_and_nadir(rng: Generator, sky: Sky) -> tuple[FloatArray, FloatArray]:
         If no draw has the target sunlit above the ground that was drawn, dark or lit.
     """
     night = rng.random() < sky.night_share
-    radius = BODIES[sky.body].radius_m
+    radius = body_named(sky.body).radius_m
     dip = np.sin(np.arccos(radius / (radius + sky.altitude_km * 1e3)))
     lowest = -LIT * dip if sky.least_sun_elevation_sine is None else sky.least_sun_elevation_sine
     for _ in range(MOST_DRAWS):
@@ -117,9 +112,9 @@ def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nad
     ----------
     t_m : (3,) model's origin, camera axes; it is at the sky's altitude. sun, nadir : (3,) directions, camera axes.
     """
-    body = BODIES[sky.body]
+    body = body_named(sky.body)
     now = random_moment(rng)
-    r_sun, r_moon = sun_and_moon(now, body)
+    r_sun = sun_eci_m(now.tt1, now.tt2)
     centre, v_centre = body.geocentric_state(now)
     to_sun = r_sun - centre
     to_sun /= np.linalg.norm(to_sun)
@@ -132,15 +127,14 @@ def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nad
     origin = centre + (body.radius_m + sky.altitude_km * 1e3) * up
     return PlaceInSky(
         now=now,
-        body=sky.body,
+        body=body,
         R_eci_from_camera=R_eci_from_camera,
         camera_eci_m=origin - R_eci_from_camera @ t_m,
-        centre_eci_m=centre,
         centre_m_s=v_centre,
         along_eci=np.cross(up, uniform_direction(rng)),
         origin_eci_m=origin,
         r_sun_eci_m=r_sun,
-        r_moon_eci_m=r_moon,
+        bodies=bodies_at(now, body),
     )
 
 

@@ -7,20 +7,20 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from flyaround.simulator.render.craft.target_passes import TargetPasses
-from flyaround.simulator.render.earth.albedo import earth_and_moon_shine
+from flyaround.simulator.render.earth.albedo import globe_and_moon_shine
 from flyaround.simulator.render.earth.earth_pass import EarthFrame
-from flyaround.simulator.render.earth.earth_view import earth_values, earth_view
-from flyaround.simulator.render.earth.map_textures import prefetch_earth_maps, stand_ins
+from flyaround.simulator.render.earth.map_textures import prefetch_earth_maps, shows_earth, stand_ins
 from flyaround.simulator.render.earth.screen_tiles import uniform_tiles
 from flyaround.simulator.render.frame_resources import (
     AIR,
     AIR_TABLES,
     COVERAGE,
-    EARTH,
     EARTH_PASS,
     EARTH_TILES,
     EDGE_SLOPES,
     GIVEN_IRRADIANCE,
+    GLOBE,
+    GLOBE_PASS,
     MODEL,
     MOON,
     PICTURE,
@@ -34,6 +34,8 @@ from flyaround.simulator.render.frame_resources import (
     TARGET_TILES,
     VIEW,
 )
+from flyaround.simulator.render.globe.globe_pass import GlobePass
+from flyaround.simulator.render.globe.globe_view import globe_values, globe_view
 from flyaround.simulator.render.moon.moon_pass import MoonPass
 from flyaround.simulator.render.moon.moon_tiles import moon_tiles
 from flyaround.simulator.render.moon.moon_view import moon_values, moon_view
@@ -54,6 +56,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.scene.illumination.bands import Bands
     from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.world.ephemeris.body import Body
 
 
 class Drawing:
@@ -73,6 +76,7 @@ class Drawing:
         self._sun = SunPass(device.context, device.programs)
         self._moon: MoonPass | None = None
         self._earths: dict[Bands, EarthPass] = {}
+        self._globes: dict[tuple[str, Bands], GlobePass] = {}
         # of the first scene that needs them, until they are uploaded
         self._prefetched: dict[Bands, EarthMaps] = dict(prefetched or {})
 
@@ -98,13 +102,18 @@ class Drawing:
             self._device.check("uploading the Earth's maps")
         return self._earths[bands]
 
+    def globe(self, body: Body, bands: Bands) -> GlobePass:
+        """What draws a body without passes of its own, for some bands."""
+        if (body.name, bands) not in self._globes:
+            self._globes[body.name, bands] = GlobePass(
+                self._device.context, self._device.programs, body, bands
+            )
+            self._device.check(f"uploading the map of {body.title}")
+        return self._globes[body.name, bands]
+
     def prefetch_maps(self, scene: SceneState) -> None:
         """Have a first frame's Earth decoded while its craft is made ready."""
-        if (
-            scene.environment.earth
-            and scene.bands not in self._earths
-            and scene.bands not in self._prefetched
-        ):
+        if shows_earth(scene) and scene.bands not in self._earths and scene.bands not in self._prefetched:
             self._prefetched[scene.bands] = prefetch_earth_maps(
                 scene.bands, scene.environment, scene.epoch_utc
             )
@@ -131,6 +140,8 @@ class Drawing:
             target.release()
         for earth in self._earths.values():
             earth.release()
+        for globe in self._globes.values():
+            globe.release()
         if self._moon is not None:
             self._moon.release()
 
@@ -172,7 +183,7 @@ class Drawing:
             prefetched = self.maps_of(scene.bands)
             if prefetched is not None:
                 prefetched.albedo.result()
-            view = replace(view, sky=earth_and_moon_shine(scene))
+            view = replace(view, sky=globe_and_moon_shine(scene))
         r[VIEW] = view
         self._device.blocks.frame.write(frame_values(scene, view))
 
@@ -182,26 +193,36 @@ class Drawing:
             r[MOON] = moon = moon_view(r[SCENE])
             self._device.blocks.moon.write(moon_values(moon))
 
-    def find_earth(self, r: PassResources) -> None:
-        """Find the Earth in the image, and the air about it."""
-        scene, environment = r[SCENE], r[SCENE].environment
-        if not environment.earth:
+    def find_globe(self, r: PassResources) -> None:
+        """Find the globe in the image, and the air about it."""
+        scene, environment, body = r[SCENE], r[SCENE].environment, r[SCENE].globe.body
+        if not environment.draws(body):
             return
-        r[EARTH_PASS] = earth_pass = self.earth(scene.bands)
-        air = earth_pass.air(environment.atmosphere_thickness_km).tables.air
-        r[AIR] = air if environment.atmosphere else None
-        r[EARTH] = earth = earth_view(r[VIEW], scene.camera, air if environment.atmosphere else None)
-        self._device.blocks.earth.write(earth_values(r[VIEW], earth, air))
+        if shows_earth(scene):
+            r[EARTH_PASS] = earth_pass = self.earth(scene.bands)
+            air = earth_pass.air(environment.atmosphere_thickness_km).tables.air
+        else:
+            r[GLOBE_PASS] = globe_pass = self.globe(body, scene.bands)
+            air = globe_pass.air.tables.air
+        r[AIR] = seen = air if environment.atmosphere and body.air is not None else None
+        r[GLOBE] = globe = globe_view(r[VIEW], scene.camera, seen)
+        self._device.blocks.earth.write(globe_values(r[VIEW], globe, air))
 
     def cut_tiles(self, r: PassResources) -> None:
         """Cut what the Earth may touch into tiles, all alike."""
-        if r[EARTH].rect is not None:
-            r[EARTH_TILES] = uniform_tiles(r[EARTH], r[SCENE].camera)
+        if r[GLOBE].rect is not None:
+            r[EARTH_TILES] = uniform_tiles(r[GLOBE], r[SCENE].camera)
 
     def fill_air_tables(self, r: PassResources) -> None:
         """Draw this frame's tables of the air's light and transmittance."""
         air = r[EARTH_PASS].air(r[SCENE].environment.atmosphere_thickness_km).frame
-        air.run(r[EARTH])
+        air.run(r[GLOBE])
+        r[AIR_TABLES] = air.tables
+
+    def fill_globe_air(self, r: PassResources) -> None:
+        """Draw this frame's tables of another body's air."""
+        air = r[GLOBE_PASS].air.frame
+        air.run(r[GLOBE])
         r[AIR_TABLES] = air.tables
 
     def light_target(self, r: PassResources) -> None:
@@ -226,9 +247,13 @@ class Drawing:
         """Add ground, clouds and air."""
         r[EARTH_PASS].run(earth_frame(r))
 
+    def draw_globe(self, r: PassResources) -> None:
+        """Add another body's ground and air."""
+        r[GLOBE_PASS].run(r[RADIANCE], r[GLOBE], r.find(AIR_TABLES))
+
     def draw_stars(self, r: PassResources) -> None:
         """Add stars and planets: those that the target may hide now, the others when the picture is read."""
-        environment, earth, target = r[SCENE].environment, r.find(EARTH), r.find(TARGET)
+        environment, earth, target = r[SCENE].environment, r.find(GLOBE), r.find(TARGET)
         if (earth is not None and earth.fills_image) or not (environment.stars or environment.planets):
             return
         r[STARLIGHT] = self._stars.run(
@@ -243,7 +268,7 @@ class Drawing:
 
     def draw_moon(self, r: PassResources) -> None:
         """Add the Moon."""
-        moon, earth = r[MOON], r.find(EARTH)
+        moon, earth = r[MOON], r.find(GLOBE)
         if moon.rect is None or (earth is not None and earth.fills_image and not moon.in_front):
             return
         if self._moon is None:
@@ -258,7 +283,7 @@ class Drawing:
 
     def draw_sun(self, r: PassResources) -> None:
         """Add the Sun's disc."""
-        earth, moon = r.find(EARTH), r.find(MOON)
+        earth, moon = r.find(GLOBE), r.find(MOON)
         if (earth is not None and earth.fills_image) or not r[SCENE].environment.sun:
             return
         self._sun.run(

@@ -12,9 +12,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.craft.interreflection import AtlasTextures
     from flyaround.simulator.render.craft.target_passes import PlacedTarget, TargetSamples, TargetShadow
     from flyaround.simulator.render.earth.earth_pass import EarthPass
-    from flyaround.simulator.render.earth.earth_view import EarthView
     from flyaround.simulator.render.earth.screen_tiles import ScreenTiles
     from flyaround.simulator.render.frame_images import FrameImages
+    from flyaround.simulator.render.globe.globe_pass import GlobePass
+    from flyaround.simulator.render.globe.globe_view import GlobeView
+    from flyaround.simulator.render.irradiance import IrradianceField
     from flyaround.simulator.render.moon.moon_view import MoonView
     from flyaround.simulator.render.sky.star_pass import Spread
     from flyaround.simulator.render.view import View
@@ -48,7 +50,10 @@ TARGET_LIGHT: Resource[AtlasTextures] = Resource("target light")
 MOON: Resource[MoonView] = Resource("moon")
 EARTH_PASS: Resource[EarthPass] = Resource("earth pass")
 """The Earth's maps on the GPU, and what draws them."""
-EARTH: Resource[EarthView] = Resource("earth")
+GLOBE_PASS: Resource[GlobePass] = Resource("globe pass")
+"""What draws another body in the Earth's place."""
+GLOBE: Resource[GlobeView] = Resource("globe")
+"""The body that is ray-cast, in the image; it hides what is behind it."""
 AIR: Resource[Atmosphere] = Resource("air")
 AIR_TABLES: Resource[list[moderngl.Texture]] = Resource("air tables")
 EARTH_TILES: Resource[ScreenTiles] = Resource("earth tiles")

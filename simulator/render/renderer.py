@@ -15,11 +15,12 @@ from flyaround.simulator.render.frame_resources import (
     AIR,
     AIR_TABLES,
     COVERAGE,
-    EARTH,
     EARTH_PASS,
     EARTH_TILES,
     EDGE_SLOPES,
     GIVEN_IRRADIANCE,
+    GLOBE,
+    GLOBE_PASS,
     MODEL,
     MOON,
     PICTURE,
@@ -82,12 +83,13 @@ def shading_passes(draw: Drawing) -> list[Pass]:
 
 
 def view_passes(draw: Drawing) -> list[Pass]:
-    """Where Moon and Earth are in the image, and this frame's air."""
+    """Where Moon and globe are in the image, and this frame's air."""
     return [
         Pass("moon.view", draw.find_moon, (SCENE,), (MOON,)),
-        Pass("earth.view", draw.find_earth, (SCENE, VIEW), (EARTH_PASS, EARTH, AIR)),
-        Pass("earth.tiles", draw.cut_tiles, (SCENE, EARTH), (EARTH_TILES,)),
-        Pass("earth.air", draw.fill_air_tables, (SCENE, EARTH_PASS, EARTH, EARTH_TILES, AIR), (AIR_TABLES,)),
+        Pass("earth.view", draw.find_globe, (SCENE, VIEW), (EARTH_PASS, GLOBE_PASS, GLOBE, AIR)),
+        Pass("earth.tiles", draw.cut_tiles, (SCENE, EARTH_PASS, GLOBE), (EARTH_TILES,)),
+        Pass("earth.air", draw.fill_air_tables, (SCENE, EARTH_PASS, GLOBE, EARTH_TILES, AIR), (AIR_TABLES,)),
+        Pass("globe.air", draw.fill_globe_air, (SCENE, GLOBE_PASS, GLOBE, AIR), (AIR_TABLES,)),
     ]
 
 
@@ -99,9 +101,16 @@ def earth_pass(draw: Drawing) -> Pass:
 
 def sky_passes(draw: Drawing) -> list[Pass]:
     """All behind the target: each pass adds its light times the share that the target leaves open."""
-    behind = (EARTH, MOON)
+    behind = (GLOBE, MOON)
     return [
         earth_pass(draw),
+        Pass(
+            "globe.surface",
+            draw.draw_globe,
+            (GLOBE_PASS, GLOBE, *_IMAGES),
+            (RADIANCE,),
+            optional=(AIR_TABLES,),
+        ),
         Pass(
             "stars",
             draw.draw_stars,
@@ -110,7 +119,7 @@ def sky_passes(draw: Drawing) -> list[Pass]:
             optional=(*behind, AIR, TARGET),
         ),
         Pass(
-            "moon", draw.draw_moon, (SCENE, MOON, *_IMAGES), (RADIANCE,), optional=(EARTH, AIR_TABLES, TARGET)
+            "moon", draw.draw_moon, (SCENE, MOON, *_IMAGES), (RADIANCE,), optional=(GLOBE, AIR_TABLES, TARGET)
         ),
         Pass("sun", draw.draw_sun, (SCENE, VIEW, *_IMAGES), (RADIANCE,), optional=(*behind, AIR_TABLES)),
     ]

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.world.ephemeris.body import Body
+
+SUN_RADIUS_M = 6.957e8  # IAU 2015 resolution B3, nominal solar radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,34 +40,33 @@ class View:
     Parameters
     ----------
     R_camera_from_target, t_camera_from_target_m : pose of the target.
-    R_camera_from_itrs : orientation of the Earth. r_camera_itrs_m : camera, Earth-fixed.
+    globe : the body that is ray-cast. R_camera_from_globe : its orientation. r_camera_globe_m : camera, in its axes.
     sun_direction : unit vector from the target to the Sun. sun_sine : sine of its angular radius.
-    sun_itrs, moon_itrs : unit vectors from the Earth to the Sun and the Moon, Earth-fixed.
-    moon_share : irradiance of the Moon at the Earth over the Sun's; 0 where no Moon is drawn.
+    sun_globe, moon_globe : unit vectors from the globe to the Sun and the Moon, in its axes.
+    moon_share : irradiance of the Moon at the globe over the Sun's; 0 where no Moon is drawn.
     sun_irradiance_w_m2 : per band, unobstructed, at the target.
     sun_share : per band, what Earth, air and Moon leave of it.
-    sun_at_earth_w_m2 : per band, at the Earth.
-    sky : light of Earth and Moon on the target.
-    nadir : unit vector to the Earth's centre.
+    sun_at_globe_w_m2 : per band, at the globe.
+    sky : light of globe and Moon on the target.
     lights : of area lights, unit vector from the target's origin and irradiance there per band.
     """
 
     R_camera_from_target: FloatArray
     t_camera_from_target_m: FloatArray
-    R_camera_from_itrs: FloatArray
+    globe: Body
+    R_camera_from_globe: FloatArray
     R_camera_from_eci: FloatArray
-    r_camera_itrs_m: FloatArray
+    r_camera_globe_m: FloatArray
     sun_direction: FloatArray
     sun_sine: float
-    sun_itrs: FloatArray
-    moon_itrs: FloatArray
+    sun_globe: FloatArray
+    moon_globe: FloatArray
     moon_share: float
     sun_irradiance_w_m2: FloatArray
-    sun_at_earth_w_m2: FloatArray
+    sun_at_globe_w_m2: FloatArray
     sun_visible_fraction: float
     sun_share: FloatArray
     sky: IrradianceField
-    nadir: FloatArray
     lights: tuple[tuple[FloatArray, FloatArray], ...] = ()
 
 
@@ -73,34 +75,36 @@ def build_view(scene: SceneState, sky: IrradianceField | None = None) -> View:
 
     Parameters
     ----------
-    sky : light of Earth and Moon on the target (`earth_and_moon_shine`), or instead of it; ``None`` leaves it dark.
+    sky : light of globe and Moon on the target (`globe_and_moon_shine`), or instead of it; ``None`` leaves it dark.
     """
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
-    R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
+    globe = scene.globe
+    R_ge, centre = globe.R_fixed_from_eci, np.asarray(globe.r_eci_m)
     r_camera, r_target = np.asarray(scene.r_camera_eci_m), np.asarray(scene.r_target_eci_m)
     r_sun = np.asarray(scene.r_sun_eci_m)
     to_sun = r_sun - r_target
     sun_distance = float(np.linalg.norm(to_sun))
-    sun_unit = r_sun / np.linalg.norm(r_sun)
+    sun_m = float(np.linalg.norm(r_sun - centre))
+    sun_unit = (r_sun - centre) / sun_m
     sun_w_m2 = sun_irradiance_w_m2(scene.bands, sun_distance)
-    r_moon = np.asarray(scene.r_moon_eci_m)
+    r_moon = np.asarray(scene.body("moon").r_eci_m) - centre
     return View(
         R_camera_from_target=matrix_from_quat(scene.q_camera_from_target_wxyz),
         t_camera_from_target_m=np.asarray(scene.t_camera_from_target_m),
-        R_camera_from_itrs=R_ce @ R_ie.T,
+        globe=globe.body,
+        R_camera_from_globe=R_ce @ R_ge.T,
         R_camera_from_eci=R_ce,
-        r_camera_itrs_m=R_ie @ r_camera,
+        r_camera_globe_m=R_ge @ (r_camera - centre),
         sun_direction=R_ce @ (to_sun / sun_distance),
         sun_sine=SUN_RADIUS_M / sun_distance,
-        sun_itrs=R_ie @ sun_unit,
-        moon_itrs=R_ie @ (r_moon / np.linalg.norm(r_moon)),
+        sun_globe=R_ge @ sun_unit,
+        moon_globe=R_ge @ (r_moon / np.linalg.norm(r_moon)),
         moon_share=moonlight_share(r_moon, sun_unit) if scene.environment.moon else 0.0,
         sun_irradiance_w_m2=sun_w_m2,
-        sun_at_earth_w_m2=sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun))),
+        sun_at_globe_w_m2=sun_irradiance_w_m2(scene.bands, sun_m),
         sun_visible_fraction=scene.sunlit_fraction,
-        sun_share=_sun_share(scene, R_ie),
+        sun_share=_sun_share(scene),
         sky=dark_field(len(bands_of(scene.bands))) if sky is None else sky,
-        nadir=R_ce @ (-r_camera / np.linalg.norm(r_camera)),
         lights=tuple(_from_far(scene)),
     )
 
@@ -116,19 +120,22 @@ def _from_far(scene: SceneState) -> Iterator[tuple[FloatArray, FloatArray]]:
         yield direction, factor * light.radiance(scene.bands)
 
 
-def _sun_share(scene: SceneState, R_itrs_from_eci: FloatArray) -> FloatArray:
+def _sun_share(scene: SceneState) -> FloatArray:
     """Share (n,) of the Sun's light per band at the target, through the Earth's air where that is drawn."""
     fraction = np.full(len(bands_of(scene.bands)), scene.sunlit_fraction)
     if not scene.environment.sunlight or not (scene.environment.earth and scene.environment.atmosphere):
         return fraction
-    stretch = np.array([1.0, 1.0, EARTH_RADIUS_M / EARTH_POLAR_RADIUS_M])  # the ellipsoid becomes a sphere
+    earth = scene.body("earth")
+    # the ellipsoid becomes a sphere
+    stretch = np.array([1.0, 1.0, earth.body.radius_m / earth.body.polar_radius_m])
+    R_itrs_from_eci = earth.R_fixed_from_eci
     r, sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
     through = sunlight_past_earth(
         stretch * (R_itrs_from_eci @ r), stretch * (R_itrs_from_eci @ sun), scene.bands
     )
     if np.all(through == 1):
         return fraction
-    moon = np.asarray(scene.r_moon_eci_m)
+    moon = np.asarray(scene.body("moon").r_eci_m)
     return through * float(sun_fraction_past_sphere(r - moon, sun - moon, MOON_RADIUS_M))
 
 

@@ -1,4 +1,4 @@
-"""What other packages add: entry points of five groups, found by name and imported when one is used."""
+"""What other packages add: entry points of six groups, found by name and imported when one is used."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flyaround.simulator.errors import UserError
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-Kind = Literal["sensor", "format", "recipe", "estimator", "target"]
+Kind = Literal["sensor", "format", "recipe", "estimator", "target", "body"]
 
 GROUPS: dict[Kind, str] = {
     "sensor": "flyaround.sensors",
@@ -21,6 +21,7 @@ GROUPS: dict[Kind, str] = {
     "recipe": "flyaround.recipes",
     "estimator": "flyaround.estimators",
     "target": "flyaround.targets",
+    "body": "flyaround.bodies",
 }
 """The entry-point group of each kind; docs/plugins.md says what each entry point must be."""
 

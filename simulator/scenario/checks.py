@@ -9,19 +9,17 @@ import numpy as np
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.messages import chaser_ephemeris, known_orbit
 from flyaround.simulator.world.attitude.rigid_body import check_inertia
-from flyaround.simulator.world.ephemeris.bodies import MOON
 from flyaround.simulator.world.flight.recording import Replay
 from flyaround.simulator.world.guidance.command_script import CommandScript
 from flyaround.simulator.world.guidance.free_flight import FollowedChaser, RangeKeeping, SafeEllipse
 from flyaround.simulator.world.guidance.paths import Glideslope
 from flyaround.simulator.world.orbit.initial_orbit import ElementsOrbit, OemOrbit
-from flyaround.simulator.world.orbit.moon_forces import MOON_DEGREE
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scenario.scenario import AnyChaser, Scenario
     from flyaround.simulator.world.attitude.target_attitude import Attitude, Point
-    from flyaround.simulator.world.ephemeris.bodies import Body
+    from flyaround.simulator.world.ephemeris.body import Body
     from flyaround.simulator.world.orbit.forces import Forces
 
 _MOST_PHASE = 0.5
@@ -68,16 +66,19 @@ def check_physics(scenario: Scenario, where: str) -> None:
 
 
 def _check_forces(f: Forces, body: Body, where: str) -> None:
-    """Refuse forces that the Moon does not have."""
-    if body is not MOON:
-        return
-    if f.gravity_degree not in {None, 0, MOON_DEGREE}:
+    """Refuse forces that have no model about the body."""
+    if f.gravity_degree is not None and f.gravity_degree not in body.degrees:
         raise UserError(
-            f"{where}: key forces.gravity_degree is {f.gravity_degree}, allowed about the Moon: 0 or {MOON_DEGREE}"
+            f"{where}: key forces.gravity_degree is {f.gravity_degree}, allowed about {body.title}: "
+            f"{' or '.join(map(str, body.degrees))}"
         )
-    for key in ("moon", "drag"):
-        if getattr(f, key):
-            why = "is the centre of this orbit" if key == "moon" else "needs air, and the Moon has none"
+    for key in ("sun", "moon", "drag", "solar_pressure"):
+        if getattr(f, key) and key not in body.acting:
+            why = f"has no model about {body.title}"
+            if key == body.name:
+                why = "is the centre of this orbit"
+            elif body.air is None and key == "drag":
+                why = f"needs air, and {body.title} has none"
             raise UserError(f"{where}: key forces.{key} is true, but it {why}: remove the key")
 
 
@@ -97,10 +98,10 @@ def _check_attitude(a: Attitude, body: Body, where: str) -> None:
             check_inertia(np.array(a.inertia_kg_m2))
         except ValueError as error:
             raise UserError(f"{where}: key attitude.inertia_kg_m2: {error}") from error
-    if body.name == "moon" and any(a.residual_dipole_a_m2):
+    if not body.has_field and any(a.residual_dipole_a_m2):
         raise UserError(
-            f"{where}: key attitude.residual_dipole_a_m2 needs the Earth's field, and this orbit is about the Moon: "
-            "remove the key"
+            f"{where}: key attitude.residual_dipole_a_m2 needs the Earth's field, and this orbit is about "
+            f"{body.title}: remove the key"
         )
     _check_motion(a, where)
 

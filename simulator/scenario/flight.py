@@ -17,7 +17,6 @@ from flyaround.simulator.scenario.messages import (
     target_ephemeris,
 )
 from flyaround.simulator.world.attitude.target_attitude import Attitude
-from flyaround.simulator.world.ephemeris.bodies import MOON
 from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from flyaround.simulator.world.flight.build import TargetStart, propagate_flight
 from flyaround.simulator.world.flight.recording import Replay, recorded_tracks
@@ -28,11 +27,13 @@ from flyaround.simulator.world.orbit.spherical_harmonics import egm96
 from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scenario.scenario import Scenario
     from flyaround.simulator.targets.model import Target
     from flyaround.simulator.world.attitude.rigid_body import AttitudeTrack
-    from flyaround.simulator.world.ephemeris.bodies import Body
+    from flyaround.simulator.world.ephemeris.body import Body
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.orbit.forces import ForceModel, Forces
 
@@ -131,10 +132,17 @@ def _place_problem(craft: str, r_m: FloatArray, body: Body) -> str | None:
 
 
 def force_model(forces: Forces, epoch: Instant, duration_s: float, body: Body) -> ForceModel | None:
-    """The forces asked for about a body, both masses among them; None for the plain point mass with J2 (the Earth)."""
+    """Return the forces asked for about a body, both masses among them; None for its plain gravity."""
+    model = FORCE_MODELS.get(body.name)
+    return None if model is None else model(forces, epoch, duration_s)
+
+
+def _moon_forces(forces: Forces, epoch: Instant, duration_s: float) -> ForceModel:
+    return MoonForces(epoch=epoch, sky=EphemerisTable.of(epoch, duration_s), forces=forces)
+
+
+def _earth_forces(forces: Forces, epoch: Instant, duration_s: float) -> ForceModel | None:
     degree = forces.gravity_degree
-    if body is MOON:
-        return MoonForces(epoch=epoch, sky=EphemerisTable.of(epoch, duration_s), forces=forces)
     if degree is None and not (forces.sun or forces.moon or forces.drag or forces.solar_pressure):
         return None
     degree = 2 if degree is None else degree
@@ -143,6 +151,13 @@ def force_model(forces: Forces, epoch: Instant, duration_s: float, body: Body) -
         forces=forces,
         harmonics=egm96(degree) if degree >= 2 else None,
     )
+
+
+FORCE_MODELS: dict[str, Callable[[Forces, Instant, float], ForceModel | None]] = {
+    "earth": _earth_forces,
+    "moon": _moon_forces,
+}
+"""Of the bodies about which more than plain gravity is modelled."""
 
 
 def frame_times(duration_s: float, n: int | None = None, every_s: float | None = None) -> FloatArray:

@@ -13,6 +13,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular
 from flyaround.simulator.scenario.orbit_files import read_orbit_file
+from flyaround.simulator.world.ephemeris.body import body_named
 from flyaround.simulator.world.flight.recording import Recording, Replay
 from flyaround.simulator.world.guidance.free_flight import FollowedChaser
 from flyaround.simulator.world.messages.aem import read_aem_state
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scenario.scenario import AnyChaser, Scenario
     from flyaround.simulator.world.attitude.target_attitude import Attitude
-    from flyaround.simulator.world.ephemeris.bodies import BodyName
     from flyaround.simulator.world.messages.ephemeris import Ephemeris
 
     State = tuple[FloatArray, FloatArray]
@@ -50,6 +50,7 @@ def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
     """
     epoch = Instant.from_utc(scenario.epoch_utc)
     try:
+        body_named(getattr(scenario.orbit, "centre", "earth"))
         return msgspec.structs.replace(
             scenario,
             orbit=_orbit(scenario.orbit, epoch, scenario.duration_s, folder),
@@ -66,7 +67,7 @@ def _orbit(
     match orbit:
         case TleOrbit(line1=str(line1), line2=str(line2), file=None):
             found: Ephemeris | State = state_from_tle(line1, line2, epoch)
-            centre: BodyName = "earth"
+            centre: str = "earth"
             name, motion = "the two-line elements", None
         case TleOrbit(line1=None, line2=None, file=str(name)):
             orbit = OemOrbit(file=name, satellite=orbit.satellite)
@@ -95,7 +96,7 @@ def _orbit(
     return state
 
 
-def _state_orbit(centre: BodyName, state: State) -> StateOrbit:
+def _state_orbit(centre: str, state: State) -> StateOrbit:
     return StateOrbit(centre=centre, r_eci_km=vec3(state[0] / 1e3), v_eci_km_s=vec3(state[1] / 1e3))
 
 
@@ -123,7 +124,7 @@ def chaser_ephemeris(scenario: Scenario) -> Ephemeris | None:
     if not isinstance(chaser, FollowedChaser):
         return None
     epoch = Instant.from_utc(scenario.epoch_utc)
-    centre: BodyName = getattr(scenario.orbit, "centre", "earth")
+    centre: str = getattr(scenario.orbit, "centre", "earth")
     found = _orbit_file(Path(chaser.file), "chaser.file", epoch, centre, chaser.satellite)
     if isinstance(found, tuple):
         raise UserError(
@@ -160,7 +161,7 @@ def known_orbit(scenario: Scenario) -> KnownOrbit:
 
 
 def _orbit_file(
-    path: Path, key: str, epoch: Instant, centre: BodyName, satellite: str | None
+    path: Path, key: str, epoch: Instant, centre: str, satellite: str | None
 ) -> Ephemeris | State:
     data = read_message(path, key)
     return _parsed(data, str(path), epoch, centre, satellite)
@@ -168,9 +169,7 @@ def _orbit_file(
 
 # a flight is planned from what its scenario was checked with
 @lru_cache(maxsize=4)
-def _parsed(
-    data: bytes, where: str, epoch: Instant, centre: BodyName, satellite: str | None
-) -> Ephemeris | State:
+def _parsed(data: bytes, where: str, epoch: Instant, centre: str, satellite: str | None) -> Ephemeris | State:
     return read_orbit_file(data, where, epoch, centre=centre, satellite=satellite)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import decode_text
-from flyaround.simulator.world.ephemeris.bodies import BODIES, BodyName
+from flyaround.simulator.world.ephemeris.body import body_named
 from flyaround.simulator.world.messages.ccsds import Segment, first_line, read_segments
 from flyaround.simulator.world.messages.ccsds_frames import state_in_gcrf
 from flyaround.simulator.world.messages.ephemeris import ROUNDING_S, Ephemeris
@@ -80,7 +80,7 @@ READ = "CCSDS OEM, OPM and OMM (key = value or XML), OMM as JSON or CSV, and two
 
 
 def read_orbit_file(
-    data: bytes, where: str, epoch: Instant, *, centre: BodyName = "earth", satellite: str | None = None
+    data: bytes, where: str, epoch: Instant, *, centre: str = "earth", satellite: str | None = None
 ) -> Ephemeris | State:
     """Read an orbit file: an ephemeris, or position [m] and velocity [m s-1] in GCRS at the epoch.
 
@@ -158,24 +158,24 @@ def _one(segments: list[Segment], where: str, satellite: str | None) -> Segment:
     return chosen[0]
 
 
-def _checked(ephemeris: Ephemeris, centre: BodyName) -> Ephemeris:
-    ephemeris.refuse_impossible(BODIES[centre])
+def _checked(ephemeris: Ephemeris, centre: str) -> Ephemeris:
+    ephemeris.refuse_impossible(body_named(centre))
     return ephemeris
 
 
-def _require_earth(centre: BodyName, where: str, what: str) -> None:
+def _require_earth(centre: str, where: str, what: str) -> None:
     if centre != "earth":
         raise UserError(f"{where}: {what} about the Earth, and orbit.centre is {centre}: remove the key")
 
 
-def _omm_state(segment: Segment, epoch: Instant, centre: BodyName) -> State:
+def _omm_state(segment: Segment, epoch: Instant, centre: str) -> State:
     _require_earth(centre, segment.where, "mean elements for SGP4 are")
     return sgp4_state(satellite_of(segment), epoch, f"the mean elements of {segment.where}")
 
 
-def _opm_state(segment: Segment, epoch: Instant, centre: BodyName) -> State:
+def _opm_state(segment: Segment, epoch: Instant, centre: str) -> State:
     opm, where = read_opm(segment), segment.where
-    body = BODIES[centre]
+    body = body_named(centre)
     if opm.centre != centre.upper():
         raise UserError(f"{where}: CENTER_NAME is {opm.centre}, allowed: {centre.upper()} (orbit.centre)")
     if abs(opm.epoch.minus(epoch)) > ROUNDING_S:

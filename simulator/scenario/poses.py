@@ -13,7 +13,7 @@ import numpy as np
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular
-from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
 from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
@@ -147,7 +147,6 @@ def scene_with_pose(scene: SceneState, target: Target, pose: Pose, frame_index: 
     q = np.asarray(pose.q_wxyz)
     # at rest in the picture: it turns with the camera and moves on the arc that keeps its place in it
     r_target = np.asarray(scene.r_camera_eci_m) + com
-    pole = matrix_from_quat(scene.q_itrs_from_eci_wxyz)[2]
     omega = R_eci_from_camera @ np.asarray(scene.omega_camera_rad_s)
     return replace(
         scene,
@@ -158,7 +157,5 @@ def scene_with_pose(scene: SceneState, target: Target, pose: Pose, frame_index: 
         v_target_camera_m_s=(0.0, 0.0, 0.0),
         r_target_eci_m=vec3(r_target),
         v_target_eci_m_s=vec3(np.asarray(scene.v_camera_eci_m_s) + np.cross(omega, com)),
-        sun_visible_fraction=sun_fraction_past_earth_and_moon(
-            r_target, scene.r_sun_eci_m, scene.r_moon_eci_m, pole
-        ),
+        sun_visible_fraction=sun_fraction_past_bodies(scene.bodies, r_target, scene.r_sun_eci_m),
     )

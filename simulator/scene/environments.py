@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import msgspec
 from msgspec import Meta
 
 from flyaround.simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from flyaround.simulator.world.ephemeris.body import Body
 
 EnvironmentName = Literal["full", "thesis", "undifferentiated", "airless", "space"]
 
@@ -17,6 +20,7 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
+    moon : the Moon, and bodies other than the Earth. earthshine : light of bodies on the target.
     sunlight : the Sun shines on the target; without it, it lights what is behind alone, as a screen in a laboratory is.
     seasons : land and ice of the date, August's otherwise. relief : shading of mountains. sea_ice : as in most years.
     undifferentiated : land, sea and clouds reflect alike, as a plain globe does.
@@ -39,6 +43,10 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
     sea_ice: bool = True
     undifferentiated: bool = False
     atmosphere_thickness_km: Annotated[float, Meta(ge=5, le=200)] = 100.0
+
+    def draws(self, body: Body) -> bool:
+        """Return True if the switch of a body is on."""
+        return bool(getattr(self, body.layer))
 
 
 class EnvironmentSection(Environment, frozen=True, forbid_unknown_fields=True):

@@ -9,10 +9,13 @@ from msgspec import UnsetType
 
 from flyaround.simulator.camera.detector.limits import optics_problem, response_problem, sensor_problem
 from flyaround.simulator.camera.lens.camera_model import camera_problem
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.ephemeris.body import body_named
 from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.world.ephemeris.body import BodyState
 
 LARGEST_IMAGE_PX = 16384  # what every OpenGL 4 driver can draw
 FARTHEST_TARGET_M = 1e6
@@ -22,7 +25,15 @@ FASTEST_M_S, FASTEST_RAD_S = 1e6, 1e4  # far beyond any craft
 
 def scene_problem(scene: SceneState) -> str | None:
     """What is wrong with a scene: field, value and what is allowed; None when it can be drawn."""
-    c = scene.camera
+    c, (earth, moon, *others) = scene.camera, scene.bodies
+    names = [b.name for b in scene.bodies]
+    if scene.central_body not in names or len(set(names)) < len(names):
+        return f"scene.central_body is {scene.central_body!r} and the scene's bodies are {', '.join(names)}"
+    try:
+        for name in names:
+            body_named(name)
+    except UserError as error:
+        return f"scene.bodies: {error}"
     ranges = (
         ("scene.camera.width_px", c.width_px, 1, LARGEST_IMAGE_PX),
         ("scene.camera.height_px", c.height_px, 1, LARGEST_IMAGE_PX),
@@ -39,7 +50,7 @@ def scene_problem(scene: SceneState) -> str | None:
         ("|scene.r_camera_eci_m|", _norm(scene.r_camera_eci_m), 6.0e6, 1e12),
         ("|scene.r_target_eci_m|", _norm(scene.r_target_eci_m), 6.0e6, 1e12),
         ("|scene.r_sun_eci_m|", _norm(scene.r_sun_eci_m), 1e11, 2e11),
-        ("|scene.r_moon_eci_m|", _norm(scene.r_moon_eci_m), 1e8, 1e9),
+        ("|scene.r_moon_eci_m|", _norm(moon.r_eci_m), 1e8, 1e9),
         ("|scene.v_camera_eci_m_s|", _norm(scene.v_camera_eci_m_s), 0.0, FASTEST_M_S),
         ("|scene.v_target_eci_m_s|", _norm(scene.v_target_eci_m_s), 0.0, FASTEST_M_S),
         ("|scene.v_target_camera_m_s|", _norm(scene.v_target_camera_m_s), 0.0, FASTEST_M_S),
@@ -48,8 +59,9 @@ def scene_problem(scene: SceneState) -> str | None:
         ("scene.environment.atmosphere_thickness_km", scene.environment.atmosphere_thickness_km, 5.0, 200.0),
         ("|scene.q_camera_from_target_wxyz|", _norm(scene.q_camera_from_target_wxyz), 1 - 1e-6, 1 + 1e-6),
         ("|scene.q_camera_from_eci_wxyz|", _norm(scene.q_camera_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
-        ("|scene.q_itrs_from_eci_wxyz|", _norm(scene.q_itrs_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
-        ("|scene.q_moon_from_eci_wxyz|", _norm(scene.q_moon_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
+        ("|scene.q_itrs_from_eci_wxyz|", _norm(earth.q_fixed_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
+        ("|scene.q_moon_from_eci_wxyz|", _norm(moon.q_fixed_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
+        *(r for k, b in enumerate(others) for r in _body_ranges(f"scene.bodies[{k}]", b)),
     )
     for name, value, low, high in ranges:
         if not low <= value <= high:  # NaN fails too
@@ -81,6 +93,13 @@ def scene_problem(scene: SceneState) -> str | None:
     except ValueError as error:
         return f"scene.epoch_utc: {error}"
     return None
+
+
+def _body_ranges(where: str, state: BodyState) -> tuple[tuple[str, float, float, float], ...]:
+    return (
+        (f"|{where}.r_eci_m|", _norm(state.r_eci_m), 1e6, 1e12),
+        (f"|{where}.q_fixed_from_eci_wxyz|", _norm(state.q_fixed_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
+    )
 
 
 def _norm(values: tuple[float, ...]) -> float:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import quat, vec3
-from flyaround.simulator.world.ephemeris.bodies import BODIES
 from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
@@ -21,8 +20,7 @@ from flyaround.simulator.world.time.instant import Instant
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import SceneState
-
-EARTH_RATE_RAD_S = 7.292115e-5  # WGS 84
+    from flyaround.simulator.world.ephemeris.body import BodyState
 
 
 def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
@@ -54,19 +52,15 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
     q_et = quat_multiply(quat_multiply(quat_conjugate(q_ce), q_ct), quat_from_rotvec(omega_target * dt_s))
     new_q_ct = quat_normalize(quat_multiply(new_q_ce, q_et))
     new_R_ce, new_R_ct = matrix_from_quat(new_q_ce), matrix_from_quat(new_q_ct)
-    r_moon, v_moon = np.asarray(scene.r_moon_eci_m), np.zeros(3)
-    body = BODIES[scene.central_body]
-    if scene.central_body == "moon":
-        v_moon = body.geocentric_state(Instant.from_utc(scene.epoch_utc))[1]
-    center = r_moon if scene.central_body == "moon" else np.zeros(3)
-    fall_camera, fall_target = (_free_fall(r - center, body.mu_m3_s2) for r in (r_camera, r_target))
+    central = scene.central
+    center, mu = np.asarray(central.r_eci_m), central.body.mu_m3_s2
+    fall_camera, fall_target = (_free_fall(r - center, mu) for r in (r_camera, r_target))
     # differences first: the sum of an orbit's radius and a close approach has nanometres of rounding only here
     relative = (
         (r_target - r_camera) + dt_s * (v_target - v_camera) + 0.5 * dt_s**2 * (fall_target - fall_camera)
     )
     t = new_R_ce @ relative + new_R_ct @ origin_target
     rate = new_R_ce @ (v_target - v_camera) + new_R_ct @ np.cross(omega_target, origin_target)
-    spin = quat_from_rotvec(np.array([0.0, 0.0, -EARTH_RATE_RAD_S * dt_s]))
     return replace(
         scene,
         t_s=scene.t_s + dt_s,
@@ -78,9 +72,19 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
         q_camera_from_eci_wxyz=quat(new_q_ce),
         r_target_eci_m=vec3(r_target + dt_s * (v_target + 0.5 * dt_s * fall_target)),
         v_target_eci_m_s=vec3(v_target + dt_s * fall_target),
-        r_moon_eci_m=vec3(r_moon + dt_s * v_moon),
-        q_itrs_from_eci_wxyz=quat(quat_multiply(spin, np.asarray(scene.q_itrs_from_eci_wxyz))),
+        bodies=tuple(_moved(state, scene, dt_s) for state in scene.bodies),
     )
+
+
+def _moved(state: BodyState, scene: SceneState, dt_s: float) -> BodyState:
+    """Return a body ``dt_s`` later: turned by its rate and, if it is the one that is circled, on its way."""
+    r, q = np.asarray(state.r_eci_m), np.asarray(state.q_fixed_from_eci_wxyz)
+    # the origin of GCRS stays, and to read the epoch takes longer than all else here
+    if state.name == scene.central_body and any(state.r_eci_m):
+        r = r + dt_s * state.body.geocentric_state(Instant.from_utc(scene.epoch_utc))[1]
+    if state.body.turns:
+        q = quat_multiply(quat_from_rotvec(np.array([0.0, 0.0, -state.body.turn_rad_s * dt_s])), q)
+    return replace(state, r_eci_m=vec3(r), q_fixed_from_eci_wxyz=quat(q))
 
 
 def _free_fall(r_m: FloatArray, mu_m3_s2: float) -> FloatArray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import msgspec
 
 from flyaround.simulator.runtime.arrays import Quat, Vec3
-from flyaround.simulator.world.ephemeris.bodies import BodyName
 
 
 class RawPose(msgspec.Struct, frozen=True, kw_only=True):
@@ -25,7 +24,7 @@ class RawPose(msgspec.Struct, frozen=True, kw_only=True):
 class BackgroundView(msgspec.Struct, frozen=True, kw_only=True):
     """A view out of a background library: of what body, which library, and the view's number in it."""
 
-    body: BodyName
+    body: str
     library_seed: int
     id: int
 

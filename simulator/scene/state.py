@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -19,7 +19,7 @@ from flyaround.simulator.scene.illumination.bands import Bands
 from flyaround.simulator.scene.illumination.lamp import Lamp
 from flyaround.simulator.scene.sample import Sample
 from flyaround.simulator.targets.varied import CraftVariation, target_as_drawn
-from flyaround.simulator.world.ephemeris.bodies import BodyName
+from flyaround.simulator.world.ephemeris.body import BodyState, BodyStates
 from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
@@ -57,7 +57,7 @@ class TargetRef:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneState:
+class SceneState(BodyStates):
     """A snapshot of the world at mid-exposure.
 
     Frames: ``eci`` is GCRS, ``itrs`` Earth-fixed, ``camera`` x right y down z forward, ``target`` the
@@ -78,12 +78,11 @@ class SceneState:
     r_camera_eci_m, v_camera_eci_m_s, q_camera_from_eci_wxyz, omega_camera_rad_s : the camera's state,
         its rate in the camera frame.
     r_target_eci_m, v_target_eci_m_s : centre of mass of the target.
-    r_sun_eci_m, r_moon_eci_m : apparent geocentric positions [m]; about the Moon its own is the geometric one,
-        so that ``r_camera_eci_m - r_moon_eci_m`` is the place above its ground.
-    q_itrs_from_eci_wxyz, q_moon_from_eci_wxyz : orientation of the Earth and the Moon (mean Earth / polar axis
-        frame: x to longitude 0, z along the axis).
-    sun_visible_fraction : share of the Sun's disc that the target sees past the Earth and the Moon, 0..1.
-    central_body : what the target circles. lamp : a lamp on the chaser, where it has one lit.
+    r_sun_eci_m : apparent geocentric position [m].
+    bodies : Earth, Moon and, where it is another, the body that is circled, whose place is geometric so that
+        ``r_camera_eci_m`` less it is the place above its ground.
+    sun_visible_fraction : share of the Sun's disc that the target sees past the bodies, 0..1.
+    central_body : name of what the target circles. lamp : a lamp on the chaser, where it has one lit.
     lights : area lights; absent where there are none.
     sample : what a recipe drew beside all this; absent where that is nothing.
     """
@@ -112,14 +111,23 @@ class SceneState:
     r_target_eci_m: Vec3
     v_target_eci_m_s: Vec3
     r_sun_eci_m: Vec3
-    r_moon_eci_m: Vec3
-    q_itrs_from_eci_wxyz: Quat
+    bodies: tuple[BodyState, ...]
     sun_visible_fraction: float
-    q_moon_from_eci_wxyz: Quat = (1.0, 0.0, 0.0, 0.0)
-    central_body: BodyName = "earth"
+    central_body: str = "earth"
     lamp: Lamp | None = None
     lights: tuple[AreaLight, ...] | UnsetType = UNSET
     sample: Sample | UnsetType = UNSET
+
+    def with_body(self, name: str, **changes: Vec3 | Quat) -> SceneState:
+        """Return the scene with other fields of a `BodyState`."""
+        changed = replace(self.body(name), **changes)  # type: ignore[arg-type]
+        return replace(self, bodies=tuple(changed if b.name == name else b for b in self.bodies))
+
+    @property
+    def globe(self) -> BodyState:
+        """State of the body that is ray-cast with its air: the one that is circled; about the Moon the Earth."""
+        central = self.central
+        return self.body("earth") if central.body.surface == "moon" else central
 
     @property
     def area_lights(self) -> tuple[AreaLight, ...]:

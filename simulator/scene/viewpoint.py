@@ -11,12 +11,11 @@ from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import Bands
 from flyaround.simulator.scene.state import Quality, SceneState
-from flyaround.simulator.world.constants import EARTH_POLAR_RADIUS_M, EARTH_RADIUS_M
-from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from flyaround.simulator.world.ephemeris.moon_orientation import q_moon_from_eci
-from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from flyaround.simulator.world.bodies.earth import EARTH
+from flyaround.simulator.world.ephemeris.body import bodies_at
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
+from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
+from flyaround.simulator.world.frames.rotation import quat_from_matrix
 from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
@@ -70,9 +69,9 @@ def scene_above(
     look_at : ``earth`` for that direction, or ``moon``, ``sun`` for the centre of the body instead.
     """
     now = Instant.from_utc(epoch_utc)
-    q_ie = q_itrs_from_eci(now)
-    R_ie = matrix_from_quat(q_ie)
-    sun, moon = (np.asarray(f(now.tt1, now.tt2), float).reshape(3) for f in (sun_eci_m, moon_eci_m))
+    earth, moon = bodies = bodies_at(now, EARTH)
+    R_ie = earth.R_fixed_from_eci
+    sun = np.asarray(sun_eci_m(now.tt1, now.tt2), float).reshape(3)
     r_itrs, enu = place_itrs_m(*place)
     r, up = R_ie.T @ r_itrs, R_ie.T @ enu[2]
     if look_at == "earth":
@@ -81,7 +80,7 @@ def scene_above(
         above = enu.T @ np.array([np.sin(a), np.cos(a), 0.0])  # straight down the image's top is ahead
         up = up + 1e-3 * (R_ie.T @ above)
     else:
-        z = {"moon": moon, "sun": sun}[look_at] - r
+        z = {"moon": np.asarray(moon.r_eci_m), "sun": sun}[look_at] - r
         z = z / np.linalg.norm(z)
     x = np.cross(z, up)
     x /= np.linalg.norm(x)
@@ -109,8 +108,6 @@ def scene_above(
         r_target_eci_m=vec3(r + R_ce.T @ np.array(AWAY_M)),
         v_target_eci_m_s=(0.0, 0.0, 0.0),
         r_sun_eci_m=vec3(sun),
-        r_moon_eci_m=vec3(moon),
-        q_itrs_from_eci_wxyz=quat(q_ie),
-        sun_visible_fraction=sun_fraction_past_earth_and_moon(r, sun, moon, matrix_from_quat(q_ie)[2]),
-        q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
+        bodies=bodies,
+        sun_visible_fraction=sun_fraction_past_bodies(bodies, r, sun),
     )

@@ -51,6 +51,7 @@ def test_one_of_each_kind_is_found_and_used(installed, tmp_path):
         ("recipe", "example-near"),
         ("estimator", "brightest"),
         ("target", "example-cube"),
+        ("body", "mars"),
     }
     assert {(row["package"], row["version"], row["problem"]) for row in rows} == {
         ("flyaround-example", "1.0", "")
@@ -77,6 +78,12 @@ def test_one_of_each_kind_is_found_and_used(installed, tmp_path):
     metrics = json.loads(judged.stdout)
     assert metrics["n_accepted"] == 0
     assert metrics["mean_E_T_m_all"] < 1.2
+
+
+def test_the_page_of_bodies_has_the_examples_code() -> None:
+    code = (PACKAGE / "flyaround_example" / "mars.py").read_text()
+    assert code in (PACKAGE.parents[1] / "docs" / "own_body.md").read_text()
+    assert len(code.splitlines()) < 100
 
 
 def broken(folder, kind, name, value, module=""):

@@ -23,6 +23,7 @@ from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.frame import NO_RADIANCE, Frame
 from flyaround.simulator.labels.truth import Software, Truth
 from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scene.record import SceneRecord
 from flyaround.simulator.scene.state import SceneState
 
 CAMERA = {"width_px": 64, "height_px": 48, "fx_px": 100.0, "fy_px": 100.0, "cx_px": 31.5, "cy_px": 23.5}
@@ -88,7 +89,7 @@ def made_frame(
         wireframe_step_share=1.0,
         image_sha256="",
         mask_sha256="",
-        scene=at,
+        record=SceneRecord.of(at),
         software=Software(flyaround=mark, gl_renderer=""),
     )
     return Frame(at, image, NO_RADIANCE, truth, stage_ms={"render": 1.5, "sensor": 0.5})

@@ -12,6 +12,7 @@ from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scene import environments
 from flyaround.simulator.scene.state import SceneState, TargetRef
 from flyaround.simulator.targets.model import MassProperties, Material, Part, Target
+from flyaround.simulator.world.ephemeris.body import earth_and_moon
 from flyaround.simulator.world.frames.rotation import quat_from_matrix, quat_from_rotvec, quat_normalize
 
 AU_M = 149_597_870_700.0
@@ -118,8 +119,7 @@ def build_scene(
         r_target_eci_m=vec3(r_target),
         v_target_eci_m_s=(0.0, 0.0, 0.0),
         r_sun_eci_m=vec3(r_sun),
-        r_moon_eci_m=(3.8e8, 0.0, 0.0),
-        q_itrs_from_eci_wxyz=(1.0, 0.0, 0.0, 0.0),
+        bodies=earth_and_moon((3.8e8, 0.0, 0.0)),
         sun_visible_fraction=1.0,
     )
     return replace(scene, **changes)

@@ -23,11 +23,12 @@ from flyaround.simulator.frame import take_frame
 from flyaround.simulator.render import frame_graph
 from flyaround.simulator.render.craft import viewport_fit, visible_edges, visible_triangles
 from flyaround.simulator.render.craft.mesh_array import WholeMesh
-from flyaround.simulator.render.earth import air_pass, earth_pass
+from flyaround.simulator.render.earth import earth_pass
 from flyaround.simulator.render.earth.screen_tiles import uniform_tiles
-from flyaround.simulator.render.frame_resources import EARTH, EARTH_TILES, SCENE
+from flyaround.simulator.render.frame_resources import EARTH_TILES, GLOBE, SCENE
 from flyaround.simulator.render.gl import depth_buffer
 from flyaround.simulator.render.gl.uniform_block import UniformBlock
+from flyaround.simulator.render.globe import air_pass
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.render.sky.star_pass import StarPass
@@ -57,8 +58,8 @@ def _changed(owner: object, name: str, after: Any) -> tuple[object, str, object]
 
 
 def _all_alike(path: object, r: Any) -> None:  # noqa: ANN401, ARG001
-    if r[EARTH].rect is not None:
-        r[EARTH_TILES] = uniform_tiles(r[EARTH], r[SCENE].camera)
+    if r[GLOBE].rect is not None:
+        r[EARTH_TILES] = uniform_tiles(r[GLOBE], r[SCENE].camera)
 
 
 def _all_stars(self: StarPass, scene: SceneState, view: View, images: FrameImages, *behind: Any) -> object:  # noqa: ANN401

@@ -20,6 +20,7 @@ from flyaround.simulator.scenario.checks import check_physics
 from flyaround.simulator.scenario.flight import frame_times
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scene.record import SceneRecord
 from flyaround.simulator.scene.second_camera import SECOND_SEED
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.time.instant import Instant
@@ -194,7 +195,7 @@ def _times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int, SceneStat
 
 def _differences(expected: SceneState, found: SceneState, left_out: Container[str]) -> list[str]:
     """Return the names of the fields in which two scenes differ by more than rounding."""
-    a, b = (msgspec.to_builtins(scene) for scene in (expected, found))
+    a, b = (msgspec.to_builtins(SceneRecord.of(scene)) for scene in (expected, found))
     return [
         name
         for name in sorted(a.keys() | b.keys())

@@ -42,7 +42,7 @@ from flyaround.simulator.labels.imported import ImportedTruth, read_label_record
 from flyaround.simulator.labels.layers import pixel_hash
 from flyaround.simulator.labels.truth import Truth
 from flyaround.simulator.targets.library import load_target
-from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -315,8 +315,7 @@ def _check_directions(truth: Truth) -> list[str]:
     ):
         if label is not None and not np.allclose(label, to_camera @ way / np.linalg.norm(way), atol=1e-9):
             wrong.append(f"{name} is not the direction that the scene's positions give")
-    pole = matrix_from_quat(scene.q_itrs_from_eci_wxyz)[2]
-    seen = sun_fraction_past_earth_and_moon(target, sun, scene.r_moon_eci_m, pole)
+    seen = sun_fraction_past_bodies(scene.bodies, target, sun)
     if abs(truth.sun_visible_fraction - seen) > 1e-9:
         wrong.append("sun_visible_fraction is not what Earth and Moon leave of the Sun's disc")
     if truth.exposure_s is not None and truth.exposure_s != scene.exposure_s:

@@ -11,18 +11,22 @@ import numpy as np
 
 from flyaround.simulator.render.earth.maps import maps_entry, packed_maps
 from flyaround.simulator.render.earth.sea_ice import sea_ice
+from flyaround.simulator.render.globe.globe_pass import albedo_of
+from flyaround.simulator.render.irradiance import dark_field, globe_shine, moon_plate_irradiance
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
-from flyaround.simulator.scene.illumination.irradiance import dark_field, earth_shine, moon_plate_irradiance
+from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flyaround.simulator.render.irradiance import IrradianceField
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
     from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.scene.state import SceneState
 
-EARTH_MEAN_ALBEDO = 0.30  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53
 SEA_ALBEDO, AIR_ALBEDO, CLOUD_ALBEDO = 0.06, 0.06, 0.55
 ICE_ALBEDO = 0.55  # of the pack, as it is drawn: floes, leads and ponds
 ALBEDO_VERSION = 5  # of `_reduce_maps`: raise it when the same maps give another albedo
@@ -54,7 +58,7 @@ def _with_ice(year: int, day: int, clouds: bool) -> Float32Array:  # noqa: FBT00
         / 255
     )
     iced = whole + sea * ice * (ICE_ALBEDO - SEA_ALBEDO)
-    return np.asarray(iced * (EARTH_MEAN_ALBEDO / _mean(iced) if clouds else 1.0), np.float32)
+    return np.asarray(iced * (EARTH.albedo / _mean(iced) if clouds else 1.0), np.float32)
 
 
 @cache
@@ -80,7 +84,7 @@ def _reduce_maps(*, clouds: bool) -> Float32Array:
         np.asarray(cv2.resize(x, _MAP_SIZE, interpolation=cv2.INTER_AREA), np.float32)
         for x in (albedo, clear * ~land)
     )
-    scale = EARTH_MEAN_ALBEDO / _mean(cells) if clouds else 1.0
+    scale = EARTH.albedo / _mean(cells) if clouds else 1.0
     return np.asarray([cells * scale, sea * scale], np.float32)
 
 
@@ -90,17 +94,37 @@ def _mean(cells: FloatArray | Float32Array) -> float:
     return float((cells * weight).sum() / (weight.sum() * cells.shape[1]))
 
 
-def earth_and_moon_shine(scene: SceneState) -> IrradianceField:
-    """Earth-shine and Moon-shine, or darkness where the scene asks for none."""
+def globe_and_moon_shine(scene: SceneState) -> IrradianceField:
+    """Return the light of globe and Moon on the target, or darkness where the scene asks for none."""
     bands = len(bands_of(scene.bands))
     if not scene.environment.earthshine:
         return dark_field(bands)
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
-    R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
-    r_target, r_sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
-    sun_eci = r_sun / np.linalg.norm(r_sun)
-    sun_w_m2 = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun)))
+    globe, r_target = scene.globe, np.asarray(scene.r_target_eci_m)
+    R_ge, centre = globe.R_fixed_from_eci, np.asarray(globe.r_eci_m)
+    to_sun = np.asarray(scene.r_sun_eci_m) - centre
+    sun_eci = to_sun / np.linalg.norm(to_sun)
+    sun_w_m2 = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(to_sun)))
+    albedo = _ALBEDOS[globe.body.surface](scene)
+    moon = moon_plate_irradiance(np.asarray(scene.body("moon").r_eci_m) - r_target, sun_eci, R_ce, sun_w_m2)
+    return globe_shine(
+        R_ge @ (r_target - centre),
+        R_ge @ sun_eci,
+        R_ce @ R_ge.T,
+        sun_w_m2,
+        albedo,
+        globe.body.mean_radius_m,
+        moon,
+    )
+
+
+def _earth_albedo(scene: SceneState) -> Float32Array:
     environment = scene.environment
-    albedo = albedo_of_day(scene.epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
-    moon = moon_plate_irradiance(np.asarray(scene.r_moon_eci_m) - r_target, sun_eci, R_ce, sun_w_m2)
-    return earth_shine(R_ie @ r_target, R_ie @ sun_eci, R_ce @ R_ie.T, sun_w_m2, albedo, moon)
+    return albedo_of_day(scene.epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
+
+
+_ALBEDOS: dict[str, Callable[[SceneState], Float32Array]] = {
+    "earth": _earth_albedo,
+    "globe": lambda scene: albedo_of(scene.globe.body),
+}
+"""By the passes that draw the globe."""

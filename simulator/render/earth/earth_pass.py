@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from flyaround.simulator.render.earth.air_pass import TABLE_DEFINES, AirPass
-from flyaround.simulator.render.earth.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from flyaround.simulator.render.earth.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
 from flyaround.simulator.render.earth.map_textures import AUGUST
 from flyaround.simulator.render.earth.maps import WIDTH as MAP_WIDTH
@@ -25,17 +23,19 @@ from flyaround.simulator.render.earth.terrain_detail import terrain_texture
 from flyaround.simulator.render.gl.fences import draw_to, flush
 from flyaround.simulator.render.gl.library import draw_one_point
 from flyaround.simulator.render.gl.mipmaps import mipmap_chain, mipmapped_texture, release_mipmapped
+from flyaround.simulator.render.globe.air_pass import TABLE_DEFINES, Air, AirPass
+from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from concurrent.futures import Future
 
-    from flyaround.simulator.render.earth.air_tables import AirTables
     from flyaround.simulator.render.earth.map_textures import EarthMaps
     from flyaround.simulator.render.earth.screen_tiles import ScreenTiles, TileKind
     from flyaround.simulator.render.frame_images import FrameImages
     from flyaround.simulator.render.gl.mipmaps import MipmapChain
     from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.globe.air_tables import AirTables
     from flyaround.simulator.runtime.arrays import Float32Array
     from flyaround.simulator.scene.environments import Environment
     from flyaround.simulator.scene.illumination.bands import Bands
@@ -74,14 +74,6 @@ _SAMPLERS = {
 def ice_day(scene: SceneState) -> str:
     """The day whose sea ice is drawn: the maps' own without seasons."""
     return scene.epoch_utc[:10] if scene.environment.seasons else "2004-08-15"
-
-
-@dataclass(frozen=True, eq=False)
-class Air:
-    """One atmosphere: its static tables and the pass that makes each frame's."""
-
-    tables: AirTables
-    frame: AirPass
 
 
 @dataclass(frozen=True)

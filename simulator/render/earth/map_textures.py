@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from flyaround.simulator.render.earth.air_tables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
 from flyaround.simulator.render.earth.albedo import albedo_of_day
 from flyaround.simulator.render.earth.detail_noise import detail_texture
 from flyaround.simulator.render.earth.maps import DecodedMaps, packed_maps
 from flyaround.simulator.render.earth.ocean_colour import ocean_colour, sources_to_decode
 from flyaround.simulator.render.earth.seasons import Season, ground_slopes, month_gains, season
 from flyaround.simulator.render.gl.mipmaps import mipmap_chain
+from flyaround.simulator.render.globe.air_tables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
 from flyaround.simulator.runtime.threads import beside_the_caller
 from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere
 from flyaround.simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS
@@ -82,9 +82,15 @@ def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: st
     return prefetched
 
 
+def shows_earth(scene: SceneState) -> bool:
+    """Return True if a scene's globe is the Earth, and drawn."""
+    body = scene.globe.body
+    return body.surface == "earth" and scene.environment.draws(body)
+
+
 def prefetch_maps_of(first: SceneState | None) -> dict[Bands, EarthMaps]:
     """Maps prefetched for the first scene to be drawn, as `Renderer` takes them; none where it has no Earth."""
-    if first is None or not first.environment.earth:
+    if first is None or not shows_earth(first):
         return {}
     return {first.bands: prefetch_earth_maps(first.bands, first.environment, first.epoch_utc)}
 

@@ -12,7 +12,7 @@ from flyaround.simulator.render.projection import PixelRect
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.render.earth.earth_view import EarthView
+    from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
 
 TILE_RAD = 0.0107
@@ -128,7 +128,7 @@ def tile_size_px(camera: Camera) -> int:
     return min(max(4 * round(TILE_RAD / camera.pixel_angle_rad() / 4), _SMALLEST_PX), _LARGEST_PX)
 
 
-def uniform_tiles(earth: EarthView, camera: Camera) -> ScreenTiles:
+def uniform_tiles(earth: GlobeView, camera: Camera) -> ScreenTiles:
     """The tiles that Earth and air may touch as one kind, which any pixel may be: nothing is worked out of them."""
     size, rect = tile_size_px(camera), earth.rect
     columns, rows = -(-camera.width_px // size), -(-camera.height_px // size)

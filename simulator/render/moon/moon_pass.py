@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.render.earth.air_pass import TABLE_DEFINES
 from flyaround.simulator.render.gl.fences import draw_to, flush
+from flyaround.simulator.render.globe.air_pass import AIR_SAMPLERS, TABLE_DEFINES
 from flyaround.simulator.render.moon.craters import (
     BROAD_LARGEST_PX,
     FINE_LARGEST_PX,
@@ -40,7 +40,6 @@ TEXEL_KM = 2.665  # of the map, at the equator
 BROAD_KM, FINE_KM = 403.0, 63.0  # periods of the two tiles of craters
 _PHASES = 512
 SAMPLES, STRIDE = 13, 5  # of a fine pixel; sample k lies in column k and row 5 k mod 13 of a grid of 13 by 13
-_AIR = {1: ("t_air",), 3: ("t_air_rayleigh", "t_air_mie", "t_air_transmittance")}
 _OWN = ("t_coverage", "t_moon", "t_broad", "t_fine", "t_phase", "t_umbra")
 
 
@@ -156,7 +155,7 @@ class MoonPass:
                 "MAP_AT_CORNERS": int(kind.smooth and kind.footprint_km * kind.size_px < TEXEL_KM),
                 **TABLE_DEFINES,
             },
-            (*_OWN, *(_AIR[bands] if air is not None else ())),
+            (*_OWN, *(AIR_SAMPLERS[bands] if air is not None else ())),
             many_fragments=not kind.smooth,
         )
 
@@ -183,7 +182,7 @@ class MoonPass:
             t_umbra=self._umbra,
         )
         if air is not None:
-            program.bind_textures(**dict(zip(_AIR[images.bands], air, strict=True)))
+            program.bind_textures(**dict(zip(AIR_SAMPLERS[images.bands], air, strict=True)))
         program.set("u_window", rect.viewport)
         if program not in self._arrays:
             buffer = self._context.buffer(reserve=8, dynamic=True)

@@ -38,7 +38,7 @@ class MoonView:
     shadow_share : (K, n) of the Sun's light across the shadow, ``None`` when the Moon is clear of it.
     shadow_reach : distance from the axis of the last of them.
     center_camera : (3,) direction to its centre, camera frame. sine : of its angular radius.
-    in_front : whether it is nearer than the Earth.
+    in_front : whether it is nearer than the globe.
     rect : pixels that it can touch, ``None`` when there are none.
     """
 
@@ -66,8 +66,8 @@ class MoonView:
 def moon_view(scene: SceneState) -> MoonView:
     """Find the Moon in the image and work out its light."""
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
-    R_me = matrix_from_quat(scene.q_moon_from_eci_wxyz)
-    moon, sun = np.asarray(scene.r_moon_eci_m), np.asarray(scene.r_sun_eci_m)
+    state = scene.body("moon")
+    R_me, moon, sun = state.R_fixed_from_eci, np.asarray(state.r_eci_m), np.asarray(scene.r_sun_eci_m)
     to_camera = np.asarray(scene.r_camera_eci_m) - moon
     distance = float(np.linalg.norm(to_camera))
     to_sun = sun - moon
@@ -99,7 +99,7 @@ def moon_view(scene: SceneState) -> MoonView:
         shadow_reach=reach / MOON_RADIUS_M,
         center_camera=center,
         sine=sine,
-        in_front=distance < float(np.linalg.norm(scene.r_camera_eci_m)),
+        in_front=distance < float(np.linalg.norm(np.subtract(scene.r_camera_eci_m, scene.globe.r_eci_m))),
         rect=disc_rect(scene.camera, center, sine),
     )
 

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     import moderngl
 
     from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.render.earth.earth_view import EarthView
     from flyaround.simulator.render.frame_images import FrameImages
     from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.render.moon.moon_view import MoonView
     from flyaround.simulator.render.view import View
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
@@ -74,7 +74,7 @@ class StarPass:
         scene: SceneState,
         view: View,
         images: FrameImages,
-        earth: EarthView | None,
+        earth: GlobeView | None,
         air: Atmosphere | None,
         moon: MoonView | None,
         hidden: PixelRect | None = None,
@@ -148,7 +148,7 @@ def spread(pixels: FloatArray, radiance: FloatArray, size: tuple[int, int]) -> S
 def stars_in_view(
     scene: SceneState,
     view: View,
-    earth: EarthView | None,
+    earth: GlobeView | None,
     air: Atmosphere | None,
     moon: MoonView | None = None,
 ) -> tuple[FloatArray, FloatArray]:
@@ -225,7 +225,7 @@ def _pixel_solid_angle_sr(camera: Camera, d: FloatArray) -> FloatArray:
 
 
 def _past_the_earth(
-    d_camera: FloatArray, earth: EarthView, air: Atmosphere | None
+    d_camera: FloatArray, earth: GlobeView, air: Atmosphere | None
 ) -> tuple[BoolArray, FloatArray | None]:
     """Which directions (3, K) miss the ground, and what (n, K) the air on the way leaves of their light, if any."""
     d = earth.earth_from_camera @ d_camera

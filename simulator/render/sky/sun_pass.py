@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.simulator.render.earth.air_pass import TABLE_DEFINES
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.programs import FULL_SCREEN
+from flyaround.simulator.render.globe.air_pass import AIR_SAMPLERS, TABLE_DEFINES
 from flyaround.simulator.render.moon.moon_view import disc_rect
 
 if TYPE_CHECKING:
@@ -17,11 +17,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
     from flyaround.simulator.render.projection import PixelRect
     from flyaround.simulator.render.view import View
-
-_SAMPLERS = {
-    1: ("t_coverage", "t_air"),
-    3: ("t_coverage", "t_air_rayleigh", "t_air_mie", "t_air_transmittance"),
-}
 
 
 class SunPass:
@@ -58,7 +53,9 @@ class SunPass:
             "MOON": int(moon),
             **TABLE_DEFINES,
         }
-        program = self._programs.get(FULL_SCREEN, "sky/sun.frag", defines, _SAMPLERS[images.bands])
+        program = self._programs.get(
+            FULL_SCREEN, "sky/sun.frag", defines, ("t_coverage", *AIR_SAMPLERS[images.bands])
+        )
         images.mark_lit(rect)
         draw_to(images.sky_framebuffer)
         images.sky_framebuffer.viewport = rect.viewport
@@ -66,7 +63,7 @@ class SunPass:
         self._context.blend_func = self._context.ONE, self._context.ONE
         program.bind_textures(t_coverage=images.coverage)
         if air is not None:
-            program.bind_textures(**dict(zip(_SAMPLERS[images.bands][1:], air, strict=True)))
+            program.bind_textures(**dict(zip(AIR_SAMPLERS[images.bands], air, strict=True)))
         program.set("u_sun_disc", (*view.sun_direction, view.sun_sine))
         program.set("u_sun_full_irradiance", (*view.sun_irradiance_w_m2, *[0.0] * (4 - images.bands)))
         if program not in self._arrays:

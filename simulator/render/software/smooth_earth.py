@@ -25,10 +25,10 @@ from flyaround.simulator.render.gl.mipmaps import level_textures
 if TYPE_CHECKING:
     import moderngl
 
-    from flyaround.simulator.render.earth.air_pass import AirPass
     from flyaround.simulator.render.earth.map_textures import EarthMaps
     from flyaround.simulator.render.earth.screen_tiles import ScreenTiles, TileKind
     from flyaround.simulator.render.gl.programs import ProgramLibrary
+    from flyaround.simulator.render.globe.air_pass import AirPass
     from flyaround.simulator.runtime.arrays import Float32Array, IntArray
     from flyaround.simulator.scene.illumination.bands import Bands
 

@@ -15,9 +15,9 @@ from flyaround.simulator.render.frame_graph import Pass, Resource
 from flyaround.simulator.render.frame_resources import (
     AIR_TABLES,
     COVERAGE,
-    EARTH,
     EARTH_PASS,
     EARTH_TILES,
+    GLOBE,
     MOON,
     PICTURE,
     RADIANCE,
@@ -95,7 +95,7 @@ class SoftwarePath:
                     "clear.rest",
                     self._clear_the_rest,
                     reads=(RADIANCE, COVERAGE),
-                    optional=(EARTH, EARTH_TILES),
+                    optional=(GLOBE, EARTH_TILES),
                     writes=(RADIANCE, COVERAGE),
                 ),
             )
@@ -129,25 +129,25 @@ class SoftwarePath:
 
     def _clear_the_rest(self, r: PassResources) -> None:
         """Empty what was not: an Earth that fills the image is written to all pixels but the target's."""
-        earth, tiles, images = r.find(EARTH), r.find(EARTH_TILES), r[RADIANCE]
-        fills = earth is not None and earth.fills_image
+        earth, tiles, images = r.find(GLOBE), r.find(EARTH_TILES), r[RADIANCE]
+        written = tiles if earth is not None and earth.fills_image else None
         if self._filled:
             everything = PixelRect(0, 0, *images.size)
-            images.clear(tiles.holding(covered=True) if fills and tiles is not None else everything)
-        self._filled = fills
+            images.clear(everything if written is None else written.holding(covered=True))
+        self._filled = written is not None
 
     # the Earth
 
     def _sort_tiles(self, r: PassResources) -> None:
         """Cut what the Earth touches into tiles by what their pixels see."""
-        scene, earth, target = r[SCENE], r[EARTH], r.find(TARGET)
+        scene, earth, target = r[SCENE], r[GLOBE], r.find(TARGET)
         if earth.rect is not None:
             target_px = None if target is None else target.tiles_px
             r[EARTH_TILES] = earth_tiles(earth, scene.camera, target_px, ice_day(scene))
 
     def _look_through_air(self, r: PassResources) -> None:
         """Draw this frame's air tables if any pixel asks for them, and work out the air at smooth tiles' corners."""
-        earth, tiles, moon = r[EARTH], r[EARTH_TILES], r.find(MOON)
+        earth, tiles, moon = r[GLOBE], r[EARTH_TILES], r.find(MOON)
         air = r[EARTH_PASS].air(r[SCENE].environment.atmosphere_thickness_km).frame
         # a view of nothing but smooth ground asks for the air at its tiles' corners only
         corners_do = tiles.all_smooth and earth.sky_rows is None

@@ -27,7 +27,7 @@ from flyaround.simulator.world.constants import EARTH_RADIUS_M
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.render.earth.earth_view import EarthView
+    from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 _SMOOTH_DISC = (
@@ -56,7 +56,7 @@ class _CornerRays:
     footprint_km : of a pixel. span : of a tile on the ground across its ray [radii].
     """
 
-    def __init__(self, earth: EarthView, camera: Camera) -> None:
+    def __init__(self, earth: GlobeView, camera: Camera) -> None:
         self.earth, self.size_px = earth, tile_size_px(camera)
         self.pixel_rad = pixel_rad = camera.pixel_angle_rad()
         self.x_px = tile_edges(camera.width_px, self.size_px)
@@ -130,7 +130,7 @@ class _CornerRays:
         return np.asarray(corner + np.float32(self.size_px / 2))
 
 
-def earth_tiles(earth: EarthView, camera: Camera, target_px: FloatArray | None, day: str) -> ScreenTiles:
+def earth_tiles(earth: GlobeView, camera: Camera, target_px: FloatArray | None, day: str) -> ScreenTiles:
     """Cut the image into tiles and sort them.
 
     Parameters

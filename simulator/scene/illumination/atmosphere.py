@@ -12,21 +12,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.scene.illumination.bands import bands_of
-from flyaround.simulator.world.constants import EARTH_RADIUS_M
+from flyaround.simulator.world.bodies.earth import EARTH
+from flyaround.simulator.world.ephemeris.body import BodyAir
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.world.ephemeris.body import Body
 
 SUN_ANGULAR_RADIUS_RAD = 0.004652  # IAU 2015 nominal solar radius at 1 au
 
-# Rayleigh scattering at sea level times wavelength^4: Penndorf (1957), as in Bruneton & Neyret (2008) [m-1 um^4]
-_RAYLEIGH_M_UM4 = 1.24062e-6
-# Ozone profile: a tent from 10 to 40 km
-OZONE_HEIGHT_M, OZONE_HALF_WIDTH_M = 25_000.0, 15_000.0
-# Ozone absorption at its peak, of a tent holding 300 Dobson units [m-1]; cross sections averaged over
-# the band: Gorshelev et al. (2014), High spectral resolution ozone absorption cross-sections, AMT 7
-_OZONE_PEAK_M = {"panchromatic": 1.18e-6, "red": 1.43e-6, "green": 1.75e-6, "blue": 1.67e-7}
+_NO_AIR = BodyAir(rayleigh_m_um4=0.0, rayleigh_height_m=1000.0, thickness_m=5000.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,27 +70,35 @@ class Atmosphere:
 
 
 def earth_atmosphere(bands: Bands, thickness_m: float = 100_000.0) -> Atmosphere:
-    """The Earth's clear air with continental-average aerosol (optical depth 0.05), per band of the camera.
+    """Return the Earth's air; parameters as of `body_atmosphere`."""
+    return body_atmosphere(EARTH, bands, thickness_m)
+
+
+def body_atmosphere(body: Body, bands: Bands, thickness_m: float | None = None) -> Atmosphere:
+    """Return the air of a body per band of the camera; one that scatters nothing where it has none.
 
     Parameters
     ----------
-    thickness_m : height at which it is cut off; its density is that of the Earth's air up to there.
+    thickness_m : height at which it is cut off, in place of its own; its density up to there is the same.
     """
+    air = body.air or _NO_AIR
     rayleigh, ozone = [], []
     for band in bands_of(bands):
         low, high = band.low_nm * 1e-3, band.high_nm * 1e-3
         # mean of wavelength^-4 over the band
-        rayleigh.append(_RAYLEIGH_M_UM4 * (low**-3 - high**-3) / (3 * (high - low)))
-        ozone.append(_OZONE_PEAK_M[band.name])
-    extinction = np.full(
-        len(rayleigh), 4.44e-6
-    )  # Angstrom turbidity 0.0053, exponent 0, as in Bruneton (2017)
+        rayleigh.append(air.rayleigh_m_um4 * (low**-3 - high**-3) / (3 * (high - low)))
+        ozone.append(air.ozone_m.get(band.name, 0.0))
+    extinction = np.full(len(rayleigh), air.aerosol_m)
     return Atmosphere(
         rayleigh_m=np.array(rayleigh),
-        mie_scattering_m=0.93 * extinction,
+        mie_scattering_m=air.aerosol_albedo * extinction,
         mie_extinction_m=extinction,
         ozone_m=np.array(ozone),
-        thickness_m=thickness_m,
+        rayleigh_height_m=air.rayleigh_height_m,
+        mie_height_m=air.aerosol_height_m,
+        mie_g=air.aerosol_g,
+        thickness_m=air.thickness_m if thickness_m is None else thickness_m,
+        radius_m=body.radius_m,
     )
 
 

@@ -113,30 +113,32 @@ def field_of_samples(
     return IrradianceField(_fit_irradiance(axis, falling), np.asarray(linear.T, float), disc_cosine, axis)
 
 
-def earth_shine(
-    r_target_itrs_m: FloatArray,
-    sun_itrs: FloatArray,
-    R_camera_from_itrs: FloatArray,
+def globe_shine(
+    r_target_globe_m: FloatArray,
+    sun_globe: FloatArray,
+    R_camera_from_globe: FloatArray,
     sun_w_m2: FloatArray,
     albedo: Float32Array,
+    radius_m: float,
     also_w_m2: FloatArray | None = None,
 ) -> IrradianceField:
-    """Light of the part of the Earth that a target sees.
+    """Compute the light of the part of a globe that a target sees.
 
     Parameters
     ----------
-    sun_itrs : unit vector to the Sun. sun_w_m2 : irradiance of the Sun at the Earth, per band.
+    r_target_globe_m, sun_globe : in the globe's axes; the second a unit vector to the Sun.
+    sun_w_m2 : irradiance of the Sun at the globe, per band. radius_m : of the globe, a sphere here.
     albedo : (H, W) of a Lambert surface, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
     also_w_m2 : as of `field_of_samples`.
     """
-    distance = float(np.linalg.norm(r_target_itrs_m))
-    sine = min(EARTH_MEAN_RADIUS_M / distance, 1.0)
+    distance = float(np.linalg.norm(r_target_globe_m))
+    sine = min(radius_m / distance, 1.0)
     rim = float(np.sqrt(1 - sine * sine))
-    zenith = r_target_itrs_m / distance
+    zenith = r_target_globe_m / distance
     cap = spherical_fibonacci(_SAMPLES, rim)
     c = cap[:, 2]
-    # in Earth's radii
-    above = distance / EARTH_MEAN_RADIUS_M
+    # in radii
+    above = distance / radius_m
     along = above * c - np.sqrt(np.maximum(1 - above**2 * (1 - c * c), 0))
     axes = orthonormal_basis(zenith)
     axes[2] = -zenith
@@ -146,14 +148,14 @@ def earth_shine(
     latitude = np.arcsin(np.minimum(np.maximum(ground[:, 2], -1), 1))
     row = np.minimum((0.5 - latitude / np.pi) * height, height - 1).astype(int)
     column = ((np.arctan2(ground[:, 1], ground[:, 0]) / (2 * np.pi) + 0.5) * width).astype(int) % width
-    light = albedo[row, column] / np.pi * np.maximum(ground @ sun_itrs, 0)
+    light = albedo[row, column] / np.pi * np.maximum(ground @ sun_globe, 0)
     solid_angle = 2 * np.pi * (1 - rim) / _SAMPLES
     return field_of_samples(
-        rays @ R_camera_from_itrs.T,
+        rays @ R_camera_from_globe.T,
         light[:, None] * sun_w_m2,
         solid_angle,
         rim,
-        -R_camera_from_itrs @ zenith,
+        -R_camera_from_globe @ zenith,
         also_w_m2,
     )
 

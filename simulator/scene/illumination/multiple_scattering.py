@@ -16,18 +16,18 @@ from flyaround.simulator.scene.illumination.atmosphere import (
     optical_depth_to_top,
     sun_share,
 )
+from flyaround.simulator.world.bodies.earth import EARTH
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
 HEIGHTS, SUNS = 24, 33
-GROUND_ALBEDO = 0.3  # of the ground and the clouds together: Stephens et al. (2015), Rev. Geophys. 53
 _STEPS = 16
 _POLAR, _TURNS = 8, 6
 
 
-def multiple_scattering(air: Atmosphere, ground_albedo: float = GROUND_ALBEDO) -> MultipleScattering:
+def multiple_scattering(air: Atmosphere, ground_albedo: float = EARTH.albedo) -> MultipleScattering:
     """The table of one atmosphere over ground that reflects evenly."""
     # the middle column lies on the horizon
     column = np.linspace(-1, 1, SUNS)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
     from flyaround.simulator.runtime.arrays import FloatArray, Vec3
-    from flyaround.simulator.world.ephemeris.bodies import Body
+    from flyaround.simulator.world.ephemeris.body import Body
     from flyaround.simulator.world.orbit.propagation import OrbitTrack
     from flyaround.simulator.world.time.instant import Instant
 

@@ -1,4 +1,4 @@
-"""Visible share of the Sun's disc past the Earth's ellipsoid and the Moon's sphere."""
+"""Visible share of the Sun's disc past the ellipsoids of bodies."""
 
 from __future__ import annotations
 
@@ -6,48 +6,59 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.world.constants import EARTH_RADIUS_M, FLATTENING, MOON_RADIUS_M, SUN_RADIUS_M
+from flyaround.simulator.world.constants import EARTH_RADIUS_M, FLATTENING, SUN_RADIUS_M
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from numpy.typing import ArrayLike
 
     from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.ephemeris.body import BodyState
 
 GCRS_POLE = (0.0, 0.0, 1.0)
 """The Earth's axis of J2000.0, a sixth of a degree from that of 2026: 60 m of the limb."""
-_STRETCH = (
-    1 / (1 - FLATTENING) - 1
-)  # of lengths along the axis: the ellipsoid becomes a sphere, rays stay straight
 _DAY_SIDE_COSINE = (
     0.01  # 0.6 degrees sunward of the body's centre and more, its limb cannot reach the Sun's disc
 )
 
 
-def sun_fraction_past_earth_and_moon(
-    r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike, r_moon_eci_m: ArrayLike, pole_eci: ArrayLike = GCRS_POLE
+def sun_fraction_past_bodies(
+    bodies: Iterable[BodyState], r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike
 ) -> float:
-    """Share of the Sun's disc that neither the Earth nor the Moon hides from one spacecraft.
+    """Compute the share of the Sun's disc that no body hides from one spacecraft.
 
-    What each hides is added: both cover a part of the Sun at once for some seconds a century.
+    The hidden shares are added: two bodies cover a part of the Sun at once for some seconds a century.
 
     Parameters
     ----------
-    r_eci_m, r_sun_eci_m, r_moon_eci_m : (3,) spacecraft, Sun and Moon from the Earth's centre [m].
-    pole_eci : (3,) unit vector of the Earth's axis.
+    bodies : the Earth among them. r_eci_m, r_sun_eci_m : (3,) spacecraft and Sun from the Earth's centre [m].
     """
-    r, sun, moon = (np.asarray(x, float) for x in (r_eci_m, r_sun_eci_m, r_moon_eci_m))
-    past_earth = float(sun_visible_fraction(r, sun, pole_eci))
-    past_moon = float(sun_fraction_past_sphere(r - moon, sun - moon, MOON_RADIUS_M))
-    return max(past_earth + past_moon - 1.0, 0.0)
+    r, sun = (np.asarray(x, float) for x in (r_eci_m, r_sun_eci_m))
+    return max(float(add_shares([past_body(state, r, sun) for state in bodies])), 0.0)
+
+
+def past_body(state: BodyState, r_eci_m: FloatArray, r_sun_eci_m: FloatArray) -> FloatArray:
+    """Return the share of the Sun's disc not hidden by one body; (..., 3) places as of `sun_visible_fraction`."""
+    body, centre = state.body, np.asarray(state.r_eci_m)
+    r, sun = r_eci_m - centre, r_sun_eci_m - centre
+    if not body.flattening:
+        return sun_fraction_past_sphere(r, sun, body.radius_m)
+    return _past_ellipsoid(r, sun, state.R_fixed_from_eci[2], body.radius_m, body.flattening)
+
+
+def add_shares(shares: Sequence[FloatArray]) -> FloatArray:
+    """Return the share of the Sun past several bodies from those past each; below zero where they overlap."""
+    total = shares[0]
+    for share in shares[1:]:
+        total = total + share - 1.0
+    return total
 
 
 def sun_visible_fraction(
     r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike, pole_eci: ArrayLike = GCRS_POLE
 ) -> FloatArray:
     """Share of the Sun's disc not hidden by the Earth's ellipsoid (WGS 84): 1 in sunlight, 0 in umbra.
-
-    Lengths along the axis are stretched until the ellipsoid is a sphere: straight rays stay straight. The Sun's disc
-    becomes an ellipse by a thousandth at most, which is left out.
 
     Parameters
     ----------
@@ -59,8 +70,19 @@ def sun_visible_fraction(
     (...) fraction, 0..1.
     """
     r, sun, pole = (np.asarray(x, float) for x in (r_eci_m, r_sun_eci_m, pole_eci))
-    r, sun = (x + (_STRETCH * np.asarray(x @ pole))[..., None] * pole for x in (r, sun))
-    return sun_fraction_past_sphere(r, sun, EARTH_RADIUS_M)
+    return _past_ellipsoid(r, sun, pole, EARTH_RADIUS_M, FLATTENING)
+
+
+def _past_ellipsoid(
+    r: FloatArray, sun: FloatArray, pole: FloatArray, radius_m: float, flattening: float
+) -> FloatArray:
+    """Return the share past an ellipsoid: stretched along its axis to a sphere, straight rays stay straight.
+
+    The Sun's disc becomes an ellipse, of the Earth by three thousandths, which is ignored.
+    """
+    stretch = 1 / (1 - flattening) - 1
+    r, sun = (x + (stretch * np.asarray(x @ pole))[..., None] * pole for x in (r, sun))
+    return sun_fraction_past_sphere(r, sun, radius_m)
 
 
 def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float) -> FloatArray:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.world.ephemeris.body import R_fixed_from_pole
 from flyaround.simulator.world.frames.rotation import quat_from_matrix
 
 if TYPE_CHECKING:
@@ -57,20 +58,9 @@ def R_moon_from_eci(instant: Instant) -> FloatArray:
     alpha = 269.9949 + 0.0031 * centuries + float(_ALPHA @ np.sin(E))
     delta = 66.5392 + 0.0130 * centuries + float(_DELTA @ np.cos(E))
     W = 38.3213 + 13.17635815 * days - 1.4e-12 * days**2 + float(_W @ np.sin(E))
-    return _about_z(W) @ _about_x(90.0 - delta) @ _about_z(90.0 + alpha)
+    return R_fixed_from_pole(alpha, delta, W)
 
 
 def q_moon_from_eci(instant: Instant) -> FloatArray:
     """Unit quaternion ``q_moon_from_eci_wxyz``, scalar first."""
     return quat_from_matrix(R_moon_from_eci(instant))
-
-
-def _about_z(angle_deg: float) -> FloatArray:
-    """Turn of the axes about z."""
-    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
-    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _about_x(angle_deg: float) -> FloatArray:
-    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])

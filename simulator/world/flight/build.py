@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.world.attitude.directions import PointingContext
 from flyaround.simulator.world.attitude.pointing import DOWN_AXES_LVLH
 from flyaround.simulator.world.attitude.reaction_wheels import fly_wheels
 from flyaround.simulator.world.attitude.target_attitude import Attitude, SteadyTrack
-from flyaround.simulator.world.ephemeris.bodies import EARTH, Body
-from flyaround.simulator.world.ephemeris.earth_orientation import pole_eci
+from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.flight.flight import Flight
 from flyaround.simulator.world.frames.lvlh import lvlh_frame
 from flyaround.simulator.world.frames.rotation import quat_normalize
@@ -30,6 +28,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.world.attitude.reaction_wheels import Wheels
     from flyaround.simulator.world.attitude.rigid_body import AttitudeTrack
+    from flyaround.simulator.world.ephemeris.body import Body
     from flyaround.simulator.world.guidance.chaser import Chaser
     from flyaround.simulator.world.orbit.burns import Burn
     from flyaround.simulator.world.orbit.followed import Ephemeris
@@ -73,14 +72,14 @@ def propagate_flight(
     Parameters
     ----------
     target, chaser : the two craft. epoch, duration_s : start and length.
-    forces : on both craft; a point mass with J2 unless given.
-    body : what they circle; with the Moon the forces must be given.
+    forces : on both craft; the plain gravity of the body, a point mass with J2, unless given.
+    body : what they circle.
     burns : of both craft; the chaser's are for one in free flight.
     chaser_ephemeris : what the chaser follows; its mode is then `FollowedChaser`.
     """
     r, v = np.asarray(target.r_eci_m, float), np.asarray(target.v_eci_m_s, float)
     if forces is None:
-        forces = Gravity(pole_eci=vec3(pole_eci(epoch)))
+        forces = Gravity.of(body, epoch)
     frame = lvlh_frame(r, v, forces.target(0.0, r, v))
     mu = forces.mu_m3_s2
     elements = elements_from_state(r, v, mu)

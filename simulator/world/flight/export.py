@@ -27,7 +27,7 @@ _VECTORS = (
     "omega_target_rad_s",
     "omega_camera_rad_s",
 )
-_QUATERNIONS = ("q_eci_from_target_wxyz", "q_camera_from_eci_wxyz", "q_itrs_from_eci_wxyz")
+_QUATERNIONS = ("q_eci_from_target_wxyz", "q_camera_from_eci_wxyz")
 
 
 Row = dict[str, str | float | None]
@@ -48,9 +48,11 @@ def fly_table(flight: Flight, times_s: Iterable[float]) -> list[Row]:
             row |= {
                 f"{quantity}_{axis}_{unit}": x for axis, x in zip("xyz", getattr(state, name), strict=True)
             }
-        for name in _QUATERNIONS:
+        quaternions = {name: getattr(state, name) for name in _QUATERNIONS}
+        quaternions["q_itrs_from_eci_wxyz"] = state.body("earth").q_fixed_from_eci_wxyz
+        for name, values in quaternions.items():
             quantity = name.removesuffix("_wxyz")
-            row |= {f"{quantity}_{axis}": x for axis, x in zip("wxyz", getattr(state, name), strict=True)}
+            row |= {f"{quantity}_{axis}": x for axis, x in zip("wxyz", values, strict=True)}
         row |= {"range_m": state.range_m, "sun_visible_fraction": state.sun_visible_fraction}
         rows.append(row)
     return _with_log(flight, rows)

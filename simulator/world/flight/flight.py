@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import quat, vec3
-from flyaround.simulator.world.ephemeris.bodies import EARTH, Body
-from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from flyaround.simulator.world.ephemeris.moon_orientation import q_moon_from_eci
-from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from flyaround.simulator.world.bodies.earth import EARTH
+from flyaround.simulator.world.ephemeris.body import bodies_at
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
+from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
 from flyaround.simulator.world.flight.recording import Recording
 from flyaround.simulator.world.flight.world_state import WorldState
 from flyaround.simulator.world.frames.lvlh import Lvlh, lvlh_frame
-from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 if TYPE_CHECKING:
@@ -26,6 +24,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.attitude.pointing import Pointing
     from flyaround.simulator.world.attitude.reaction_wheels import WheelTrack
     from flyaround.simulator.world.attitude.rigid_body import AttitudeTrack
+    from flyaround.simulator.world.ephemeris.body import Body
     from flyaround.simulator.world.guidance.chaser import Chaser
     from flyaround.simulator.world.guidance.command_script import ScriptedTrack
     from flyaround.simulator.world.guidance.thruster_control import ControlledTrack
@@ -108,13 +107,11 @@ class Flight:
         t_s = chaser.t_s
         self._check(t_s)
         now = self.epoch.plus(t_s)
-        r, v, r_body = self._target(now, t_s)
+        r, v = self._target(now, t_s)
         q_target, omega_target = self.attitude(t_s)
         p, p_rate = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
         p_lvlh, v_lvlh = self.lvlh(t_s).from_eci(p, p_rate)
-        sun = sun_eci_m(now.tt1, now.tt2)
-        moon = moon_eci_m(now.tt1, now.tt2) if self.body is EARTH else r_body
-        q_ie = q_itrs_from_eci(now)
+        sun, bodies = sun_eci_m(now.tt1, now.tt2), bodies_at(now, self.body)
         return WorldState(
             epoch_utc=now.iso(),
             t_s=float(t_s),
@@ -131,22 +128,20 @@ class Flight:
             position_lvlh_m=vec3(p_lvlh),
             velocity_lvlh_m_s=vec3(v_lvlh),
             r_sun_eci_m=vec3(sun),
-            r_moon_eci_m=vec3(moon),
-            q_itrs_from_eci_wxyz=quat(q_ie),
-            q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
-            sun_visible_fraction=sun_fraction_past_earth_and_moon(r, sun, moon, matrix_from_quat(q_ie)[2]),
+            bodies=bodies,
+            sun_visible_fraction=sun_fraction_past_bodies(bodies, r, sun),
             central_body=self.body.name,
         )
 
-    def _target(self, now: Instant, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Geocentric position and velocity of the target, and position of the body it circles."""
-        r_body, v_body = self.body.geocentric_state(now)
+    def _target(self, now: Instant, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Geocentric position and velocity of the target."""
         if self.recording is not None:
             # as recorded, to the last bit
             y = self.recording.target(t_s)
-            return y[:3], y[3:], r_body
+            return y[:3], y[3:]
         r, v = self.orbit(t_s)
-        return r_body + r, v_body + v, r_body
+        r_body, v_body = self.body.geocentric_state(now)
+        return r_body + r, v_body + v
 
     def relative(self, t_s: float, frame: Lvlh | None = None) -> tuple[FloatArray, FloatArray]:
         """Chaser minus target along GCRS axes [m], [m s-1].

@@ -15,7 +15,7 @@ import numpy as np
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular
-from flyaround.simulator.world.ephemeris.bodies import EARTH
+from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.frames.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
 from flyaround.simulator.world.guidance.chaser import Chaser
 from flyaround.simulator.world.guidance.manual_control import ChaserState
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.attitude.rigid_body import AttitudeTrack
-    from flyaround.simulator.world.ephemeris.bodies import Body
+    from flyaround.simulator.world.ephemeris.body import Body
     from flyaround.simulator.world.flight.world_state import WorldState
     from flyaround.simulator.world.orbit.forces import ForceModel
     from flyaround.simulator.world.time.instant import Instant

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import Quat, Vec3
-from flyaround.simulator.world.ephemeris.bodies import BODIES, BodyName
+from flyaround.simulator.world.ephemeris.body import BodyState, BodyStates
 
 
 @dataclass(frozen=True, kw_only=True)
-class WorldState:
+class WorldState(BodyStates):
     """The world at ``t_s``: float64, GCRS, SI.
 
     Parameters
@@ -23,10 +23,10 @@ class WorldState:
     q_camera_from_eci_wxyz, omega_camera_rad_s : its attitude and its rate relative to ECI, camera axes.
     relative_eci_m, relative_eci_m_s : chaser minus target, without the rounding of two large numbers.
     position_lvlh_m, velocity_lvlh_m_s : the same in the target's rotating LVLH frame.
-    r_sun_eci_m, r_moon_eci_m : apparent, geocentric; about the Moon its own place is the geometric one, so that
-        ``r_target_eci_m - r_moon_eci_m`` is the orbit about it.
-    q_itrs_from_eci_wxyz, q_moon_from_eci_wxyz : orientation of the Earth and the Moon (mean Earth / polar axis).
-    sun_visible_fraction : share of the Sun's disc the target sees past the Earth and the Moon, 0..1.
+    r_sun_eci_m : apparent, geocentric.
+    bodies : Earth, Moon and, where it is another, the body that is circled, whose place is geometric so that
+        ``r_target_eci_m`` less it is the orbit.
+    sun_visible_fraction : share of the Sun's disc that the target sees past the bodies, 0..1.
     central_body : what the target circles; LVLH is taken about it.
     """
 
@@ -45,11 +45,9 @@ class WorldState:
     position_lvlh_m: Vec3
     velocity_lvlh_m_s: Vec3
     r_sun_eci_m: Vec3
-    r_moon_eci_m: Vec3
-    q_itrs_from_eci_wxyz: Quat
-    q_moon_from_eci_wxyz: Quat
+    bodies: tuple[BodyState, ...]
     sun_visible_fraction: float
-    central_body: BodyName = "earth"
+    central_body: str = "earth"
 
     @property
     def range_m(self) -> float:
@@ -59,6 +57,7 @@ class WorldState:
     @property
     def altitude_m(self) -> float:
         """Height of the target above a sphere of the central body's (equatorial) radius [m]."""
-        centre = self.r_moon_eci_m if self.central_body == "moon" else (0.0, 0.0, 0.0)
-        distance = np.linalg.norm(np.subtract(self.r_target_eci_m, centre))
-        return float(distance) - BODIES[self.central_body].radius_m
+        central = self.central
+        return (
+            float(np.linalg.norm(np.subtract(self.r_target_eci_m, central.r_eci_m))) - central.body.radius_m
+        )

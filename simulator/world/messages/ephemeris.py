@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flyaround.simulator.runtime.arrays import FloatArray
-    from flyaround.simulator.world.ephemeris.bodies import Body
+    from flyaround.simulator.world.ephemeris.body import Body
     from flyaround.simulator.world.messages.ccsds import Segment
     from flyaround.simulator.world.time.instant import Instant
 

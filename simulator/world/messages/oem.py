@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.world.ephemeris.bodies import BODIES
+from flyaround.simulator.world.ephemeris.body import body_names
 from flyaround.simulator.world.messages.ccsds import Segment, header, read_segments, read_time, stamp
 from flyaround.simulator.world.messages.ccsds_frames import require_frame
 from flyaround.simulator.world.messages.ephemeris import Ephemeris, Piece
@@ -80,7 +80,7 @@ def one_object(segments: Sequence[Segment], where: str, satellite: str | None) -
 def _piece(segment: Segment, epoch: Instant, centre_wanted: str) -> Piece:
     centre = segment.require("CENTER_NAME").upper()
     if centre != centre_wanted:
-        other = f', or set orbit.centre to "{centre.lower()}"' if centre.lower() in BODIES else ""
+        other = f', or set orbit.centre to "{centre.lower()}"' if centre.lower() in body_names() else ""
         raise UserError(f"{segment.where}: CENTER_NAME is {centre}, allowed: {centre_wanted}{other}")
     frame = require_frame(segment.require("REF_FRAME"), segment.where)
     system = segment.require("TIME_SYSTEM").upper()

@@ -11,7 +11,7 @@ import numpy as np
 from sgp4.api import SGP4_ERRORS, Satrec
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.world.ephemeris.bodies import EARTH
+from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.ephemeris.earth_orientation import celestial_and_polar
 from flyaround.simulator.world.time.instant import Instant, without_year_warning
 

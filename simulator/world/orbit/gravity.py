@@ -1,4 +1,4 @@
-"""Gravity of the Earth: a point mass with the oblateness term J2."""
+"""Plain gravity of a body: a point mass with the oblateness term J2."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.world.constants import EARTH_RADIUS_M, J2_EARTH, MU_EARTH_M3_S2
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.ephemeris.body import Body
+    from flyaround.simulator.world.time.instant import Instant
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,7 @@ class Gravity:
     Parameters
     ----------
     j2 : second zonal harmonic; 0 gives the two-body problem.
-    pole_eci : unit vector along the Earth's axis of symmetry; held fixed over a flight (it moves
+    pole_eci : unit vector along the body's axis of symmetry; held fixed over a flight (the Earth's moves
         20 arcsec a year).
     mu_m3_s2, radius_m : gravitational parameter and the reference radius of ``j2``.
     """
@@ -32,8 +34,13 @@ class Gravity:
     mu_m3_s2: float = MU_EARTH_M3_S2
     radius_m: float = EARTH_RADIUS_M
 
+    @staticmethod
+    def of(body: Body, epoch: Instant) -> Gravity:
+        """Return the gravity of a body about its pole of date."""
+        return Gravity(body.j2, vec3(body.pole_eci(epoch)), body.mu_m3_s2, body.radius_m)
+
     def acceleration(self, r_eci_m: FloatArray) -> FloatArray:
-        """Acceleration at (3,) position ``r_eci_m`` from the Earth's centre [m s-2].
+        """Acceleration at (3,) position ``r_eci_m`` from the body's centre [m s-2].
 
         References
         ----------

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from flyaround.simulator.runtime.sections import Degrees, Inclination, Section
-from flyaround.simulator.world.ephemeris.bodies import BODIES, Body, BodyName
+from flyaround.simulator.world.ephemeris.body import Body, body_named
 from flyaround.simulator.world.orbit.propagation import Elements, elements_from_state, state_from_elements
 
 if TYPE_CHECKING:
@@ -19,9 +19,9 @@ _LEAST_SINE = 1e-3
 
 
 class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_only=True):
-    """Osculating Keplerian elements on GCRS axes; altitude = semi-major axis less 6378.137 km (Moon: 1737.4 km)."""
+    """Osculating Keplerian elements on GCRS axes; altitude = semi-major axis less the body's radius."""
 
-    centre: BodyName = "earth"
+    centre: str = "earth"
     altitude_km: Annotated[float, Meta(ge=10, le=50_000)]
     eccentricity: Annotated[float, Meta(ge=0, le=0.9)] = 0.0
     inclination_deg: Inclination = 0.0
@@ -32,7 +32,7 @@ class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_o
     @property
     def body(self) -> Body:
         """What is circled."""
-        return BODIES[self.centre]
+        return body_named(self.centre)
 
     def state(self) -> tuple[FloatArray, FloatArray]:
         """Position [m] and velocity [m s-1] from the centre of the body, GCRS axes, each (3,)."""
@@ -62,14 +62,14 @@ class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_o
 class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=True):
     """Position and velocity of the target's centre of mass at the epoch from ``centre``, along GCRS axes."""
 
-    centre: BodyName = "earth"
+    centre: str = "earth"
     r_eci_km: tuple[float, float, float]
     v_eci_km_s: tuple[float, float, float]
 
     @property
     def body(self) -> Body:
         """What is circled."""
-        return BODIES[self.centre]
+        return body_named(self.centre)
 
     def state(self) -> tuple[FloatArray, FloatArray]:
         """Position [m] and velocity [m s-1] from the centre of the body, GCRS axes, each (3,)."""
@@ -120,7 +120,7 @@ class OemOrbit(Section, tag_field="kind", tag="oem", frozen=True, kw_only=True):
     scenario's epoch, from where the forces move the target, as they do from the one state that the other files give.
     """
 
-    centre: BodyName = "earth"
+    centre: str = "earth"
     file: str
     # unless given: oem for an OEM, propagate for the others
     motion: Literal["oem", "propagate"] | None = None

@@ -41,6 +41,6 @@ def test_a_map_that_cannot_be_read_is_said_in_its_place(monkeypatch: pytest.Monk
             with window.panel("Earth map", 800, 400):
                 view.draw(console)
             view._maps["earth"].exception(timeout=120)  # until it was tried
-        assert "no map of the earth: earth/day.jpg is damaged; install flyaround again" in written
+        assert "no map of the Earth: earth/day.jpg is damaged; install flyaround again" in written
     finally:
         window.close()

@@ -22,6 +22,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.faults import ClockDrift, Faults
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scene.record import SceneRecord
 
 EXPOSURE_MS = 10.0
 LATENCY_S = 0.3
@@ -216,7 +217,9 @@ def test_a_truth_record_beside_a_picture_brings_its_pose_and_camera(tmp_path, pl
     write_pictures(folder, 1, (48, 64))
     record = made_frame(0, np.zeros((48, 64), np.uint8), every_s=1.0, t_m=(0.0, 0.0, 3.5)).truth
     scene = replace(record.scene, target=plan.scene(0).target, t_camera_from_target_m=(0.0, 0.0, 3.5))
-    (folder / "000000.json").write_bytes(msgspec.json.encode(msgspec.structs.replace(record, scene=scene)))
+    (folder / "000000.json").write_bytes(
+        msgspec.json.encode(msgspec.structs.replace(record, record=SceneRecord.of(scene)))
+    )
     loop = list(frames_of_folder(plan, tmp_path))
     assert [frame.truth.t_camera_from_target_m[2] for frame in loop] == [3.5] * 5
     assert {frame.scene.camera.width_px for frame in loop} == {64}

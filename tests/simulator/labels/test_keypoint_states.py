@@ -15,8 +15,7 @@ from flyaround.simulator.labels.truth import KeypointState
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
-from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
-from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
 from tools.validation.labels.report import dataset_card
 
 pytestmark = pytest.mark.gl
@@ -28,8 +27,7 @@ def _in_eclipse(scene):
     """The Sun on the other side of the Earth."""
     away = -np.asarray(scene.r_target_eci_m)
     sun = away / np.linalg.norm(away) * np.linalg.norm(scene.r_sun_eci_m)
-    pole = matrix_from_quat(scene.q_itrs_from_eci_wxyz)[2]
-    share = sun_fraction_past_earth_and_moon(np.asarray(scene.r_target_eci_m), sun, scene.r_moon_eci_m, pole)
+    share = sun_fraction_past_bodies(scene.bodies, scene.r_target_eci_m, sun)
     return replace(scene, r_sun_eci_m=vec3(sun), sun_visible_fraction=share)
 
 

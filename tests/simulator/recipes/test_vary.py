@@ -11,7 +11,7 @@ from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.recipes.plan import plan_recipe, varied_plan
 from flyaround.simulator.recipes.vary_file import load_vary
 from flyaround.simulator.scene.limits import scene_problem
-from flyaround.simulator.scene.state import SceneState
+from flyaround.simulator.scene.record import SceneRecord
 from flyaround.simulator.targets.library import load_target
 
 RANGES = """
@@ -60,7 +60,10 @@ def test_a_frame_is_varied_by_its_number_and_seed_alone_and_says_by_what(vary):
         assert scene_problem(s) is None
     assert {s.lamp is None for s in scenes} == {True, False}
     assert len({s.target.sha256 for s in scenes}) == 20
-    assert msgspec.json.decode(msgspec.json.encode(scenes[3]), type=SceneState) == scenes[3]
+    assert (
+        msgspec.json.decode(msgspec.json.encode(SceneRecord.of(scenes[3])), type=SceneRecord).scene()
+        == scenes[3]
+    )
 
 
 def test_the_craft_is_its_model_moved_by_the_error_and_does_not_turn(vary):

@@ -56,7 +56,7 @@ def _in_use(kind, size=None):
 def test_a_closed_renderer_leaves_no_maps_in_another_s_context(draw_kit):
     target = draw_kit.target([draw_kit.plate("plate", "white", (0, 0, 0), 0.3)], [draw_kit.white()])
     scene = replace(draw_kit.scene(target, t_m=(0, 0, 4.0)), environment=Environment())
-    scene = replace(scene, r_moon_eci_m=tuple(np.asarray(scene.r_camera_eci_m) + _ahead_m(scene, 3.8e8)))
+    scene = scene.with_body("moon", r_eci_m=tuple(np.asarray(scene.r_camera_eci_m) + _ahead_m(scene, 3.8e8)))
     context = create_context()
     try:
         with Renderer(context=context) as passing:

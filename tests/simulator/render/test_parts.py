@@ -7,10 +7,10 @@ from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.render.craft.viewport_fit import PATTERNS as PRESETS
 from flyaround.simulator.render.craft.viewport_fit import TINY_PATTERN, all_tiles
 from flyaround.simulator.render.earth.detail_noise import detail_texture
-from flyaround.simulator.render.earth.earth_view import earth_view
 from flyaround.simulator.render.gl.programs import ProgramLibrary, read_source
 from flyaround.simulator.render.gl.shared_blocks import EARTH, FRAME, MATERIALS, TARGET
 from flyaround.simulator.render.gl.uniform_block import Field, UniformBlock
+from flyaround.simulator.render.globe.globe_view import globe_view
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.software import tiles
 from flyaround.simulator.render.view import build_view
@@ -120,7 +120,7 @@ def test_tiles_cover_what_the_earth_touches_once(draw_kit):
     camera = Camera(width_px=200, height_px=150, fx_px=400.0, fy_px=400.0, cx_px=99.5, cy_px=74.5)
     for off_nadir, full in ((0.0, True), (68.0, False), (180.0, False)):
         view = build_view(draw_kit.scene(target, camera=camera, off_nadir_deg=off_nadir))
-        earth = earth_view(view, camera, earth_atmosphere("mono"))
+        earth = globe_view(view, camera, earth_atmosphere("mono"))
         cut = tiles.earth_tiles(earth, camera, all_tiles(PixelRect(50, 50, 60, 60)), "2026-03-20")
         seen = np.zeros((150, 200), int)
         for kind, centers in cut.centers_px.items():

@@ -48,7 +48,7 @@ def view_of(speck):
             case _:  # straight down from 100 km above the Moon's near side
                 scene = above(FULL_MOON, (15.0, 20.0, 500.0), look_at="moon")
                 down = matrix_from_quat(scene.q_camera_from_eci_wxyz)[2]
-                r = np.asarray(scene.r_moon_eci_m) - 1_837_400.0 * down
+                r = np.asarray(scene.body("moon").r_eci_m) - 1_837_400.0 * down
                 return replace(
                     scene, r_camera_eci_m=vec3(r), r_target_eci_m=vec3(r - 1000 * down), central_body="moon"
                 )

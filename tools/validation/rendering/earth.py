@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from flyaround.simulator.camera.lens.camera_model import Camera
-from flyaround.simulator.render.earth.air_tables import air_tables
+from flyaround.simulator.render.globe.air_tables import air_tables
 from flyaround.simulator.render.sky.star_catalogue import star_irradiance_w_m2
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scene.environments import NOTHING, Environment
@@ -27,7 +27,7 @@ from flyaround.simulator.scene.illumination.refraction import shadow_profile, su
 from flyaround.simulator.scene.state import TargetRef
 from flyaround.simulator.scene.viewpoint import scene_above
 from flyaround.simulator.targets.library import load_target
-from flyaround.simulator.world.constants import AU_M, EARTH_POLAR_RADIUS_M, EARTH_RADIUS_M
+from flyaround.simulator.world.ephemeris.body import earth_and_moon
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 from tools.validation.rows import Row
 
@@ -187,8 +187,8 @@ def _twin_db(renderer: Renderer, bands: Bands, hour: int) -> float:
         azimuth_deg=60.0,
     )
     drawn = _draw(renderer, scene).reshape(SIZE * SIZE, -1)
-    stretch = np.array([1, 1, EARTH_RADIUS_M / EARTH_POLAR_RADIUS_M])
-    R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
+    stretch = np.array([1, 1, EQUATOR_M / POLE_M])
+    R_ie = scene.body("earth").R_fixed_from_eci
     y, x = np.mgrid[0:SIZE, 0:SIZE]
     rays = camera.rays(np.stack([x.ravel(), y.ravel()], axis=1)) @ matrix_from_quat(
         scene.q_camera_from_eci_wxyz
@@ -250,10 +250,9 @@ def _moon_irradiance(renderer: Renderer, phase_rad: float, world: Environment, f
         scene,
         r_camera_eci_m=(1.0, 0.0, 0.0),
         r_target_eci_m=(-1000.0, 0.0, 0.0),
-        r_moon_eci_m=(distance, 0.0, 0.0),
+        bodies=earth_and_moon((distance, 0.0, 0.0), q_moon_from_eci_wxyz=(0.0, 0.0, 0.0, 1.0)),
         r_sun_eci_m=vec3(sun),
         q_camera_from_eci_wxyz=quat(quat_from_matrix(R)),
-        q_moon_from_eci_wxyz=(0.0, 0.0, 0.0, 1.0),
     )
     return float(_draw(renderer, scene).sum() * (field_rad / SIZE) ** 2)
 

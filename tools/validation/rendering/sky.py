@@ -171,7 +171,7 @@ def limb_error(renderer: Renderer, roll_deg: float, size: int = 120, focal_px: f
 
 def _ground_share(scene: SceneState, size: int, focal_px: float, rays: int = 48) -> FloatArray:
     """(size, size) share of each pixel's rays that meet the ellipsoid."""
-    R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
+    R_ie = scene.body("earth").R_fixed_from_eci
     R = matrix_from_quat(scene.q_camera_from_eci_wxyz) @ R_ie.T
     c = R_ie @ scene.r_camera_eci_m
     Q = np.diag([EARTH_RADIUS_M**-2, EARTH_RADIUS_M**-2, EARTH_POLAR_RADIUS_M**-2])
@@ -247,6 +247,8 @@ def moonlight_difference(renderer: Renderer) -> float:
     day = _empty("2026-06-20T08:30:00Z", (38.0, 24.0, 420.0), camera, world, 40.0, 30.0)
     sun = np.asarray(day.r_sun_eci_m)
     away = sun / np.linalg.norm(sun)
-    night = replace(day, r_sun_eci_m=vec3(-sun), r_moon_eci_m=vec3(3.844e8 * away), sun_visible_fraction=0.0)
+    night = replace(day, r_sun_eci_m=vec3(-sun), sun_visible_fraction=0.0).with_body(
+        "moon", r_eci_m=vec3(3.844e8 * away)
+    )
     share = moonlight_share(3.844e8 * away, -away)
     return float(np.abs(_draw(renderer, night) / (share * _draw(renderer, day)) - 1).max())

@@ -35,7 +35,7 @@ def behind(request, draw_kit):
         if request.param == "moon":
             to_eci = matrix_from_quat(lit.q_camera_from_eci_wxyz).T
             way = to_eci @ (np.array(BEHIND) / np.linalg.norm(BEHIND))
-            lit = replace(lit, r_moon_eci_m=vec3(np.array(lit.r_camera_eci_m) + MOON_M * way))
+            lit = lit.with_body("moon", r_eci_m=vec3(np.array(lit.r_camera_eci_m) + MOON_M * way))
         return lit
 
     return scene_of

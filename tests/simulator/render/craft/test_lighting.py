@@ -9,12 +9,13 @@ from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
 from flyaround.simulator.scene.illumination.irradiance import (
     IrradianceField,
     basis,
-    earth_shine,
     field_of_samples,
+    globe_shine,
     moon_shine,
     uniform_field,
 )
 from flyaround.simulator.targets.model import Part
+from flyaround.simulator.world.bodies.earth import EARTH
 
 pytestmark = pytest.mark.gl
 
@@ -97,13 +98,13 @@ def test_earthshine_follows_the_lit_and_cloudy_part_of_the_earth():
     zenith, sun = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
     even = np.full((1, 1), 0.3, np.float32)
     place = zenith * 7.0e6
-    half = earth_shine(place, sun, np.eye(3), np.array([1000.0]), even)
+    half = globe_shine(place, sun, np.eye(3), np.array([1000.0]), even, EARTH.mean_radius_m)
     towards_day, towards_night = (
         basis(np.array([d]), half.axis) @ half.irradiance_w_m2 for d in ((-0.6, 0.8, 0), (-0.6, -0.8, 0))
     )
     assert towards_day[0, 0] > 3 * towards_night[0, 0] > 0
     # over the subsolar point of an even Earth: below its albedo times the view factor, for it darkens to the rim
-    noon = earth_shine(place, zenith, np.eye(3), np.array([1000.0]), even)
+    noon = globe_shine(place, zenith, np.eye(3), np.array([1000.0]), even, EARTH.mean_radius_m)
     down = (basis(-zenith[None], noon.axis) @ noon.irradiance_w_m2)[0, 0]
     factor = (6_371_008.8 / 7.0e6) ** 2
     assert 0.75 * 300 * factor < down < 300 * factor

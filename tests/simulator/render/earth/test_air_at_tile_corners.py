@@ -5,8 +5,8 @@ import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.render import drawing
-from flyaround.simulator.render.earth.air_pass import AirPass
-from flyaround.simulator.render.earth.air_tables import GROUND_MU_MIN, GROUND_SAMPLES
+from flyaround.simulator.render.globe.air_pass import AirPass
+from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES
 from flyaround.simulator.render.projection import directions
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.state import TargetRef
@@ -29,7 +29,7 @@ def _ground(renderer, earth, columns_px, rows_px, thickness_km):
 
 def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, draw_kit, monkeypatch):
     seen = {}
-    corners, view = AirPass.corners, drawing.earth_view
+    corners, view = AirPass.corners, drawing.globe_view
 
     def kept_corners(self, columns_px, rows_px, *, all_ground):
         seen.update(air=corners(self, columns_px, rows_px, all_ground=all_ground), grid=(columns_px, rows_px))
@@ -40,7 +40,7 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
         return seen["earth"]
 
     monkeypatch.setattr(AirPass, "corners", kept_corners)
-    monkeypatch.setattr(drawing, "earth_view", kept_view)
+    monkeypatch.setattr(drawing, "globe_view", kept_view)
     speck = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     world = Environment(stars=False, moon=False)
     ref = TargetRef(name=speck.name, sha256=speck.sha256)
@@ -60,7 +60,7 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
 
 def test_cubics_between_every_other_corner_are_nearer_than_a_tile_s_plane(renderer, draw_kit, monkeypatch):
     seen = {}
-    corners, view = AirPass.corners, drawing.earth_view
+    corners, view = AirPass.corners, drawing.globe_view
 
     def both(self, columns_px, rows_px, *, all_ground):
         coarse = corners(self, columns_px, rows_px, all_ground=all_ground)
@@ -73,7 +73,7 @@ def test_cubics_between_every_other_corner_are_nearer_than_a_tile_s_plane(render
         return seen["earth"]
 
     monkeypatch.setattr(AirPass, "corners", both)
-    monkeypatch.setattr(drawing, "earth_view", kept_view)
+    monkeypatch.setattr(drawing, "globe_view", kept_view)
     speck = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     ref = TargetRef(name=speck.name, sha256=speck.sha256)
     world = Environment(stars=False, moon=False)

@@ -13,6 +13,7 @@ from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
 from flyaround.simulator.scene.illumination.moonlight import disc_phase, lommel_seeliger_disc
 from flyaround.simulator.scene.illumination.refraction import shadow_profile, sunlight_past_earth
+from flyaround.simulator.world.ephemeris.body import earth_and_moon
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 pytestmark = pytest.mark.gl
@@ -25,8 +26,22 @@ def speck(draw_kit):
     return draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
 
 
+UNTURNED = (1.0, 0.0, 0.0, 0.0)
+
+
 def _scene(
-    draw_kit, speck, *, camera_eci, look_eci, moon_eci, sun_eci, environment, fov_rad=0.02, size=96, **more
+    draw_kit,
+    speck,
+    *,
+    camera_eci,
+    look_eci,
+    moon_eci,
+    sun_eci,
+    environment,
+    fov_rad=0.02,
+    size=96,
+    q_moon=UNTURNED,
+    **more,
 ):
     z = np.asarray(look_eci, float) / np.linalg.norm(look_eci)
     x = np.cross([0.1, 0.2, 1.0], z)
@@ -41,7 +56,7 @@ def _scene(
         scene,
         r_camera_eci_m=tuple(map(float, camera_eci)),
         r_target_eci_m=tuple(map(float, camera_eci + R_ce.T @ FAR)),
-        r_moon_eci_m=tuple(map(float, moon_eci)),
+        bodies=earth_and_moon(tuple(map(float, moon_eci)), q_moon_from_eci_wxyz=q_moon),
         r_sun_eci_m=tuple(map(float, sun_eci)),
         q_camera_from_eci_wxyz=quat_from_matrix(R_ce),
         **more,
@@ -64,7 +79,7 @@ def test_the_moons_light_is_the_published_one(renderer, draw_kit, speck, phase_d
         # the camera at the Earth's centre, as the published figures have it
         scene = _scene(
             draw_kit, speck, camera_eci=(1.0, 0, 0), look_eci=(1, 0, 0), moon_eci=(MOON_M, 0, 0), sun_eci=sun,
-            environment=only, fov_rad=0.012, q_moon_from_eci_wxyz=q,
+            environment=only, fov_rad=0.012, q_moon=q,
         )  # fmt: skip
         irradiance.append(renderer.render(scene, speck).radiance.astype(float).sum() * (0.012 / 96) ** 2)
     # V = -12.74 at full against the Sun's -26.76 (Allen 2000), means of the waxing and the waning Moon
@@ -84,7 +99,7 @@ def test_the_moons_night_side_has_the_earths_light_alone(renderer, draw_kit, spe
         q, sun = _facing(phase)
         scene = _scene(
             draw_kit, speck, camera_eci=(1.0, 0, 0), look_eci=(1, 0, 0), moon_eci=(MOON_M, 0, 0), sun_eci=sun,
-            environment=msgspec.structs.replace(draw_kit.nothing, moon=True), fov_rad=0.012, q_moon_from_eci_wxyz=q,
+            environment=msgspec.structs.replace(draw_kit.nothing, moon=True), fov_rad=0.012, q_moon=q,
         )  # fmt: skip
         drawn[phase] = renderer.render(scene, speck).radiance.astype(float)
     full, thin = drawn.values()
@@ -98,7 +113,7 @@ def test_the_moons_night_side_has_the_earths_light_alone(renderer, draw_kit, spe
     inside = along**2 - moon @ moon + 1_737_400.0**2
     on = (inside > 0.1 * 1_737_400.0**2).reshape(96, 96)
     normal = (d * (along - np.sqrt(np.maximum(inside, 0)))[:, None] - moon) / 1_737_400.0
-    to_sun = np.array(scene.r_sun_eci_m) - scene.r_moon_eci_m
+    to_sun = np.array(scene.r_sun_eci_m) - scene.body("moon").r_eci_m
     height = (normal @ to_sun / np.linalg.norm(to_sun)).reshape(96, 96)
     night, day = on & (height < -0.05), on & (height > 0.2)
     assert min(night.sum(), day.sum()) > 400
@@ -122,7 +137,7 @@ def test_no_slope_is_lit_from_below_the_horizon_nor_from_behind(renderer, draw_k
         scene = _scene(
             draw_kit, speck, camera_eci=(MOON_M - 1_747_400.0, 0, 0), look_eci=(1, 0, 0), moon_eci=(MOON_M, 0, 0),
             sun_eci=np.array([MOON_M, 0, 0]) + AU_M * np.array([-np.cos(sun), np.sin(sun), 0]), fov_rad=0.8,
-            environment=msgspec.structs.replace(draw_kit.nothing, moon=True), q_moon_from_eci_wxyz=_facing(0.0)[0],
+            environment=msgspec.structs.replace(draw_kit.nothing, moon=True), q_moon=_facing(0.0)[0],
         )  # fmt: skip
         lit.append(renderer.render(scene, speck).radiance.astype(float))
     under, over = lit
@@ -147,7 +162,7 @@ def test_ground_that_rises_to_the_sun_is_dark_and_ground_that_falls_to_it_bright
         scene = _scene(
             draw_kit, speck, camera_eci=(MOON_M, 0, 1e3 * pole * (moon_km + 100)), look_eci=(0, 0, -pole),
             moon_eci=(MOON_M, 0, 0), sun_eci=np.array([MOON_M, 0, 0]) + AU_M * sun, fov_rad=0.4,
-            environment=msgspec.structs.replace(draw_kit.nothing, moon=True), q_moon_from_eci_wxyz=(1.0, 0, 0, 0),
+            environment=msgspec.structs.replace(draw_kit.nothing, moon=True), q_moon=UNTURNED,
         )  # fmt: skip
         image = renderer.render(scene, speck).radiance.astype(float).ravel()
         v, u = np.mgrid[:96, :96]
@@ -182,7 +197,7 @@ def test_the_moon_hides_stars_sun_and_earth(renderer, draw_kit, speck):
         **behind,
         sun_eci=(-AU_M, 0.06 * AU_M, 0),
         environment=sky,
-        q_moon_from_eci_wxyz=q,
+        q_moon=q,
         fov_rad=0.3,
     )
     open_sky = renderer.render(scene, speck).radiance
@@ -200,7 +215,7 @@ def test_earthrise_and_a_moon_behind_the_earth(renderer, draw_kit, speck):
     place = np.array([MOON_M, 1_837_400.0, 0])
     scene = _scene(
         draw_kit, speck, camera_eci=place, look_eci=-place, moon_eci=(MOON_M, 0, 0), sun_eci=(0, AU_M, 0),
-        environment=world, q_moon_from_eci_wxyz=q, fov_rad=0.9, size=128,
+        environment=world, q_moon=q, fov_rad=0.9, size=128,
     )  # fmt: skip
     image = renderer.render(scene, speck).radiance
     earth = renderer.render(
@@ -217,7 +232,7 @@ def test_earthrise_and_a_moon_behind_the_earth(renderer, draw_kit, speck):
     # from low orbit with the Earth in between
     scene = _scene(
         draw_kit, speck, camera_eci=(-7e6, 0, 0), look_eci=(1, 0, 0), moon_eci=(MOON_M, 0, 0),
-        sun_eci=(-AU_M, 0.1 * AU_M, 0), q_moon_from_eci_wxyz=q,
+        sun_eci=(-AU_M, 0.1 * AU_M, 0), q_moon=q,
         environment=msgspec.structs.replace(draw_kit.nothing, moon=True),
     )  # fmt: skip
     assert renderer.render(scene, speck).radiance.max() > 1
@@ -258,7 +273,7 @@ def test_switches_and_the_default_environment(renderer, draw_kit, speck):
     q, sun = _facing(0.3)
     scene = _scene(
         draw_kit, speck, camera_eci=(7e6, 0, 0), look_eci=(1, 0, 0), moon_eci=(MOON_M, 0, 0), sun_eci=sun,
-        environment=Environment(), q_moon_from_eci_wxyz=q,
+        environment=Environment(), q_moon=q,
     )  # fmt: skip
     full = renderer.render(scene, speck).radiance[40:56, 40:56]
     dark = renderer.render(replace(scene, environment=Environment(moon=False)), speck).radiance[40:56, 40:56]
@@ -280,7 +295,7 @@ def test_the_high_preset_draws_grazed_ground_as_its_pixels_show_it(renderer, dra
         return _scene(
             draw_kit, speck, camera_eci=place, look_eci=(0.42, 0.9, 0), moon_eci=(MOON_M, 0, 0), size=size,
             sun_eci=(MOON_M - 0.25 * AU_M, -AU_M, 0), environment=msgspec.structs.replace(draw_kit.nothing, moon=True),
-            q_moon_from_eci_wxyz=q, fov_rad=0.35, quality=quality,
+            q_moon=q, fov_rad=0.35, quality=quality,
         )  # fmt: skip
 
     plain, fine, small = (

@@ -30,14 +30,15 @@ def by_day_and_by_moonlight(speck, environment, bands="mono"):
         environment=environment, azimuth_deg=40.0, off_nadir_deg=30.0)  # fmt: skip
     sun = np.asarray(day.r_sun_eci_m)
     moon = sun / np.linalg.norm(sun) * 3.844e8
-    return day, replace(day, r_sun_eci_m=vec3(-sun), r_moon_eci_m=vec3(moon), sun_visible_fraction=0.0)
+    night = replace(day, r_sun_eci_m=vec3(-sun), sun_visible_fraction=0.0)
+    return day, night.with_body("moon", r_eci_m=vec3(moon))
 
 
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
 def test_without_air_the_night_is_the_day_in_the_moons_light(renderer, speck, bands):
     day, night = by_day_and_by_moonlight(speck, NO_AIR, bands)
     sun = np.asarray(night.r_sun_eci_m)
-    share = moonlight_share(np.asarray(night.r_moon_eci_m), sun / np.linalg.norm(sun))
+    share = moonlight_share(np.asarray(night.body("moon").r_eci_m), sun / np.linalg.norm(sun))
     lit, moonlit = (renderer.render(scene, speck).radiance for scene in (day, night))
     assert share == pytest.approx(2.5e-6, rel=0.01)
     assert lit.min() > 0.1
@@ -59,7 +60,7 @@ def test_air_takes_of_moonlight_what_it_takes_of_sunlight(renderer, speck, bands
 
 def test_a_new_moon_and_no_moon_leave_the_night_dark(renderer, speck):
     _, night = by_day_and_by_moonlight(speck, NO_AIR)
-    new = replace(night, r_moon_eci_m=vec3(-np.asarray(night.r_moon_eci_m)))
+    new = night.with_body("moon", r_eci_m=vec3(-np.asarray(night.body("moon").r_eci_m)))
     none = replace(night, environment=msgspec.structs.replace(NO_AIR, moon=False))
     assert renderer.render(night, speck).radiance.mean() > 1e-5
     for scene in (new, none):
@@ -71,6 +72,6 @@ def test_the_day_is_the_same_with_and_without_a_moon_behind_the_earth(renderer, 
         speck, msgspec.structs.replace(NO_AIR, atmosphere=True, night_lights=True)
     )
     sun = np.asarray(day.r_sun_eci_m)
-    behind = replace(day, r_moon_eci_m=vec3(-sun / np.linalg.norm(sun) * 3.844e8))
+    behind = day.with_body("moon", r_eci_m=vec3(-sun / np.linalg.norm(sun) * 3.844e8))
     none = replace(behind, environment=msgspec.structs.replace(behind.environment, moon=False))
     assert np.array_equal(*(renderer.render(s, speck).radiance for s in (behind, none)))

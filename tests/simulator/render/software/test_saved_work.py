@@ -14,10 +14,10 @@ from flyaround.simulator.render.craft import resident_targets as loaded_targets
 from flyaround.simulator.render.craft import target_passes
 from flyaround.simulator.render.craft import visible_triangles as culling
 from flyaround.simulator.render.craft.viewport_fit import TILE_PX, all_tiles
-from flyaround.simulator.render.earth.earth_view import earth_view
 from flyaround.simulator.render.gl.depth_buffer import MOST_RANGES
 from flyaround.simulator.render.gl.library import gl_library
 from flyaround.simulator.render.gl.mipmaps import VERSION, mipmap_chain, mipmapped_texture, release_mipmapped
+from flyaround.simulator.render.globe.globe_view import globe_view
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.render.software import quad_packing, software_path
@@ -126,7 +126,7 @@ def test_pixels_drawn_by_quads_are_those_drawn_one_by_one(
     singles = renderer.render(scene, tango, labels=True)
     assert "earth.quad_packing" not in singles.stage_ms
     view = build_view(scene)
-    earth = earth_view(view, camera, earth_atmosphere(bands))
+    earth = globe_view(view, camera, earth_atmosphere(bands))
     tiles = earth_tiles(earth, camera, None, scene.epoch_utc)
     copied = np.zeros((160, 192), bool)
     for x, y in tiles.others_px + 0.5 - tiles.size_px / 2:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
-from flyaround.simulator.render.earth.earth_view import earth_view
+from flyaround.simulator.render.globe.globe_view import globe_view
 from flyaround.simulator.render.projection import directions
 from flyaround.simulator.render.software.tiles import earth_tiles
 from flyaround.simulator.render.view import build_view
@@ -35,7 +35,7 @@ def limb_scene():
 @pytest.mark.parametrize("off_nadir_deg", [63.0, 64.5, 66.0])
 def test_no_pixel_of_a_tile_of_air_meets_the_ground(limb_scene, off_nadir_deg):
     scene = limb_scene(off_nadir_deg)
-    earth = earth_view(build_view(scene), CAMERA, earth_atmosphere("mono"))
+    earth = globe_view(build_view(scene), CAMERA, earth_atmosphere("mono"))
     tiles = earth_tiles(earth, CAMERA, None, scene.epoch_utc)
     d = directions(CAMERA, np.arange(480.0), np.arange(320.0), earth.earth_from_camera)
     ground = earth.camera @ earth.camera - (d @ earth.camera) ** 2 < 1
@@ -50,7 +50,7 @@ def test_no_pixel_of_a_tile_of_air_meets_the_ground(limb_scene, off_nadir_deg):
 
 def test_fine_tiles_bend_no_more_than_whole_ones(limb_scene):
     scene = limb_scene(60.0)
-    earth = earth_view(build_view(scene), CAMERA, earth_atmosphere("mono"))
+    earth = globe_view(build_view(scene), CAMERA, earth_atmosphere("mono"))
     tiles = earth_tiles(earth, CAMERA, None, scene.epoch_utc)
 
     def on_ground(x, y):

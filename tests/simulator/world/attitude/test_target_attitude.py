@@ -11,7 +11,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.world.attitude.directions import PointingContext
 from flyaround.simulator.world.attitude.target_attitude import Attitude, Point
 from flyaround.simulator.world.attitude.torques import magnetic_field_t, torque_on
-from flyaround.simulator.world.ephemeris.bodies import EARTH
+from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
 from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
 from flyaround.simulator.world.frames.rotation import (

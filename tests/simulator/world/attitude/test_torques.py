@@ -8,8 +8,10 @@ from scipy.integrate import solve_ivp
 
 from flyaround.simulator.world.attitude.rigid_body import propagate_attitude
 from flyaround.simulator.world.attitude.torques import gravity_gradient_torque, torque_on
+from flyaround.simulator.world.bodies.earth import EARTH
+from flyaround.simulator.world.bodies.moon import MOON
 from flyaround.simulator.world.constants import MU_EARTH_M3_S2
-from flyaround.simulator.world.ephemeris.bodies import EARTH, MOON, Body
+from flyaround.simulator.world.ephemeris.body import Body
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
 from flyaround.simulator.world.orbit.gravity import Gravity
 from flyaround.simulator.world.orbit.propagation import propagate

@@ -8,17 +8,18 @@ import msgspec
 import numpy as np
 import pytest
 
+from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.scenario.flight import fly
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.constants import AU_M, EARTH_RADIUS_M, MOON_RADIUS_M, SUN_RADIUS_M
+from flyaround.simulator.world.ephemeris.body import earth_and_moon
 from flyaround.simulator.world.ephemeris.eclipse import (
-    sun_fraction_past_earth_and_moon,
+    sun_fraction_past_bodies,
     sun_fraction_past_sphere,
     sun_visible_fraction,
 )
 from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
-from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.orbit.forces import EarthForces, Forces, Surface
 from flyaround.simulator.world.time.instant import Instant
 
@@ -158,7 +159,7 @@ def test_flight_light_pressure_and_drawn_earth_have_one_shadow() -> None:
         for dt in (-3.0, 0.0, 3.0):
             state = flight.state(t + dt)
             r, sun = np.array(state.r_target_eci_m), np.array(state.r_sun_eci_m)
-            pole = matrix_from_quat(state.q_itrs_from_eci_wxyz)[2]
+            pole = state.central.R_fixed_from_eci[2]
             rays = seen_past_the_ellipsoid(r, sun, pole, 160)
             assert state.sun_visible_fraction == pytest.approx(rays, abs=0.006)
             # the forces take the geometric Sun, 20 arc seconds from the apparent one
@@ -189,7 +190,7 @@ def test_what_earth_and_moon_hide_of_the_sun_is_added(earth_height_m: float) -> 
     )
     assert 0.1 < by_moon.mean() < 0.4
     assert not np.any(by_earth & by_moon)
-    found = sun_fraction_past_earth_and_moon(r, SUN, moon)
+    found = sun_fraction_past_bodies(earth_and_moon(vec3(moon)), r, SUN)
     # of a hundred thousand points: three sigma of the count
     assert found == pytest.approx(np.mean(~by_earth & ~by_moon), abs=0.005)
 
@@ -198,4 +199,4 @@ def test_full_shade_of_either_body_is_full_shade() -> None:
     """With nothing left by the Earth and a part hidden by the Moon too, the share is zero and not less."""
     r = np.array([-2e6, 0.0, 0.0])
     moon = r + 3.9e8 * np.array([np.cos(0.008), np.sin(0.008), 0.0])
-    assert sun_fraction_past_earth_and_moon(r, SUN, moon) == 0.0
+    assert sun_fraction_past_bodies(earth_and_moon(vec3(moon)), r, SUN) == 0.0

@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.scenario.checks import check_physics
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.world.bodies.moon import MOON
 from flyaround.simulator.world.constants import AU_M, MOON_RADIUS_M, SOLAR_PRESSURE_PA
-from flyaround.simulator.world.ephemeris.bodies import MOON
-from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from flyaround.simulator.world.ephemeris.body import earth_and_moon
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
 from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from flyaround.simulator.world.ephemeris.moon_orientation import R_moon_from_eci
 from flyaround.simulator.world.flight.export import flight_messages
-from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.messages.oem import read_oem_state
 from flyaround.simulator.world.orbit.forces import EarthForces, Forces, Surface
 from flyaround.simulator.world.orbit.moon_forces import MoonForces, lunar_degree_2
@@ -100,31 +101,31 @@ def test_scene_has_the_moon_where_the_orbit_is_about_it() -> None:
     plan = plan_flight(load_scenario("lunar-orbit"), n=3)
     for k in range(3):
         s = plan.scene(k)
-        height = np.linalg.norm(np.subtract(s.r_camera_eci_m, s.r_moon_eci_m)) - MOON_RADIUS_M
+        height = np.linalg.norm(np.subtract(s.r_camera_eci_m, s.central.r_eci_m)) - MOON_RADIUS_M
         assert 150e3 < height < 250e3
-        assert 3.5e8 < np.linalg.norm(s.r_moon_eci_m) < 4.1e8
+        assert 3.5e8 < np.linalg.norm(s.central.r_eci_m) < 4.1e8
         assert s.central_body == "moon"
         R = R_moon_from_eci(Instant.from_utc(s.epoch_utc))
-        assert np.allclose(matrix_from_quat(s.q_moon_from_eci_wxyz), R, atol=1e-9)
+        assert np.allclose(s.central.R_fixed_from_eci, R, atol=1e-9)
     world = plan.flight.state(200.0)
     assert world.altitude_m == pytest.approx(198e3, abs=5e3)
     # radially outward of LVLH is away from the Moon
     above = plan.flight.lvlh(200.0).R_eci_from_lvlh[:, 0]
-    out = np.subtract(world.r_target_eci_m, world.r_moon_eci_m)
+    out = np.subtract(world.r_target_eci_m, world.central.r_eci_m)
     assert above @ out / np.linalg.norm(out) == pytest.approx(1.0)
 
 
 def test_the_moon_and_the_earth_hide_the_sun() -> None:
     sun, moon = np.array([AU_M, 0.0, 0.0]), np.array([0.0, 3.8e8, 0.0])
     low = np.array([MOON_RADIUS_M + 100e3, 0.0, 0.0])
-    assert sun_fraction_past_earth_and_moon(moon + low, sun, moon) == 1.0
-    assert sun_fraction_past_earth_and_moon(moon - low, sun, moon) == 0.0
+    assert sun_fraction_past_bodies(earth_and_moon(vec3(moon)), moon + low, sun) == 1.0
+    assert sun_fraction_past_bodies(earth_and_moon(vec3(moon)), moon - low, sun) == 0.0
     # an eclipse of the Moon: its day side lies in the Earth's shadow
     behind = np.array([-3.8e8, 0.0, 0.0])
-    assert sun_fraction_past_earth_and_moon(behind + low, sun, behind) == 0.0
+    assert sun_fraction_past_bodies(earth_and_moon(vec3(behind)), behind + low, sun) == 0.0
     # an annular or total eclipse of the Sun seen from an Earth orbit
     before = np.array([3.6e8, 0.0, 0.0])
-    assert sun_fraction_past_earth_and_moon(np.array([7e6, 0.0, 0.0]), sun, before) < 0.02
+    assert sun_fraction_past_bodies(earth_and_moon(vec3(before)), np.array([7e6, 0.0, 0.0]), sun) < 0.02
 
 
 def test_messages_count_from_the_moon() -> None:

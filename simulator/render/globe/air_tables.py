@@ -11,16 +11,18 @@ from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.scene.illumination.atmosphere import (
     MultipleScattering,
-    earth_atmosphere,
+    body_atmosphere,
     ground_irradiance,
     optical_depth_to_top,
 )
 from flyaround.simulator.scene.illumination.multiple_scattering import multiple_scattering
+from flyaround.simulator.world.bodies.earth import EARTH
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
     from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.world.ephemeris.body import Body
 
 RADII, COSINES = 64, 128  # of the transmittance table
 GROUND_SAMPLES = 512
@@ -46,15 +48,19 @@ class AirTables:
     multiple: Float32Array
 
 
-def air_tables(bands: Bands, thickness_m: float) -> AirTables:
-    """The Earth's tables for the camera's bands and a height of the air's top."""
-    air = earth_atmosphere(bands, thickness_m)
+def air_tables(bands: Bands, thickness_m: float | None = None, body: Body = EARTH) -> AirTables:
+    """Return a body's tables for the camera's bands and a height of the air's top, the body's own unless given."""
+    air = body_atmosphere(body, bands, thickness_m)
+    # those of the Earth are shipped under names that hold nothing more
+    also = () if body is EARTH else (repr(body.air), body.radius_m, body.albedo)
 
     def key(table: str) -> str:
-        return entry_name(f"air-{table}-{bands}", VERSION, bands, float(thickness_m))
+        return entry_name(f"air-{table}-{bands}", VERSION, bands, float(air.thickness_m), *also)
 
-    multiple = cached_array(key("multiple"), lambda: multiple_scattering(air).psi.astype(np.float32))
-    scattered = MultipleScattering(np.asarray(multiple, float), thickness_m)
+    multiple = cached_array(
+        key("multiple"), lambda: multiple_scattering(air, body.albedo).psi.astype(np.float32)
+    )
+    scattered = MultipleScattering(np.asarray(multiple, float), air.thickness_m)
     return AirTables(
         air,
         cached_array(key("transmittance"), lambda: transmittance_table(air)),

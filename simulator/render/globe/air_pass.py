@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.earth.air_tables import GROUND_MU_MIN
 from flyaround.simulator.render.gl.context import release
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.programs import FULL_SCREEN
+from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN
 
 if TYPE_CHECKING:
     import moderngl
 
-    from flyaround.simulator.render.earth.air_tables import AirTables
-    from flyaround.simulator.render.earth.earth_view import EarthView
     from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.globe.air_tables import AirTables
+    from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
 
 COLUMNS, ROWS, STEPS = 64, 96, 24
 TABLE_DEFINES = {"COLUMNS": COLUMNS, "ROWS": ROWS}
+AIR_SAMPLERS: dict[int, tuple[str, ...]] = {
+    1: ("t_air",),
+    3: ("t_air_rayleigh", "t_air_mie", "t_air_transmittance"),
+}
+"""Of a frame's tables, by bands."""
 _MARGIN = (
     2  # texels beyond the range in view, for filtering and for extremes between the rays that were tried
 )
@@ -89,7 +95,7 @@ class AirPass:
         self._programs, self._bands = programs, bands
         self._corners: dict[bool, _Corners] = {}  # with a lens that distorts, without
 
-    def run(self, earth: EarthView) -> None:
+    def run(self, earth: GlobeView) -> None:
         """Fill the part of the table that the image can see."""
         draw_to(self._framebuffer)
         # what is outside stays black, so that no frame depends on the one before
@@ -155,6 +161,14 @@ class AirPass:
         draw_to(self._framebuffer)
         self._bind(self._corners[lens].program)
         return self._corners[lens]
+
+
+@dataclass(frozen=True, eq=False)
+class Air:
+    """One atmosphere: its static tables and the pass that makes each frame's."""
+
+    tables: AirTables
+    frame: AirPass
 
 
 class _Corners:

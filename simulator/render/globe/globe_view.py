@@ -26,7 +26,7 @@ _GRID = 33  # rays per side of the image that look for what is in view
 
 
 @dataclass(frozen=True, eq=False)
-class EarthView:
+class GlobeView:
     """Stretched space: Earth-fixed axes over the equatorial radius, the polar one also times a / b.
 
     Parameters
@@ -57,20 +57,21 @@ class EarthView:
         return float(self.camera @ self.sun / np.linalg.norm(self.camera))
 
 
-def earth_view(view: View, camera: Camera, air: Atmosphere | None) -> EarthView:
+def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
     """Find the Earth in the image.
 
     Parameters
     ----------
     air : its thickness widens the region; ``None`` without atmosphere.
     """
-    stretch = np.array([1.0, 1.0, EARTH_RADIUS_M / EARTH_POLAR_RADIUS_M])
-    M = stretch[:, None] * view.R_camera_from_itrs.T
-    c = stretch * view.r_camera_itrs_m / EARTH_RADIUS_M
-    s = stretch * view.sun_itrs
+    equator_m = view.globe.radius_m
+    stretch = np.array([1.0, 1.0, equator_m / view.globe.polar_radius_m])
+    M = stretch[:, None] * view.R_camera_from_globe.T
+    c = stretch * view.r_camera_globe_m / equator_m
+    s = stretch * view.sun_globe
     s = s / np.linalg.norm(s)
     # half a pixel of the limb must survive where there is no air
-    thickness = air.thickness_m / EARTH_RADIUS_M if air is not None else 2e-3
+    thickness = air.thickness_m / equator_m if air is not None else 2e-3
     top2 = (1 + thickness) ** 2
     # a camera inside the air is put on its top: tables there have no lower side
     radius = float(np.linalg.norm(c))
@@ -81,7 +82,7 @@ def earth_view(view: View, camera: Camera, air: Atmosphere | None) -> EarthView:
     seen = (along < 0) & (perigee2 < top2)
     rect = _rect(seen, perigee2, along, view, camera, top2)
     if rect is None:
-        return EarthView(M, c, s, top2, None, None, None, (-1, 1))
+        return GlobeView(M, c, s, top2, None, None, None, (-1, 1))
     zenith = c / np.linalg.norm(c)
     mu_sun = float(zenith @ s)
     cosine = d @ zenith
@@ -103,7 +104,7 @@ def earth_view(view: View, camera: Camera, air: Atmosphere | None) -> EarthView:
         sky = np.sqrt(np.minimum(np.maximum(met / (1 - top2), 0), 1))
         has_ground = bool((met > -0.05 * (top2 - 1)).any())
         has_sky = bool((perigee2[along < 0] > 1 - 0.3 * (top2 - 1)).any())
-    return EarthView(
+    return GlobeView(
         M,
         c,
         s,
@@ -138,7 +139,7 @@ def _rect(
     """Tiles of the grid that the Earth touches, by its grid points or by being too near to miss."""
     width, height = camera.width_px, camera.height_px
     # the whole disc may fall between grid points when the Earth is small (seen from far away)
-    center = -view.R_camera_from_itrs @ view.r_camera_itrs_m
+    center = -view.R_camera_from_globe @ view.r_camera_globe_m
     distance = float(np.linalg.norm(center))
     if seen.any():
         rows, columns = np.nonzero(seen)
@@ -148,7 +149,7 @@ def _rect(
         y0, y1 = (rows.min() - 1) * step_y - 2, (rows.max() + 1) * step_y + 2
     elif center[2] > 0:
         # a pole-on bound: radius on the image of the sphere that holds Earth and air
-        radius = np.sqrt(top2) * EARTH_RADIUS_M
+        radius = np.sqrt(top2) * view.globe.radius_m
         pixel = camera.project(center)
         size = max(camera.fx_px, camera.fy_px) * radius / max(center[2], distance * 0.2) * 1.5 + 4
         x0, y0, x1, y1 = pixel[0] - size, pixel[1] - size, pixel[0] + size, pixel[1] + size
@@ -166,28 +167,25 @@ def _rect(
     return rect if rect.width > 0 and rect.height > 0 else None
 
 
-def earth_values(view: View, earth: EarthView, air: Atmosphere) -> dict[str, ArrayLike]:
+def globe_values(view: View, earth: GlobeView, air: Atmosphere) -> dict[str, ArrayLike]:
     """Members of the block ``Earth``."""
     matrix = np.eye(4)
     matrix[:3, :3] = earth.earth_from_camera
     radius = float(np.linalg.norm(earth.camera))
     mu = earth.sun_cosine
     longitude = float(np.arctan2(earth.camera[1], earth.camera[0]))
-    moon = view.moon_itrs * np.array([1.0, 1.0, EARTH_RADIUS_M / EARTH_POLAR_RADIUS_M])
+    equator_m = view.globe.radius_m
+    stretch = equator_m / view.globe.polar_radius_m
+    moon = view.moon_globe * np.array([1.0, 1.0, stretch])
     return {
         "u_earth_from_camera": matrix,
         "u_earth_camera": [*earth.camera, 1 / radius],
         "u_earth_sun": [*earth.sun, mu],
         "u_earth_moon": [*(moon / np.linalg.norm(moon)), view.moon_share],
-        "u_earth_irradiance": vec4_of_bands(view.sun_at_earth_w_m2),
-        "u_earth_limits": [
-            max(np.sqrt(max(1 - mu * mu, 0.0)), 1e-6),
-            earth.top2,
-            EARTH_RADIUS_M / EARTH_POLAR_RADIUS_M,
-            0.0,
-        ],
+        "u_earth_irradiance": vec4_of_bands(view.sun_at_globe_w_m2),
+        "u_earth_limits": [max(np.sqrt(max(1 - mu * mu, 0.0)), 1e-6), earth.top2, stretch, 0.0],
         "u_earth_meridian": [np.cos(longitude), np.sin(longitude), longitude, 0.0],
-        "u_air_radius": [air.radius_m, air.top_m, radius * EARTH_RADIUS_M, SUN_ANGULAR_RADIUS_RAD],
+        "u_air_radius": [air.radius_m, air.top_m, radius * equator_m, SUN_ANGULAR_RADIUS_RAD],
         "u_air_sun": [mu, 0.0, 0.0, 0.0],
         "u_air_shape": [1 / air.rayleigh_height_m, 1 / air.mie_height_m, air.mie_g, 0.0],
         "u_air_rayleigh": vec4_of_bands(air.rayleigh_m),

@@ -1,0 +1,96 @@
+"""SceneRecord: a scene as truth records hold it, Earth and Moon in keys of their own."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.sensor import Sensor
+from flyaround.simulator.camera.detector.shutter import Shutter
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.runtime.arrays import Quat, Vec3
+from flyaround.simulator.scene.environments import ENVIRONMENTS, Environment
+from flyaround.simulator.scene.illumination.area_light import AreaLight
+from flyaround.simulator.scene.illumination.bands import Bands
+from flyaround.simulator.scene.illumination.lamp import Lamp
+from flyaround.simulator.scene.sample import Sample
+from flyaround.simulator.scene.state import Quality, SceneState, TargetRef
+from flyaround.simulator.world.ephemeris.body import BodyState, earth_and_moon
+
+
+class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """The fields of a `SceneState`; these take the place of its ``bodies``.
+
+    Attributes
+    ----------
+    r_moon_eci_m : apparent geocentric position [m]; about the Moon its geometric one.
+    q_itrs_from_eci_wxyz, q_moon_from_eci_wxyz : orientation of the Earth and the Moon (mean Earth / polar axis
+        frame: x to longitude 0, z along the axis).
+    bodies : others; absent where there are none.
+    """
+
+    epoch_utc: str
+    t_s: float
+    frame_index: int
+    seed: int
+    camera: Camera
+    sensor: Sensor
+    exposure_s: float
+    optics: Optics = msgspec.field(default_factory=Optics)
+    shutter: Shutter = msgspec.field(default_factory=Shutter)
+    quality: Quality = "default"
+    bands: Bands = "mono"
+    environment: Environment = ENVIRONMENTS["full"]
+    target: TargetRef
+    q_camera_from_target_wxyz: Quat
+    t_camera_from_target_m: Vec3
+    omega_target_rad_s: Vec3
+    v_target_camera_m_s: Vec3
+    r_camera_eci_m: Vec3
+    v_camera_eci_m_s: Vec3
+    q_camera_from_eci_wxyz: Quat
+    omega_camera_rad_s: Vec3
+    r_target_eci_m: Vec3
+    v_target_eci_m_s: Vec3
+    r_sun_eci_m: Vec3
+    r_moon_eci_m: Vec3
+    q_itrs_from_eci_wxyz: Quat
+    sun_visible_fraction: float
+    q_moon_from_eci_wxyz: Quat = (1.0, 0.0, 0.0, 0.0)
+    central_body: str = "earth"
+    lamp: Lamp | None = None
+    lights: tuple[AreaLight, ...] | UnsetType = UNSET
+    sample: Sample | UnsetType = UNSET
+    bodies: tuple[BodyState, ...] | UnsetType = UNSET
+
+    @staticmethod
+    def of(scene: SceneState) -> SceneRecord:
+        """Return the record of a scene."""
+        earth, moon, *others = scene.bodies
+        return SceneRecord(
+            **_common(scene),
+            r_moon_eci_m=moon.r_eci_m,
+            q_itrs_from_eci_wxyz=earth.q_fixed_from_eci_wxyz,
+            q_moon_from_eci_wxyz=moon.q_fixed_from_eci_wxyz,
+            bodies=tuple(others) or UNSET,
+        )
+
+    def scene(self) -> SceneState:
+        """Return the scene that was recorded."""
+        others = () if isinstance(self.bodies, UnsetType) else self.bodies
+        return SceneState(
+            **_common(self),
+            bodies=(
+                *earth_and_moon(self.r_moon_eci_m, self.q_itrs_from_eci_wxyz, self.q_moon_from_eci_wxyz),
+                *others,
+            ),
+        )
+
+
+def _common(scene: SceneRecord | SceneState) -> dict[str, Any]:
+    """Return the fields that a scene and its record have in common."""
+    return {f.name: getattr(scene, f.name) for f in fields(SceneState) if f.name != "bodies"}

@@ -1,0 +1,260 @@
+"""Bodies of the solar system: shape, gravity, turn, albedo, air, place and orientation; their registry by name."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import Quat, Vec3, quat, vec3
+from flyaround.simulator.runtime.plugins import plugins
+from flyaround.simulator.world.constants import AU_M, LIGHT_M_S
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.time.instant import Instant
+
+BUILT_IN = {
+    "earth": ("flyaround.simulator.world.bodies.earth", "EARTH"),
+    "moon": ("flyaround.simulator.world.bodies.moon", "MOON"),
+}
+"""Module and attribute of the bodies that every scene holds, in the order of `bodies_at`."""
+_UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
+SLOWEST_TURN_RAD_S = 1e-5
+"""Turn below which ground seen from a low orbit moves by less than a hundredth of the orbit's own motion."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyAir:
+    """Clear air of a body with one aerosol; densities fall off exponentially.
+
+    Parameters
+    ----------
+    rayleigh_m_um4 : Rayleigh scattering at the ground times wavelength^4 [m-1 um^4].
+    aerosol_m, aerosol_albedo : extinction of the aerosol at the ground [m-1] and its single-scattering albedo.
+    rayleigh_height_m, aerosol_height_m : scale heights [m].
+    aerosol_g : asymmetry of the aerosol's phase function.
+    ozone_m : absorption [m-1] at the peak, 25 km high, of a layer from 10 to 40 km, by the name of the band.
+    thickness_m : height of the top [m].
+    """
+
+    rayleigh_m_um4: float
+    rayleigh_height_m: float
+    aerosol_m: float = 0.0
+    aerosol_albedo: float = 1.0
+    aerosol_height_m: float = 1000.0
+    aerosol_g: float = 0.76
+    ozone_m: Mapping[str, float] = field(default_factory=dict, hash=False)
+    thickness_m: float = 100_000.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body(ABC):
+    """A body that craft can circle; one of its own class defines where it is and how it is turned.
+
+    Parameters
+    ----------
+    name : lower case. title : as it stands in a sentence. mu_m3_s2 : gravitational parameter.
+    radius_m, flattening : of the ellipsoid; altitudes count from the (equatorial) radius. mean_radius_m : of a sphere
+        like it.
+    j2 : second zonal harmonic of its plain gravity, with ``radius_m``. turn_rad_s : sidereal rotation.
+    lowest_m : perigee altitude below which an orbit is taken for a mistake.
+    reach_m : radius of its sphere of influence, beyond which a craft does not circle it (Vallado 2013, sec. 12.2).
+    sun_distance_m : mean distance from the Sun, by which exposures are metered.
+    albedo : mean reflectance, and where there is no map that of all its ground. albedo_map : path of an
+        equirectangular grey image of the reflectance (full scale: one), north up, 180 degrees west at its left.
+    air : None where there is none. surface : the passes that draw it; docs/adr/0025-bodies-are-objects.md.
+    layer : switch of the environment that draws it.
+    degrees : of its harmonics that ``forces.gravity_degree`` may ask for. acting : other keys of [forces] that are
+        modelled there. has_field : whether its magnetic field turns a residual dipole.
+    """
+
+    name: str
+    title: str
+    mu_m3_s2: float
+    radius_m: float
+    mean_radius_m: float
+    flattening: float = 0.0
+    j2: float = 0.0
+    turn_rad_s: float
+    lowest_m: float
+    reach_m: float
+    albedo: float
+    sun_distance_m: float = AU_M
+    albedo_map: str | None = None
+    air: BodyAir | None = None
+    surface: str = "globe"
+    layer: str = "moon"
+    degrees: tuple[int, ...] = (0,)
+    acting: tuple[str, ...] = ()
+    has_field: bool = False
+
+    @abstractmethod
+    def geocentric_state(self, now: Instant) -> tuple[FloatArray, FloatArray]:
+        """Return the geometric state of its centre from the Earth's, GCRS axes [m], [m s-1], each (3,)."""
+
+    @abstractmethod
+    def q_fixed_from_eci(self, now: Instant) -> FloatArray:
+        """Return the orientation of its axes (z: the pole, x: longitude 0), unit quaternion, scalar first."""
+
+    def apparent_m(self, now: Instant) -> FloatArray:
+        """Return where it is seen from the Earth's centre, corrected for light time: (3,) GCRS axes [m]."""
+        r, v = self.geocentric_state(now)
+        return np.asarray(r - v * (float(np.linalg.norm(r)) / LIGHT_M_S))
+
+    @property
+    def polar_radius_m(self) -> float:
+        """Polar radius of the ellipsoid [m]."""
+        return self.radius_m * (1 - self.flattening)
+
+    def pole_eci(self, now: Instant) -> FloatArray:
+        """Return the unit vector (3,) along its axis, GCRS."""
+        return matrix_from_quat(self.q_fixed_from_eci(now))[2]
+
+    @property
+    def turns(self) -> bool:
+        """Whether its ground turns fast enough to be seen during an exposure."""
+        return self.turn_rad_s > SLOWEST_TURN_RAD_S
+
+    def distance_problem(self, distance_m: float) -> str | None:
+        """What is wrong with a distance from its centre, as the end of a sentence; None if nothing."""
+        allowed = None
+        if not distance_m >= self.radius_m + self.lowest_m:
+            allowed = f"at least {(self.radius_m + self.lowest_m) / 1e3:.0f} km"
+        elif not distance_m <= self.reach_m:
+            allowed = f"at most {self.reach_m / 1e3:.0f} km"
+        if allowed is None:
+            return None
+        return f"is {distance_m / 1e3:.1f} km from the centre of {self.title}, allowed: {allowed}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyState:
+    """A body at one moment.
+
+    Parameters
+    ----------
+    name : of the body. r_eci_m : its centre, GCRS axes from the Earth's centre; apparent, of the body that is circled
+        geometric. q_fixed_from_eci_wxyz : orientation of its axes.
+    """
+
+    name: str
+    r_eci_m: Vec3
+    q_fixed_from_eci_wxyz: Quat
+
+    @property
+    def body(self) -> Body:
+        """The body."""
+        return body_named(self.name)
+
+    @property
+    def R_fixed_from_eci(self) -> FloatArray:
+        """(3, 3) rotation to its axes."""
+        return matrix_from_quat(self.q_fixed_from_eci_wxyz)
+
+
+class BodyStates:
+    """Access to the ``bodies`` of a state of the world, by name."""
+
+    bodies: tuple[BodyState, ...]
+    central_body: str
+
+    def body(self, name: str) -> BodyState:
+        """Return the state of a body; `KeyError` if the world holds none of that name."""
+        for state in self.bodies:
+            if state.name == name:
+                return state
+        raise KeyError(name)
+
+    @property
+    def central(self) -> BodyState:
+        """State of the body that the target circles."""
+        return self.body(self.central_body)
+
+
+def bodies_at(now: Instant, central: Body) -> tuple[BodyState, ...]:
+    """Return the states of Earth and Moon, then of ``central`` where it is another; its own place is geometric."""
+    return tuple(
+        BodyState(
+            name=body.name,
+            r_eci_m=vec3(body.geocentric_state(now)[0] if body is central else body.apparent_m(now)),
+            q_fixed_from_eci_wxyz=quat(body.q_fixed_from_eci(now)),
+        )
+        for body in dict.fromkeys((*map(body_named, BUILT_IN), central))
+    )
+
+
+def earth_and_moon(
+    r_moon_eci_m: Vec3, q_itrs_from_eci_wxyz: Quat = _UNTURNED, q_moon_from_eci_wxyz: Quat = _UNTURNED
+) -> tuple[BodyState, BodyState]:
+    """Return the states of the Earth and of a Moon that stands there."""
+    return (
+        BodyState(name="earth", r_eci_m=(0.0, 0.0, 0.0), q_fixed_from_eci_wxyz=q_itrs_from_eci_wxyz),
+        BodyState(name="moon", r_eci_m=r_moon_eci_m, q_fixed_from_eci_wxyz=q_moon_from_eci_wxyz),
+    )
+
+
+def body_names() -> tuple[str, ...]:
+    """Return the names of the built-in bodies, then of those that other packages add."""
+    return (*BUILT_IN, *(name for name in plugins("body") if name not in BUILT_IN))
+
+
+@cache
+def body_named(name: str) -> Body:
+    """Return the body of a name; its module is imported now.
+
+    Raises
+    ------
+    UserError
+        If there is none, or what a package adds under that name is no body.
+    """
+    if name in BUILT_IN:
+        module, attribute = BUILT_IN[name]
+        return getattr(import_module(module), attribute)
+    plugin = plugins("body").get(name)
+    if plugin is None:
+        raise UserError(f"unknown body '{name}'; choose from {', '.join(body_names())}")
+    body = plugin.load()
+    if not isinstance(body, Body) or body.name != name:
+        raise plugin.wrong(f"is not a Body named {name}")
+    return body
+
+
+def R_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> FloatArray:
+    """(3, 3) rotation from GCRS to a body's axes, from the angles that the IAU tabulates.
+
+    Parameters
+    ----------
+    alpha_deg, delta_deg : right ascension and declination of the pole.
+    W_deg : angle along the equator from its node on the GCRS equator to longitude 0.
+
+    References
+    ----------
+    Archinal et al. (2018), Report of the IAU Working Group on Cartographic Coordinates and Rotational Elements: 2015,
+    Celest. Mech. Dyn. Astr. 130, figure 1.
+    """
+    return _about_z(W_deg) @ _about_x(90.0 - delta_deg) @ _about_z(90.0 + alpha_deg)
+
+
+def q_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> FloatArray:
+    """Return `R_fixed_from_pole` as a unit quaternion, scalar first."""
+    return quat_from_matrix(R_fixed_from_pole(alpha_deg, delta_deg, W_deg))
+
+
+def _about_z(angle_deg: float) -> FloatArray:
+    """Turn of the axes about z."""
+    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _about_x(angle_deg: float) -> FloatArray:
+    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
