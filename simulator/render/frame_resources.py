@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.frame_images import FrameImages
     from flyaround.simulator.render.globe.globe_pass import GlobePass
     from flyaround.simulator.render.globe.globe_view import GlobeView
-    from flyaround.simulator.render.irradiance import IrradianceField
     from flyaround.simulator.render.moon.moon_view import MoonView
     from flyaround.simulator.render.sky.star_pass import Spread
     from flyaround.simulator.render.view import View

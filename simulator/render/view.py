@@ -13,8 +13,6 @@ from flyaround.simulator.scene.illumination.irradiance import IrradianceField, d
 from flyaround.simulator.scene.illumination.moonlight import moonlight_share
 from flyaround.simulator.scene.illumination.refraction import sunlight_past_earth
 from flyaround.simulator.world.constants import (
-    EARTH_POLAR_RADIUS_M,
-    EARTH_RADIUS_M,
     MOON_RADIUS_M,
     SUN_RADIUS_M,
 )
@@ -29,8 +27,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.world.ephemeris.body import Body
-
-SUN_RADIUS_M = 6.957e8  # IAU 2015 resolution B3, nominal solar radius
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import Bands
 from flyaround.simulator.scene.state import Quality, SceneState
 from flyaround.simulator.world.bodies.earth import EARTH
+from flyaround.simulator.world.constants import EARTH_POLAR_RADIUS_M, EARTH_RADIUS_M
 from flyaround.simulator.world.ephemeris.body import bodies_at
 from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
 from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m

@@ -12,7 +12,6 @@ import numpy as np
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
 from flyaround.simulator.render.projection import PixelRect, directions
 from flyaround.simulator.scene.illumination.atmosphere import SUN_ANGULAR_RADIUS_RAD
-from flyaround.simulator.world.constants import EARTH_POLAR_RADIUS_M, EARTH_RADIUS_M
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -13,6 +13,7 @@ import numpy as np
 
 from flyaround.simulator.scene.illumination.bands import bands_of
 from flyaround.simulator.world.bodies.earth import EARTH
+from flyaround.simulator.world.constants import EARTH_RADIUS_M
 from flyaround.simulator.world.ephemeris.body import BodyAir
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.ephemeris.body import Body
 
 SUN_ANGULAR_RADIUS_RAD = 0.004652  # IAU 2015 nominal solar radius at 1 au
+OZONE_HEIGHT_M, OZONE_HALF_WIDTH_M = 25_000.0, 15_000.0  # of a tent-shaped profile
 
 _NO_AIR = BodyAir(rayleigh_m_um4=0.0, rayleigh_height_m=1000.0, thickness_m=5000.0)
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from flyaround.simulator.geometry.directions import orthonormal_basis, spherical_fibonacci
 from flyaround.simulator.scene.illumination.moonlight import moonlight_share
-from flyaround.simulator.world.constants import EARTH_MEAN_RADIUS_M
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray

@@ -27,6 +27,7 @@ from flyaround.simulator.scene.illumination.refraction import shadow_profile, su
 from flyaround.simulator.scene.state import TargetRef
 from flyaround.simulator.scene.viewpoint import scene_above
 from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.constants import AU_M, EARTH_POLAR_RADIUS_M, EARTH_RADIUS_M
 from flyaround.simulator.world.ephemeris.body import earth_and_moon
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 from tools.validation.rows import Row
@@ -187,7 +188,7 @@ def _twin_db(renderer: Renderer, bands: Bands, hour: int) -> float:
         azimuth_deg=60.0,
     )
     drawn = _draw(renderer, scene).reshape(SIZE * SIZE, -1)
-    stretch = np.array([1, 1, EQUATOR_M / POLE_M])
+    stretch = np.array([1, 1, EARTH_RADIUS_M / EARTH_POLAR_RADIUS_M])
     R_ie = scene.body("earth").R_fixed_from_eci
     y, x = np.mgrid[0:SIZE, 0:SIZE]
     rays = camera.rays(np.stack([x.ravel(), y.ravel()], axis=1)) @ matrix_from_quat(
