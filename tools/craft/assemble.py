@@ -10,14 +10,7 @@ import numpy as np
 from flyaround.simulator.runtime.arrays import FloatArray, Quat, Vec3
 from flyaround.simulator.targets.check_target import check_target
 from flyaround.simulator.targets.convert import content_sha256
-from flyaround.simulator.targets.model import (
-    Edge,
-    Keypoint,
-    Material,
-    Part,
-    Target,
-    TextureImage,
-)
+from flyaround.simulator.targets.model import Edge, Keypoint, Material, Part, Target, TextureImage
 from tools.craft.finishes import FINISHES
 from tools.craft.labels import welded
 from tools.craft.mass import MassElement, mass_properties

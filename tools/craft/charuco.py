@@ -23,16 +23,7 @@ from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
 from flyaround.simulator.targets.level_of_detail import Detail
 from flyaround.simulator.targets.model import Material, Target, TextureImage
 from tools.craft.assemble import Piece
-from tools.craft.chessboard import (
-    COLUMNS,
-    MATT_WHITE,
-    ROWS,
-    SQUARE_M,
-    board,
-    lines_x_m,
-    lines_y_m,
-    squares,
-)
+from tools.craft.chessboard import COLUMNS, MATT_WHITE, ROWS, SQUARE_M, board, lines_x_m, lines_y_m, squares
 from tools.craft.shapes.mesh import merge
 
 DICTIONARY = cv2.aruco.DICT_4X4_50

@@ -17,7 +17,7 @@ from flyaround.simulator.runtime.arrays import FloatArray, Vec3
 from flyaround.simulator.targets.level_of_detail import Detail
 from flyaround.simulator.targets.model import Edge, Material, Target, TextureImage
 from tools.craft.assemble import Piece, assemble
-from tools.craft.finishes import BARE_ALUMINIUM
+from tools.craft.finishes import FINISHES
 from tools.craft.labels import box_edges, face_edges
 from tools.craft.mass import MassElement
 from tools.craft.shapes.mesh import Mesh, merge
@@ -60,22 +60,17 @@ def board(
         name,
         title,
         pieces=[
-            Piece("plate", BARE_ALUMINIUM.name, _plate(-COAT_M)),
+            Piece("plate", "bare-aluminium", _plate(-COAT_M)),
             Piece("margin", MATT_WHITE.name, _margin()),
             Piece("squares_dark", MATT_BLACK.name, merge(squares(dark=True))),
             light,
         ],
-        materials=(MATT_WHITE, MATT_BLACK, BARE_ALUMINIUM, *materials),
+        materials=(MATT_WHITE, MATT_BLACK, *FINISHES, *materials),
         keypoints=_corners(),
         wireframe=_wireframe(),
         occluders=[_plate(0.0)],
         lumps=[
-            MassElement(
-                name="plate",
-                mass_kg=MASS_KG,
-                centre_m=(0.0, 0.0, -PLATE_M / 2),
-                size_m=(PLATE_X_M, PLATE_Y_M, PLATE_M),
-            )
+            MassElement("plate", MASS_KG, (0.0, 0.0, -PLATE_M / 2), size_m=(PLATE_X_M, PLATE_Y_M, PLATE_M))
         ],
         frames={
             "face": ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),

@@ -12,132 +12,98 @@ from __future__ import annotations
 
 from flyaround.simulator.targets.model import Material
 
-WHITE_PAINT = Material(name="white-paint", base_color=(0.78, 0.78, 0.76), roughness=0.6)
-WHITE_SEAM = Material(name="white-seam", base_color=(0.50, 0.50, 0.49), roughness=0.65)
-WHITE_CLOTH = Material(name="white-cloth", base_color=(0.74, 0.73, 0.70), roughness=0.8, crinkle=0.12)
-BLACK_PAINT = Material(name="black-paint", base_color=(0.04, 0.04, 0.042), roughness=0.6)
-GREY_PAINT = Material(name="grey-paint", base_color=(0.32, 0.32, 0.33), roughness=0.6)
-DARK_INTERIOR = Material(name="dark-interior", base_color=(0.085, 0.083, 0.080), roughness=0.75)
-BURNT_ABLATOR = Material(name="burnt-ablator", base_color=(0.030, 0.028, 0.026), roughness=0.85)
-BARE_ALUMINIUM = Material(name="bare-aluminium", base_color=(0.80, 0.80, 0.80), metallic=0.75, roughness=0.32)
-MACHINED_ALUMINIUM = Material(
-    name="machined-aluminium",
-    base_color=(0.58, 0.58, 0.59),
-    metallic=0.7,
-    roughness=0.36,
-    anisotropy=0.6,
-    grain=(0.0, 0.0, 1.0),  # rings turned about the craft's long axis
-    turned=True,
-)
-BRUSHED_ALUMINIUM = Material(
-    name="brushed-aluminium",
-    base_color=(0.62, 0.62, 0.63),
-    metallic=0.6,
-    roughness=0.4,
-    anisotropy=0.6,
-    grain=(1.0, 0.0, 0.0),
-)
-BRUSHED_METAL = Material(
-    name="brushed-metal",
-    base_color=(0.42, 0.41, 0.40),
-    metallic=0.5,
-    roughness=0.4,
-    anisotropy=0.55,
-    grain=(0.0, 0.0, 1.0),  # rings and fittings of docking ports, about the craft's long axis
-    turned=True,
-)
-TITANIUM = Material(name="titanium", base_color=(0.50, 0.46, 0.42), metallic=0.7, roughness=0.38)
-NOZZLE_NIOBIUM = Material(name="nozzle", base_color=(0.16, 0.14, 0.13), metallic=0.6, roughness=0.45)
-NOZZLE_ALLOY = Material(name="nozzle-alloy", base_color=(0.24, 0.21, 0.19), metallic=0.6, roughness=0.45)
-STEEL = Material(name="spring-steel", base_color=(0.58, 0.55, 0.47), metallic=0.7, roughness=0.35)
-GOLD_MLI = Material(name="mli-gold", base_color=(0.83, 0.60, 0.24), metallic=0.7, roughness=0.33, crinkle=0.9)
-SILVER_MLI = Material(
-    name="mli-silver", base_color=(0.74, 0.74, 0.75), metallic=0.7, roughness=0.35, crinkle=0.8
-)
-BLACK_MLI = Material(name="mli-black", base_color=(0.045, 0.045, 0.05), roughness=0.4, crinkle=0.7)
-BLANKET_GREY_GREEN = Material(
-    name="blanket-grey-green", base_color=(0.205, 0.215, 0.170), roughness=0.7, crinkle=0.45
-)
-BLANKET_DARK = Material(name="blanket-dark", base_color=(0.110, 0.116, 0.095), roughness=0.7, crinkle=0.45)
-RADIATOR_MIRROR = Material(
-    name="radiator-mirror", base_color=(0.86, 0.87, 0.90), metallic=0.55, roughness=0.14, clearcoat=0.6
-)
-RADIATOR_PAINT = Material(
-    name="radiator", base_color=(0.70, 0.71, 0.72), roughness=0.3, clearcoat=0.4, clearcoat_roughness=0.15
-)
-CARBON_FIBRE = Material(name="carbon-fibre", base_color=(0.06, 0.06, 0.065), roughness=0.5)
-KAPTON = Material(name="kapton-substrate", base_color=(0.30, 0.17, 0.05), roughness=0.5)
-BUSBAR = Material(name="busbar", base_color=(0.66, 0.65, 0.62), metallic=0.5, roughness=0.4)
-LENS = Material(
-    name="lens", base_color=(0.015, 0.012, 0.025), roughness=0.2, clearcoat=1.0, clearcoat_roughness=0.03
-)
-WINDOW = Material(
-    name="window", base_color=(0.010, 0.011, 0.013), roughness=0.3, clearcoat=1.0, clearcoat_roughness=0.02
-)
-CELL_SILICON = Material(
-    name="solar-cell-silicon",
-    base_color=(0.010, 0.018, 0.060),
-    roughness=0.4,
-    clearcoat=1.0,
-    clearcoat_roughness=0.05,
-)
-CELL_GAAS = Material(
-    name="solar-cell",
-    base_color=(0.012, 0.014, 0.030),
-    roughness=0.4,
-    clearcoat=1.0,
-    clearcoat_roughness=0.04,
-)
-CELL_BLACK = Material(
-    name="solar-cell-black",
-    base_color=(0.012, 0.013, 0.020),
-    roughness=0.45,
-    clearcoat=1.0,
-    clearcoat_roughness=0.04,
-)
-CELL_BLUE = Material(
-    name="solar-cell-blue",
-    base_color=(0.016, 0.022, 0.070),
-    roughness=0.4,
-    clearcoat=1.0,
-    clearcoat_roughness=0.04,
-)
-CELL_SUBSTRATE = Material(name="cell-substrate", base_color=(0.22, 0.22, 0.21), roughness=0.6)
-PANEL_BACK = Material(name="panel-back", base_color=(0.42, 0.42, 0.40), roughness=0.6)
-
 FINISHES = (
-    WHITE_PAINT,
-    WHITE_SEAM,
-    WHITE_CLOTH,
-    BLACK_PAINT,
-    GREY_PAINT,
-    DARK_INTERIOR,
-    BURNT_ABLATOR,
-    BARE_ALUMINIUM,
-    MACHINED_ALUMINIUM,
-    BRUSHED_ALUMINIUM,
-    BRUSHED_METAL,
-    TITANIUM,
-    NOZZLE_NIOBIUM,
-    NOZZLE_ALLOY,
-    STEEL,
-    GOLD_MLI,
-    SILVER_MLI,
-    BLACK_MLI,
-    BLANKET_GREY_GREEN,
-    BLANKET_DARK,
-    RADIATOR_MIRROR,
-    RADIATOR_PAINT,
-    CARBON_FIBRE,
-    KAPTON,
-    BUSBAR,
-    LENS,
-    WINDOW,
-    CELL_SILICON,
-    CELL_GAAS,
-    CELL_BLACK,
-    CELL_BLUE,
-    CELL_SUBSTRATE,
-    PANEL_BACK,
+    Material(name="white-paint", base_color=(0.78, 0.78, 0.76), roughness=0.6),
+    Material(name="white-seam", base_color=(0.50, 0.50, 0.49), roughness=0.65),
+    Material(name="white-cloth", base_color=(0.74, 0.73, 0.70), roughness=0.8, crinkle=0.12),
+    Material(name="black-paint", base_color=(0.04, 0.04, 0.042), roughness=0.6),
+    Material(name="grey-paint", base_color=(0.32, 0.32, 0.33), roughness=0.6),
+    Material(name="dark-interior", base_color=(0.085, 0.083, 0.080), roughness=0.75),
+    Material(name="burnt-ablator", base_color=(0.030, 0.028, 0.026), roughness=0.85),
+    Material(name="bare-aluminium", base_color=(0.80, 0.80, 0.80), metallic=0.75, roughness=0.32),
+    Material(
+        name="machined-aluminium",
+        base_color=(0.58, 0.58, 0.59),
+        metallic=0.7,
+        roughness=0.36,
+        anisotropy=0.6,
+        grain=(0.0, 0.0, 1.0),  # rings turned about the craft's long axis
+        turned=True,
+    ),
+    Material(
+        name="brushed-aluminium",
+        base_color=(0.62, 0.62, 0.63),
+        metallic=0.6,
+        roughness=0.4,
+        anisotropy=0.6,
+        grain=(1.0, 0.0, 0.0),
+    ),
+    Material(
+        name="brushed-metal",
+        base_color=(0.42, 0.41, 0.40),
+        metallic=0.5,
+        roughness=0.4,
+        anisotropy=0.55,
+        grain=(0.0, 0.0, 1.0),  # rings and fittings of docking ports, about the craft's long axis
+        turned=True,
+    ),
+    Material(name="titanium", base_color=(0.50, 0.46, 0.42), metallic=0.7, roughness=0.38),
+    Material(name="nozzle", base_color=(0.16, 0.14, 0.13), metallic=0.6, roughness=0.45),
+    Material(name="nozzle-alloy", base_color=(0.24, 0.21, 0.19), metallic=0.6, roughness=0.45),
+    Material(name="spring-steel", base_color=(0.58, 0.55, 0.47), metallic=0.7, roughness=0.35),
+    Material(name="mli-gold", base_color=(0.83, 0.60, 0.24), metallic=0.7, roughness=0.33, crinkle=0.9),
+    Material(name="mli-silver", base_color=(0.74, 0.74, 0.75), metallic=0.7, roughness=0.35, crinkle=0.8),
+    Material(name="mli-black", base_color=(0.045, 0.045, 0.05), roughness=0.4, crinkle=0.7),
+    Material(name="blanket-grey-green", base_color=(0.205, 0.215, 0.170), roughness=0.7, crinkle=0.45),
+    Material(name="blanket-dark", base_color=(0.110, 0.116, 0.095), roughness=0.7, crinkle=0.45),
+    Material(
+        name="radiator-mirror", base_color=(0.86, 0.87, 0.90), metallic=0.55, roughness=0.14, clearcoat=0.6
+    ),
+    Material(
+        name="radiator", base_color=(0.70, 0.71, 0.72), roughness=0.3, clearcoat=0.4, clearcoat_roughness=0.15
+    ),
+    Material(name="carbon-fibre", base_color=(0.06, 0.06, 0.065), roughness=0.5),
+    Material(name="kapton-substrate", base_color=(0.30, 0.17, 0.05), roughness=0.5),
+    Material(name="busbar", base_color=(0.66, 0.65, 0.62), metallic=0.5, roughness=0.4),
+    Material(
+        name="lens", base_color=(0.015, 0.012, 0.025), roughness=0.2, clearcoat=1.0, clearcoat_roughness=0.03
+    ),
+    Material(
+        name="window",
+        base_color=(0.010, 0.011, 0.013),
+        roughness=0.3,
+        clearcoat=1.0,
+        clearcoat_roughness=0.02,
+    ),
+    Material(
+        name="solar-cell-silicon",
+        base_color=(0.010, 0.018, 0.060),
+        roughness=0.4,
+        clearcoat=1.0,
+        clearcoat_roughness=0.05,
+    ),
+    Material(
+        name="solar-cell",
+        base_color=(0.012, 0.014, 0.030),
+        roughness=0.4,
+        clearcoat=1.0,
+        clearcoat_roughness=0.04,
+    ),
+    Material(
+        name="solar-cell-black",
+        base_color=(0.012, 0.013, 0.020),
+        roughness=0.45,
+        clearcoat=1.0,
+        clearcoat_roughness=0.04,
+    ),
+    Material(
+        name="solar-cell-blue",
+        base_color=(0.016, 0.022, 0.070),
+        roughness=0.4,
+        clearcoat=1.0,
+        clearcoat_roughness=0.04,
+    ),
+    Material(name="cell-substrate", base_color=(0.22, 0.22, 0.21), roughness=0.6),
+    Material(name="panel-back", base_color=(0.42, 0.42, 0.40), roughness=0.6),
 )
 """All of them; a craft keeps those that its parts use."""

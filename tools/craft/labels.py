@@ -73,39 +73,6 @@ def box_edges(name: str, lo: Vec3, hi: Vec3) -> list[Edge]:
     return edges
 
 
-def plate_edges(
-    name: str, outline: ArrayLike, thickness_m: float, origin_m: ArrayLike, u: ArrayLike, v: ArrayLike
-) -> list[Edge]:
-    """Edges of an extruded convex polygon: the arguments of :func:`prism`, outline counter-clockwise."""
-    flat = np.asarray(outline, float)
-    axes = np.stack([np.asarray(u, float), np.asarray(v, float)])
-    n = np.cross(axes[0], axes[1])
-    low = np.asarray(origin_m, float) + flat @ axes
-    side = np.roll(flat, -1, axis=0) - flat
-    wall = unit(np.column_stack([side[:, 1], -side[:, 0]])) @ axes
-    edges = []
-    for k in range(len(flat)):
-        j = (k + 1) % len(flat)
-        for label, points, cap in (("low", low, -n), ("top", low + n * thickness_m, n)):
-            edges.append(
-                Edge(
-                    name=f"{name}_{label}_{k}",
-                    a_m=vec3(points[k]),
-                    b_m=vec3(points[j]),
-                    normals=(vec3(cap), vec3(wall[k])),
-                )
-            )
-        edges.append(
-            Edge(
-                name=f"{name}_up_{k}",
-                a_m=vec3(low[k]),
-                b_m=vec3(low[k] + n * thickness_m),
-                normals=(vec3(wall[k - 1]), vec3(wall[k])),
-            )
-        )
-    return edges
-
-
 def moved_edges(edges: Iterable[Edge], R: ArrayLike, offset_m: ArrayLike, prefix: str = "") -> list[Edge]:
     """Edges rotated by ``R`` (3, 3), which may be a reflection, then moved by ``offset_m``."""
     rotation, offset = np.asarray(R, float), np.asarray(offset_m, float)
@@ -137,12 +104,6 @@ def polar(radius_m: float, azimuth_deg: float, z_m: float) -> Vec3:
     return (float(radius_m * np.cos(a)), float(radius_m * np.sin(a)), float(z_m))
 
 
-def turn_z(azimuth_rad: float) -> FloatArray:
-    """(3, 3) rotation about z."""
-    c, s = np.cos(azimuth_rad), np.sin(azimuth_rad)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
 def prism_edges(
     name: str,
     outline: ArrayLike,
@@ -151,8 +112,9 @@ def prism_edges(
     origin_m: ArrayLike = (0, 0, 0),
     u: ArrayLike = (1, 0, 0),
     v: ArrayLike = (0, 1, 0),
+    crease_rad: float = float(CREASE_RAD),
 ) -> list[Edge]:
-    """Edges of `builders.prism.prism` with the same arguments; uprights only where the outline has a crease."""
+    """Return the edges of `prism` with the same arguments; uprights where walls meet at more than ``crease_rad``."""
     flat = np.asarray(outline, float)
     flat = flat if signed_area(flat) > 0 else flat[::-1]
     axes = np.stack([np.asarray(u, float), np.asarray(v, float)])
@@ -166,7 +128,7 @@ def prism_edges(
         j = (k + 1) % len(flat)
         edges.append(_edge(f"{name}_low_{k}", low[k], low[j], walls[k], -n))
         edges.append(_edge(f"{name}_top_{k}", high[k], high[j], walls[k], n))
-        if walls[k - 1] @ walls[k] < np.cos(CREASE_RAD):
+        if walls[k - 1] @ walls[k] < np.cos(crease_rad):
             edges.append(_edge(f"{name}_up_{k}", low[k], high[k], walls[k - 1], walls[k]))
     return edges
 

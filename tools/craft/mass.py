@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class MassElement:
     """A uniform box, or a thin rod when ``tip_m`` is given.
 
@@ -27,6 +27,7 @@ class MassElement:
     name: str
     mass_kg: float
     centre_m: Vec3
+    _: KW_ONLY
     size_m: Vec3 = (0.0, 0.0, 0.0)
     tip_m: Vec3 | None = None
 

@@ -24,6 +24,12 @@ def revolve(profile: ArrayLike, segments: int) -> Mesh:
     return lathe(profile, (0, 0, 0), (0, 0, 1), segments)
 
 
+def open_tube(inner_m: float, outer_m: float, low_m: float, high_m: float, segments: int) -> Mesh:
+    """A pipe about z, open at both ends."""
+    ring = [(inner_m, low_m), (outer_m, low_m), (outer_m, high_m), (inner_m, high_m), (inner_m, low_m)]
+    return revolve(ring, segments)
+
+
 def bell(
     throat_m: ArrayLike,
     axis: ArrayLike,

@@ -208,9 +208,9 @@ class SideWings:
         middle = (w.tip_m + w.first_m) / 2
         return [
             MassElement(
-                name=f"wing {side}",
-                mass_kg=mass_kg,
-                centre_m=vec3(np.array([sign * middle, 0.0, self.z_m])),
+                f"wing {side}",
+                mass_kg,
+                vec3(np.array([sign * middle, 0.0, self.z_m])),
                 size_m=(w.tip_m - w.first_m, w.thickness_m, w.chord_m),
             )
             for side, sign in (("+x", 1), ("-x", -1))

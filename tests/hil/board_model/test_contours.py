@@ -30,7 +30,6 @@ from flyaround.simulator.runtime.arrays import FloatArray
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Target
 from tools.craft.assemble import Piece, assemble
-from tools.craft.finishes import WHITE_PAINT
 from tools.craft.mass import MassElement
 from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.solids import box, lathe
@@ -38,9 +37,9 @@ from tools.craft.shapes.solids import box, lathe
 
 def body(mesh: Mesh) -> Target:
     return assemble(
-        "body", "body", pieces=[Piece("body", "white-paint", mesh)], materials=[WHITE_PAINT],
+        "body", "body", pieces=[Piece("body", "white-paint", mesh)],
         keypoints={}, wireframe=[], occluders=[mesh], frames={}, notes="",
-        lumps=[MassElement(name="b", mass_kg=1.0, centre_m=(0, 0, 0), size_m=(1, 1, 1))],
+        lumps=[MassElement("b", 1.0, (0, 0, 0), size_m=(1, 1, 1))],
     )  # fmt: skip
 
 

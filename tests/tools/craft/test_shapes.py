@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from flyaround.simulator.targets.level_of_detail import DETAILS
-from tools.craft.labels import plate_edges, rim_edges
+from tools.craft.labels import prism_edges, rim_edges
 from tools.craft.level import Level, facets
 from tools.craft.mass import Tube, mass_properties
 from tools.craft.parts import bell, dish
@@ -168,7 +168,7 @@ def test_rim_is_a_closed_polygon_with_normals_of_its_sides() -> None:
 
 
 def test_edges_of_a_plate_are_those_of_its_prism() -> None:
-    edges = plate_edges("plate", [(0, 0), (2, 0), (2, 1), (0, 1)], 0.5, (0, 0, 0), (1, 0, 0), (0, 1, 0))
+    edges = prism_edges("plate", [(0, 0), (2, 0), (2, 1), (0, 1)], 0.5)
     assert len(edges) == 12
     middle = np.array([1.0, 0.5, 0.25])
     for e in edges:
@@ -181,12 +181,10 @@ def test_thirds_of_segments_share_vertices() -> None:
 
 
 def test_inertia_of_tubes() -> None:
-    solid = mass_properties([Tube(name="drum", mass_kg=12.0, centre_m=(1, 2, 3), radius_m=2.0, length_m=1.0)])
+    solid = mass_properties([Tube("drum", 12.0, (1, 2, 3), radius_m=2.0, length_m=1.0)])
     assert solid.com_m == (1, 2, 3)
     assert np.allclose(solid.inertia_kg_m2, np.diag([13.0, 13.0, 24.0]))
-    hoop = mass_properties(
-        [Tube(name="hoop", mass_kg=5.0, centre_m=(0, 0, 0), radius_m=2.0, length_m=1e-9, inner_m=2.0)]
-    )
+    hoop = mass_properties([Tube("hoop", 5.0, (0, 0, 0), radius_m=2.0, length_m=1e-9, inner_m=2.0)])
     assert hoop.inertia_kg_m2[2][2] == pytest.approx(5.0 * 4)
 
 

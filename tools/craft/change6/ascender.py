@@ -139,25 +139,20 @@ def _lumps() -> list[MassElement]:
     """750 kg: propellant 460 and tanks 40 in four places, body 170, deck and docking 35, engine 20, wings 25."""
     lumps = [
         MassElement(
-            name="tank",
-            mass_kg=125.0,
-            centre_m=(sx * TANK_XY_M, sy * TANK_XY_M, TANK_Z_M),
+            "tank",
+            125.0,
+            (sx * TANK_XY_M, sy * TANK_XY_M, TANK_Z_M),
             # a cube with a sphere's inertia: side = 2 r sqrt(3/5)
             size_m=vec3(np.full(3, 2 * TANK_RADIUS_M * 0.6**0.5)),
         )
         for sx, sy in itertools.product((-1, 1), repeat=2)
     ]
     lumps += [
-        MassElement(name="body", mass_kg=170.0, centre_m=(0, 0, 0.55), size_m=(1.4, 1.4, 0.95)),
-        MassElement(
-            name="deck and docking", mass_kg=35.0, centre_m=(0, 0, BODY_TOP_M), size_m=(1.2, 1.2, 0.2)
-        ),
-        MassElement(name="engine", mass_kg=20.0, centre_m=(0, 0, -0.2), size_m=(0.3, 0.3, 0.5)),
+        MassElement("body", 170.0, (0, 0, 0.55), size_m=(1.4, 1.4, 0.95)),
+        MassElement("deck and docking", 35.0, (0, 0, BODY_TOP_M), size_m=(1.2, 1.2, 0.2)),
+        MassElement("engine", 20.0, (0, 0, -0.2), size_m=(0.3, 0.3, 0.5)),
     ]
     lumps += [
-        MassElement(
-            name="wing", mass_kg=12.5, centre_m=(0, s * WING_Y_M, WING_Z_M), size_m=(1.24, 1.24, 0.02)
-        )
-        for s in (-1, 1)
+        MassElement("wing", 12.5, (0, s * WING_Y_M, WING_Z_M), size_m=(1.24, 1.24, 0.02)) for s in (-1, 1)
     ]
     return lumps

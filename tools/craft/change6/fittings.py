@@ -45,9 +45,7 @@ def build_deck(detail: Detail) -> list[Piece]:
         ]
         grips.append(truss(np.array(brace) @ R.T, [(0, 1), (2, 3)], 0.009, n))
         feet.append(box((r - 0.12, -0.115, z + 0.002), (r + 0.035, 0.115, z + 0.014)).rotated(R))
-    target = [
-        cone((-0.50, 0.0, z), (-0.50, 0.0, z + 0.020), 0.075, 0.075, facets(detail, 48)),
-    ]
+    target = [cone((-0.50, 0.0, z), (-0.50, 0.0, z + 0.020), 0.075, 0.075, facets(detail, 48))]
     cross = [
         box((-0.56, -0.006, z + 0.019), (-0.44, 0.006, z + 0.0225)),
         box((-0.506, -0.06, z + 0.019), (-0.494, 0.06, z + 0.0220)),

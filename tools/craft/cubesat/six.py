@@ -25,13 +25,7 @@ from tools.craft.cubesat.fittings import (
     sun_sensor,
     telescope,
 )
-from tools.craft.cubesat.structure import (
-    U6,
-    body_occluder,
-    corner_keypoints,
-    rail_edges,
-    structure,
-)
+from tools.craft.cubesat.structure import U6, body_occluder, corner_keypoints, rail_edges, structure
 from tools.craft.cubesat.wings import Wings
 from tools.craft.hardware import star_tracker, thruster
 from tools.craft.labels import prism_edges, rim_point, ring_edges
@@ -175,10 +169,10 @@ def _wireframe() -> list[Edge]:
 def _lumps() -> list[MassElement]:
     """10.0 kg: structure 1.6, avionics and battery 3.4, camera 1.9, cold gas 1.6, wings 1.1, faces 0.4."""
     return [
-        MassElement(name="structure", mass_kg=1.6, centre_m=(0, 0, 0), size_m=(0.226, 0.1, 0.366)),
-        MassElement(name="avionics", mass_kg=3.4, centre_m=(0.0, 0, 0.01), size_m=(0.2, 0.09, 0.2)),
-        MassElement(name="camera", mass_kg=1.9, centre_m=(CAMERA_X_M, 0, -0.1), size_m=(0.09, 0.09, 0.15)),
-        MassElement(name="cold gas", mass_kg=1.6, centre_m=(0.060, 0, 0.13), size_m=(0.09, 0.09, 0.09)),
-        MassElement(name="face cells", mass_kg=0.4, centre_m=(0, 0.01, 0), size_m=(0.22, 0.098, 0.34)),
+        MassElement("structure", 1.6, (0, 0, 0), size_m=(0.226, 0.1, 0.366)),
+        MassElement("avionics", 3.4, (0.0, 0, 0.01), size_m=(0.2, 0.09, 0.2)),
+        MassElement("camera", 1.9, (CAMERA_X_M, 0, -0.1), size_m=(0.09, 0.09, 0.15)),
+        MassElement("cold gas", 1.6, (0.060, 0, 0.13), size_m=(0.09, 0.09, 0.09)),
+        MassElement("face cells", 0.4, (0, 0.01, 0), size_m=(0.22, 0.098, 0.34)),
         *WINGS.lumps(0.55),
     ]

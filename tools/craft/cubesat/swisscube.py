@@ -23,14 +23,7 @@ from tools.craft.cubesat.fittings import (
     tape_antenna,
     telescope,
 )
-from tools.craft.cubesat.structure import (
-    RIB_M,
-    U1,
-    body_occluder,
-    corner_keypoints,
-    rail_edges,
-    structure,
-)
+from tools.craft.cubesat.structure import RIB_M, U1, body_occluder, corner_keypoints, rail_edges, structure
 from tools.craft.hardware import socket_screws
 from tools.craft.labels import axis_edge
 from tools.craft.level import facets
@@ -156,12 +149,10 @@ def _antenna_bodies() -> list[Mesh]:
 def _lumps() -> list[MassElement]:
     """0.82 kg: frame 0.24, boards and battery 0.36, faces with cells 0.13, antenna board and payload 0.09."""
     return [
-        MassElement(name="frame", mass_kg=0.24, centre_m=(0, 0, 0), size_m=(0.1, 0.1, 0.1135)),
-        MassElement(
-            name="boards and battery", mass_kg=0.362, centre_m=(0, 0, 0.004), size_m=(0.085, 0.085, 0.07)
-        ),
-        MassElement(name="faces", mass_kg=0.13, centre_m=(0, 0, 0.003), size_m=(0.098, 0.098, 0.1)),
-        MassElement(name="antenna board", mass_kg=0.08, centre_m=(0, 0, -0.045), size_m=(0.08, 0.08, 0.02)),
-        MassElement(name="UHF tape", mass_kg=0.002, centre_m=(ROOT_M, 0.030, ANTENNA_Z_M), tip_m=UHF_TIP),
-        MassElement(name="VHF tape", mass_kg=0.006, centre_m=(-0.030, ROOT_M, ANTENNA_Z_M), tip_m=VHF_TIP),
+        MassElement("frame", 0.24, (0, 0, 0), size_m=(0.1, 0.1, 0.1135)),
+        MassElement("boards and battery", 0.362, (0, 0, 0.004), size_m=(0.085, 0.085, 0.07)),
+        MassElement("faces", 0.13, (0, 0, 0.003), size_m=(0.098, 0.098, 0.1)),
+        MassElement("antenna board", 0.08, (0, 0, -0.045), size_m=(0.08, 0.08, 0.02)),
+        MassElement("UHF tape", 0.002, (ROOT_M, 0.030, ANTENNA_Z_M), tip_m=UHF_TIP),
+        MassElement("VHF tape", 0.006, (-0.030, ROOT_M, ANTENNA_Z_M), tip_m=VHF_TIP),
     ]

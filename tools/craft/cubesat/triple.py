@@ -25,13 +25,7 @@ from tools.craft.cubesat.fittings import (
     tape_antenna,
     telescope,
 )
-from tools.craft.cubesat.structure import (
-    U3,
-    body_occluder,
-    corner_keypoints,
-    rail_edges,
-    structure,
-)
+from tools.craft.cubesat.structure import U3, body_occluder, corner_keypoints, rail_edges, structure
 from tools.craft.cubesat.wings import Wings
 from tools.craft.hardware import star_tracker
 from tools.craft.labels import axis_edge, rim_point, ring_edges
@@ -66,11 +60,7 @@ def tape_tip(k: int) -> Vec3:
     """Tip of tape antenna ``k``: diagonally outwards and 15 degrees up."""
     x, y, z = TAPE_ROOTS[k]
     flat, rise = TAPE_M * np.cos(np.deg2rad(15)), TAPE_M * np.sin(np.deg2rad(15))
-    return (
-        float(x + np.sign(x) * flat * 0.5**0.5),
-        float(y + np.sign(y) * flat * 0.5**0.5),
-        float(z + rise),
-    )
+    return (float(x + np.sign(x) * flat * 0.5**0.5), float(y + np.sign(y) * flat * 0.5**0.5), float(z + rise))
 
 
 SCREWS_Z_M = (-0.152, -0.063, -0.046, 0.046, 0.063, 0.152)
@@ -179,10 +169,10 @@ def _wireframe() -> list[Edge]:
 def _lumps() -> list[MassElement]:
     """4.0 kg: structure 0.75, avionics and battery 1.35, telescope 1.15, wings 0.5, rest 0.25."""
     return [
-        MassElement(name="structure", mass_kg=0.75, centre_m=(0, 0, 0), size_m=(0.1, 0.1, 0.3405)),
-        MassElement(name="avionics", mass_kg=1.35, centre_m=(0, 0, 0.085), size_m=(0.09, 0.09, 0.15)),
-        MassElement(name="telescope", mass_kg=1.15, centre_m=(0, 0, -0.085), size_m=(0.09, 0.09, 0.15)),
-        MassElement(name="face cells", mass_kg=0.22, centre_m=(0, 0.01, 0), size_m=(0.098, 0.098, 0.32)),
+        MassElement("structure", 0.75, (0, 0, 0), size_m=(0.1, 0.1, 0.3405)),
+        MassElement("avionics", 1.35, (0, 0, 0.085), size_m=(0.09, 0.09, 0.15)),
+        MassElement("telescope", 1.15, (0, 0, -0.085), size_m=(0.09, 0.09, 0.15)),
+        MassElement("face cells", 0.22, (0, 0.01, 0), size_m=(0.098, 0.098, 0.32)),
         *WINGS.lumps(0.25),
-        MassElement(name="antennas", mass_kg=0.03, centre_m=(0, 0, END_M), size_m=(0.2, 0.2, 0.01)),
+        MassElement("antennas", 0.03, (0, 0, END_M), size_m=(0.2, 0.2, 0.01)),
     ]

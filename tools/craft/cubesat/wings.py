@@ -86,11 +86,6 @@ class Wings:
         span = self.reach_m - self.root_x_m
         size = (span, WING_M, self.size_m[1])
         return [
-            MassElement(
-                name=f"wing {s}x",
-                mass_kg=mass_kg,
-                centre_m=(sx * (self.root_x_m + span / 2), self.y_m, 0),
-                size_m=size,
-            )
+            MassElement(f"wing {s}x", mass_kg, (sx * (self.root_x_m + span / 2), self.y_m, 0), size_m=size)
             for s, sx in (("+", 1), ("-", -1))
         ]

@@ -106,28 +106,12 @@ def _occluders() -> list[Mesh]:
 def _lumps() -> list[MassElement]:
     """8.4 t: 4.2 t dry (SpaceX), 1.3 t of propellant and 2.9 t of cargo; the split is an estimate."""
     return [
-        Tube(name="heat shield", mass_kg=750.0, centre_m=(0, 0, 0.02), radius_m=1.78, length_m=0.35),
-        Tube(
-            name="propellant", mass_kg=1290.0, centre_m=(0, 0, 0.75), radius_m=1.65, length_m=0.8, inner_m=1.3
-        ),
-        Tube(
-            name="pressure vessel",
-            mass_kg=1900.0,
-            centre_m=(0, 0, 1.5),
-            radius_m=1.5,
-            length_m=2.4,
-            inner_m=1.2,
-        ),
-        Tube(name="pressurised cargo", mass_kg=2400.0, centre_m=(0, 0, 1.4), radius_m=1.15, length_m=1.9),
-        Tube(
-            name="berthing port",
-            mass_kg=340.0,
-            centre_m=(0, 0, 3.05),
-            radius_m=1.0,
-            length_m=0.5,
-            inner_m=0.6,
-        ),
-        Tube(name="trunk", mass_kg=900.0, centre_m=(0, 0, -1.4), radius_m=1.83, length_m=2.77, inner_m=1.74),
-        Tube(name="cargo in the trunk", mass_kg=500.0, centre_m=(0, 0, -0.9), radius_m=0.9, length_m=0.9),
+        Tube("heat shield", 750.0, (0, 0, 0.02), radius_m=1.78, length_m=0.35),
+        Tube("propellant", 1290.0, (0, 0, 0.75), radius_m=1.65, length_m=0.8, inner_m=1.3),
+        Tube("pressure vessel", 1900.0, (0, 0, 1.5), radius_m=1.5, length_m=2.4, inner_m=1.2),
+        Tube("pressurised cargo", 2400.0, (0, 0, 1.4), radius_m=1.15, length_m=1.9),
+        Tube("berthing port", 340.0, (0, 0, 3.05), radius_m=1.0, length_m=0.5, inner_m=0.6),
+        Tube("trunk", 900.0, (0, 0, -1.4), radius_m=1.83, length_m=2.77, inner_m=1.74),
+        Tube("cargo in the trunk", 500.0, (0, 0, -0.9), radius_m=0.9, length_m=0.9),
         *WINGS.lumps(160.0),
     ]

@@ -26,10 +26,11 @@ from tools.craft.dragon.cargo_shape import (
     TRUNK_RADIUS_M,
     WINGS,
 )
-from tools.craft.labels import RIM_SEGMENTS, polar, turn_z
+from tools.craft.labels import RIM_SEGMENTS, polar
 from tools.craft.level import Level
-from tools.craft.parts import bell, hoop, revolve, seams, window
-from tools.craft.shapes.mesh import Mesh, merge
+from tools.craft.parts import bell, hoop, open_tube, revolve, seams, window
+from tools.craft.place import turn_z
+from tools.craft.shapes.mesh import merge
 from tools.craft.shapes.prism import prism
 from tools.craft.shapes.solids import bar, box, cone, rod
 from tools.craft.shapes.wrapped import pad, sector
@@ -100,21 +101,13 @@ def _port(level: Level) -> list[Piece]:
 def _trunk(level: Level) -> list[Piece]:
     n = level.segments(RIM_SEGMENTS)
     ri, ro, lo, hi = TRUNK_INNER_M, TRUNK_RADIUS_M, TRUNK_LOW_M, TRUNK_HIGH_M
-    tube = [(ri + 0.002, lo), (ro, lo), (ro, hi), (ri + 0.002, hi), (ri + 0.002, lo)]
-    liner = [
-        (ri - 0.02, lo + 0.02),
-        (ri + 0.004, lo + 0.02),
-        (ri + 0.004, hi),
-        (ri - 0.02, hi),
-        (ri - 0.02, lo + 0.02),
-    ]
     drives = [
         cone((s * (ro - 0.04), 0, WINGS.z_m), (s * (ro + 0.14), 0, WINGS.z_m), 0.16, 0.13, level.segments(24))
         for s in (1, -1)
     ]
     return [
-        Piece("trunk_tube", "white-paint", revolve(tube, n)),
-        Piece("trunk_liner", "dark-interior", revolve(liner, n)),
+        Piece("trunk_tube", "white-paint", open_tube(ri + 0.002, ro, lo, hi, n)),
+        Piece("trunk_liner", "dark-interior", open_tube(ri - 0.02, ri + 0.004, lo + 0.02, hi, n)),
         Piece("wing_drives", "grey-paint", merge(drives)),
     ]
 
@@ -190,11 +183,12 @@ def _side(level: Level) -> list[Piece]:
 
 def _trunk_skin(level: Level) -> list[Piece]:
     """Radiators on both sides between the wings, hinge brackets of the fairings, beams inside."""
-    panels: list[Mesh] = []
-    for centre in (90.0, 270.0):
-        for k in range(-3, 3):
-            a, b = np.deg2rad([centre + 20.0 * k + 0.4, centre + 20.0 * (k + 1) - 0.4])
-            panels.append(sector(TRUNK, (a, b), [-2.62, -0.25], 0.010, 0.01, level.segments(12) // 2))
+    panels = [
+        sector(
+            TRUNK, np.deg2rad([a + 0.4, a + 20.0 - 0.4]), [-2.62, -0.25], 0.010, 0.01, level.segments(12) // 2
+        )
+        for a in (*range(30, 150, 20), *range(210, 330, 20))
+    ]
     brackets = [
         box((-0.03, -0.07, -0.10), (0.06, 0.07, 0.10), 0.01)
         .moved((TRUNK_RADIUS_M, 0, z))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import Vec3, vec3
@@ -32,17 +34,11 @@ from tools.craft.dragon.crew_shape import (
     nose_rotation,
 )
 from tools.craft.dragon.crew_trunk import build_trunk, fin_mesh
-from tools.craft.labels import (
-    QUARTERS,
-    moved_edges,
-    plate_edges,
-    polar,
-    rim_edges,
-    turn_z,
-)
+from tools.craft.labels import QUARTERS, moved_edges, polar, prism_edges, rim_edges
 from tools.craft.level import Level
 from tools.craft.mass import MassElement, Tube
 from tools.craft.parts import revolve
+from tools.craft.place import turn_z
 from tools.craft.shapes.mesh import Mesh
 from tools.craft.shapes.solids import box
 
@@ -113,9 +109,10 @@ def _wireframe() -> list[Edge]:
     rim = rim_edges("nose_rim", DECK_M, DECK_RADIUS_M, [(1, 0), (0, -1)])
     edges += moved_edges(rim, nose_rotation(), nose_point(np.zeros(3)))
     origin, thick = (0, FIN_THICK_M / 2, 0), FIN_THICK_M
-    fin = plate_edges("fin", FIN_M, thick, origin, (1, 0, 0), (0, 0, 1))
+    fin = prism_edges("fin", FIN_M, thick, origin_m=origin, u=(1, 0, 0), v=(0, 0, 1), crease_rad=0.0)
     # the root lies inside the trunk
     fin = [e for e in fin if not e.name.endswith(("_3", "up_0"))]
+    fin = [e if "up" in e.name else replace(e, normals=e.normals[::-1]) for e in fin]
     for k, az in enumerate(FIN_AZIMUTHS_DEG):
         edges += moved_edges(fin, turn_z(np.deg2rad(az)), (0, 0, 0), f"f{k + 1}_")
     return edges
@@ -152,13 +149,13 @@ def _lumps() -> list[MassElement]:
     """
     nose = np.asarray(nose_cone(Level("low"), closed=False).positions_m).mean(axis=0)
     return [
-        Tube(name="heat shield", mass_kg=1100.0, centre_m=(0, 0, 0.05), radius_m=1.95, length_m=0.35),
-        Tube(name="propellant and engines", mass_kg=2900.0, centre_m=(0, 0, 0.80), radius_m=1.85, length_m=0.9,
+        Tube("heat shield", 1100.0, (0, 0, 0.05), radius_m=1.95, length_m=0.35),
+        Tube("propellant and engines", 2900.0, (0, 0, 0.80), radius_m=1.85, length_m=0.9,
              inner_m=1.3),
-        Tube(name="pressure vessel, crew, cargo", mass_kg=5600.0, centre_m=(0.05, 0, 1.45), radius_m=1.45,
+        Tube("pressure vessel, crew, cargo", 5600.0, (0.05, 0, 1.45), radius_m=1.45,
              length_m=2.2),
-        Tube(name="forward structure and port", mass_kg=900.0, centre_m=(0, 0, 3.35), radius_m=0.95, length_m=1.0),
-        MassElement(name="nose cone", mass_kg=250.0, centre_m=vec3(nose), size_m=(1.0, 2.2, 2.2)),
-        Tube(name="trunk", mass_kg=1550.0, centre_m=(0, 0, -1.84), radius_m=1.85, length_m=3.62, inner_m=1.75),
-        Tube(name="fins", mass_kg=200.0, centre_m=(0, 0, -3.0), radius_m=2.2, length_m=1.4, inner_m=1.85),
+        Tube("forward structure and port", 900.0, (0, 0, 3.35), radius_m=0.95, length_m=1.0),
+        MassElement("nose cone", 250.0, vec3(nose), size_m=(1.0, 2.2, 2.2)),
+        Tube("trunk", 1550.0, (0, 0, -1.84), radius_m=1.85, length_m=3.62, inner_m=1.75),
+        Tube("fins", 200.0, (0, 0, -3.0), radius_m=2.2, length_m=1.4, inner_m=1.85),
     ]  # fmt: skip

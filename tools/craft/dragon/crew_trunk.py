@@ -17,9 +17,10 @@ from tools.craft.dragon.crew_shape import (
     TRUNK_LOW_M,
     TRUNK_RADIUS_M,
 )
-from tools.craft.labels import RIM_SEGMENTS, turn_z
+from tools.craft.labels import RIM_SEGMENTS
 from tools.craft.level import Level
-from tools.craft.parts import revolve
+from tools.craft.parts import open_tube
+from tools.craft.place import turn_z
 from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.prism import clipped_rectangle, prism
 from tools.craft.shapes.wrapped import sector, tiled
@@ -34,21 +35,10 @@ def build_trunk(level: Level) -> list[Piece]:
     """Tube, cells, radiators, fins."""
     n = level.segments(RIM_SEGMENTS)
     ri, ro, lo, hi = TRUNK_INNER_M, TRUNK_RADIUS_M, TRUNK_LOW_M, TRUNK_HIGH_M
-    tube = revolve([(ri + 0.002, lo), (ro, lo), (ro, hi), (ri + 0.002, hi), (ri + 0.002, lo)], n)
-    liner = revolve(
-        [
-            (ri - 0.02, lo + 0.02),
-            (ri + 0.004, lo + 0.02),
-            (ri + 0.004, hi),
-            (ri - 0.02, hi),
-            (ri - 0.02, lo + 0.02),
-        ],
-        n,
-    )
     fin = fin_mesh()
     pieces = [
-        Piece("trunk_tube", "white-paint", tube),
-        Piece("trunk_liner", "grey-paint", liner),
+        Piece("trunk_tube", "white-paint", open_tube(ri + 0.002, ro, lo, hi, n)),
+        Piece("trunk_liner", "grey-paint", open_tube(ri - 0.02, ri + 0.004, lo + 0.02, hi, n)),
         Piece("fins", "white-paint", merge([fin.rotated(turn_z(a)) for a in np.deg2rad(FIN_AZIMUTHS_DEG)])),
         *_solar_half(level),
     ]
@@ -94,7 +84,8 @@ def _radiators(level: Level) -> list[Piece]:
     """Panels of the radiator half, between the fins and the solar half's borders."""
     edges = np.deg2rad([-82.0, -48.0, -24.0, 0.0, 24.0, 48.0, 82.0])
     rows = [-3.42, -0.20]
-    panels = []
-    for p, q in itertools.pairwise(edges):
-        panels.append(sector(TRUNK, (p + 0.012, q - 0.012), rows, 0.010, 0.01, level.segments(12)))
+    panels = [
+        sector(TRUNK, (p + 0.012, q - 0.012), rows, 0.010, 0.01, level.segments(12))
+        for p, q in itertools.pairwise(edges)
+    ]
     return [Piece("radiators", "radiator", merge(panels))]

@@ -35,13 +35,7 @@ from tools.craft.envisat.dimensions import (
     RING_RADIUS_M,
     SERVICE_END_X_M,
 )
-from tools.craft.envisat.instruments import (
-    EARTH_M,
-    KA_AXIS,
-    KA_DEPTH_M,
-    KA_VERTEX,
-    build_instruments,
-)
+from tools.craft.envisat.instruments import EARTH_M, KA_AXIS, KA_DEPTH_M, KA_VERTEX, build_instruments
 from tools.craft.envisat.structure import build_bus
 from tools.craft.envisat.wings import build_array, build_asar
 from tools.craft.finishes import FINISHES
@@ -170,15 +164,11 @@ def _lumps() -> list[MassElement]:
     y, z = 2 * BUS_HALF_Y_M, 2 * BUS_HALF_Z_M
     wing = 2 * ARRAY_HALF_Y_M
     return [
-        MassElement(name="service module", mass_kg=2700.0, centre_m=(-1.35, 0, 0), size_m=(2.5, y, z)),
-        MassElement(name="payload module", mass_kg=2700.0, centre_m=(-5.4, 0, 0), size_m=(5.4, y, z)),
-        MassElement(name="end instruments", mass_kg=800.0, centre_m=(-9.3, 0, -0.25), size_m=(1.3, 3.4, 1.9)),
-        MassElement(
-            name="Earth side instruments", mass_kg=480.0, centre_m=(-7.6, -0.2, 1.0), size_m=(3.8, 2.0, 0.5)
-        ),
-        MassElement(name="ASAR antenna", mass_kg=780.0, centre_m=ASAR_CENTRE, size_m=(1.3, 10.0, 0.2)),
-        MassElement(name="solar array", mass_kg=338.0, centre_m=(8.6, 0, 0), size_m=(14.8, wing, 0.05)),
-        MassElement(
-            name="Ka-band antenna", mass_kg=30.0, centre_m=(KA_MAST_X_M, 0.75, -2.0), size_m=(0.8, 0.8, 0.8)
-        ),
+        MassElement("service module", 2700.0, (-1.35, 0, 0), size_m=(2.5, y, z)),
+        MassElement("payload module", 2700.0, (-5.4, 0, 0), size_m=(5.4, y, z)),
+        MassElement("end instruments", 800.0, (-9.3, 0, -0.25), size_m=(1.3, 3.4, 1.9)),
+        MassElement("Earth side instruments", 480.0, (-7.6, -0.2, 1.0), size_m=(3.8, 2.0, 0.5)),
+        MassElement("ASAR antenna", 780.0, ASAR_CENTRE, size_m=(1.3, 10.0, 0.2)),
+        MassElement("solar array", 338.0, (8.6, 0, 0), size_m=(14.8, wing, 0.05)),
+        MassElement("Ka-band antenna", 30.0, (KA_MAST_X_M, 0.75, -2.0), size_m=(0.8, 0.8, 0.8)),
     ]

@@ -161,10 +161,7 @@ def prism(
     n = cross(axes[0], axes[1])
     low = np.asarray(origin_m, float) + flat @ axes
     high = low + n * thickness_m
-    caps = [
-        Mesh(high, np.tile(n, (len(flat), 1)), cut),
-        Mesh(low, np.tile(-n, (len(flat), 1)), cut[:, ::-1]),
-    ]
+    caps = [Mesh(high, np.tile(n, (len(flat), 1)), cut), Mesh(low, np.tile(-n, (len(flat), 1)), cut[:, ::-1])]
     walls, start = [], 0
     for ring in (rim, *inner):
         rows = slice(start, start + len(ring))

@@ -9,14 +9,7 @@ import numpy as np
 
 from flyaround.simulator.targets.importing.propose.keypoints import across
 from flyaround.simulator.targets.importing.repair.normals import CREASE_RAD
-from tools.craft.shapes.mesh import (
-    Mesh,
-    convex_solid,
-    cross,
-    following,
-    merge,
-    unit,
-)
+from tools.craft.shapes.mesh import Mesh, convex_solid, cross, following, merge, unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,14 +10,7 @@ from tools.craft.level import Level
 from tools.craft.parts import dish, handrail, revolve
 from tools.craft.shapes.mesh import merge
 from tools.craft.shapes.solids import bar, box, lathe, rod
-from tools.craft.soyuz.shape import (
-    COLLAR_M,
-    ORBITAL,
-    PROBE_TIP_M,
-    SKIRT_EDGE_M,
-    SKIRT_RADIUS_M,
-    WINGS,
-)
+from tools.craft.soyuz.shape import COLLAR_M, ORBITAL, PROBE_TIP_M, SKIRT_EDGE_M, SKIRT_RADIUS_M, WINGS
 
 KURS_BOOM_FOOT_M = (0.0, 0.95, 3.75)
 KURS_DISH_M = (0.0, 1.62, 4.42)

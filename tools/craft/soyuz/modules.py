@@ -61,16 +61,8 @@ def quilt(surface: Revolved, rows_m: list[float], count: int, start_deg: float, 
             az = np.deg2rad(start_deg) + (k + 0.5 * (row % 2)) * pitch
             gap = 0.010 / float(surface.radius((a + b) / 2))
             lift = BLANKET_M * (0.55 + 0.45 * np.sin(2.4 * k + 1.7 * row) ** 2)
-            blankets.append(
-                sector(
-                    surface,
-                    (az + gap, az + pitch - gap),
-                    heights,
-                    lift,
-                    0.01,
-                    max(2, level.segments(72) // count),
-                )
-            )
+            columns = max(2, level.segments(72) // count)
+            blankets.append(sector(surface, (az + gap, az + pitch - gap), heights, lift, 0.01, columns))
     return blankets
 
 
@@ -136,15 +128,8 @@ def _service(level: Level) -> list[Piece]:
     drum = revolve([(0, lo - 0.10), (r, lo - 0.10), (r, hi), (r - 0.04, hi + 0.04), (0, hi + 0.04)], n)
     # the skirt is a shell: one looks into it from below
     (ra, za), (rb, zb), (rc, zc) = SKIRT_PROFILE
-    skirt = [
-        (ra - 0.025, za),
-        (ra, za),
-        (rb, zb),
-        (rc, zc),
-        (rc - 0.03, zc),
-        (rb - 0.03, zb),
-        (ra - 0.025, za),
-    ]
+    inside = [(rc - 0.03, zc), (rb - 0.03, zb), (ra - 0.025, za)]
+    skirt = [inside[-1], *SKIRT_PROFILE, *inside]
     base = revolve(
         [(0, BASE_LOW_M), (1.29, BASE_LOW_M), (1.29, BASE_LOW_M + 0.05), (0, BASE_LOW_M + 0.05)], n
     )
@@ -168,29 +153,17 @@ def _service(level: Level) -> list[Piece]:
 
 def _service_skin(level: Level) -> list[Piece]:
     """Radiator strips round drum and skirt, blankets between them."""
-    drum_rows = list(np.linspace(DRUM_LOW_M + 0.04, DRUM_HIGH_M - 0.03, 2))
+    n = level.segments(RIM_SEGMENTS)
+    drum_rows = [DRUM_LOW_M + 0.04, DRUM_HIGH_M - 0.03]
     blankets = quilt(DRUM, drum_rows, 12, 0.0, level)
-    panels, pitch = [], np.deg2rad(15.0)
-    for k in range(24):
-        az = k * pitch
-        panels.append(
-            sector(
-                SKIRT,
-                (az + 0.008, az + pitch - 0.008),
-                [SKIRT_EDGE_M + 0.05, DRUM_LOW_M - 0.05],
-                0.012,
-                0.02,
-                3,
-            )
-        )
+    rows, pitch = [SKIRT_EDGE_M + 0.05, DRUM_LOW_M - 0.05], np.deg2rad(15.0)
+    panels = [
+        sector(SKIRT, (az + 0.008, az + pitch - 0.008), rows, 0.012, 0.02, 3) for az in pitch * np.arange(24)
+    ]
     pieces = [
         Piece("drum_blankets", "blanket-grey-green", merge(blankets)),
         Piece("radiators", "radiator", merge(panels)),
-        Piece(
-            "skirt_rim",
-            "grey-paint",
-            hoop(SKIRT, SKIRT_LOW_M + 0.14, 0.05, 0.006, level.segments(RIM_SEGMENTS)),
-        ),
+        Piece("skirt_rim", "grey-paint", hoop(SKIRT, SKIRT_LOW_M + 0.14, 0.05, 0.006, n)),
     ]
     if level.fine:
         pieces.append(Piece("drum_bands", "grey-paint", hoop(DRUM, -0.95, 0.03, 0.018, RIM_SEGMENTS)))

@@ -102,24 +102,10 @@ def _lumps() -> list[MassElement]:
     Orbital module 1,300 kg, descent module 2,900 kg, service module with propellant 2,600 kg, the rest wings.
     """
     return [
-        Tube(
-            name="orbital module",
-            mass_kg=1350.0,
-            centre_m=(0, 0, 3.20),
-            radius_m=1.12,
-            length_m=2.2,
-            inner_m=0.8,
-        ),
-        Tube(name="docking unit", mass_kg=220.0, centre_m=(0, 0, 4.40), radius_m=0.6, length_m=0.4),
-        Tube(name="descent module", mass_kg=2900.0, centre_m=(0, 0, 0.75), radius_m=1.0, length_m=1.7),
-        Tube(
-            name="service module, dry",
-            mass_kg=1500.0,
-            centre_m=(0, 0, -1.30),
-            radius_m=1.15,
-            length_m=2.0,
-            inner_m=0.7,
-        ),
-        Tube(name="propellant and engine", mass_kg=890.0, centre_m=(0, 0, -1.90), radius_m=0.9, length_m=0.7),
+        Tube("orbital module", 1350.0, (0, 0, 3.20), radius_m=1.12, length_m=2.2, inner_m=0.8),
+        Tube("docking unit", 220.0, (0, 0, 4.40), radius_m=0.6, length_m=0.4),
+        Tube("descent module", 2900.0, (0, 0, 0.75), radius_m=1.0, length_m=1.7),
+        Tube("service module, dry", 1500.0, (0, 0, -1.30), radius_m=1.15, length_m=2.0, inner_m=0.7),
+        Tube("propellant and engine", 890.0, (0, 0, -1.90), radius_m=0.9, length_m=0.7),
         *WINGS.lumps(110.0),
     ]

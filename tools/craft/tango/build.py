@@ -61,10 +61,7 @@ def build_tango_mockup(detail: Detail = "full") -> Target:
     """Tango as a mock-up in a laboratory."""
     pieces = mockup_pieces(_pieces(detail), detail)
     return _assemble(
-        "tango-mockup",
-        "Tango (PRISMA), SPEED frame, a laboratory's mock-up",
-        pieces,
-        MOCKUP_MATERIALS,
+        "tango-mockup", "Tango (PRISMA), SPEED frame, a laboratory's mock-up", pieces, MOCKUP_MATERIALS
     )
 
 
@@ -117,29 +114,16 @@ def _assemble(name: str, title: str, pieces: list[Piece], materials: tuple[Mater
 # Public figures for Tango are 40 to 50 kg; how the mass is spread is not public. The shares follow common
 # small-satellite budgets (structure 20 to 25 %, power 20 to 30 %, the rest avionics and payload).
 MASS_ELEMENTS = (
-    MassElement(
-        name="avionics and battery", mass_kg=30.0, centre_m=(0.0, 0.02, 0.115), size_m=(0.62, 0.46, 0.19)
-    ),
-    MassElement(
-        name="bottom plate and instruments",
-        mass_kg=5.5,
-        centre_m=(0.0, 0.02, 0.011),
-        size_m=(0.74, 0.568, 0.022),
-    ),
-    MassElement(
-        name="side plate -x", mass_kg=2.4, centre_m=(-0.362, 0.02, 0.145), size_m=(0.016, 0.568, 0.29)
-    ),
-    MassElement(
-        name="side plate +x", mass_kg=2.4, centre_m=(0.362, 0.02, 0.145), size_m=(0.016, 0.568, 0.29)
-    ),
-    MassElement(name="cover -y", mass_kg=1.2, centre_m=(0.0, -0.262, 0.145), size_m=(0.708, 0.004, 0.246)),
-    MassElement(name="cover +y", mass_kg=1.6, centre_m=(0.0, 0.302, 0.145), size_m=(0.708, 0.004, 0.246)),
-    MassElement(name="solar panel", mass_kg=4.6, centre_m=(0.0, 0.0, 0.3105), size_m=(0.74, 0.77, 0.022)),
+    MassElement("avionics and battery", 30.0, (0.0, 0.02, 0.115), size_m=(0.62, 0.46, 0.19)),
+    MassElement("bottom plate and instruments", 5.5, (0.0, 0.02, 0.011), size_m=(0.74, 0.568, 0.022)),
+    MassElement("side plate -x", 2.4, (-0.362, 0.02, 0.145), size_m=(0.016, 0.568, 0.29)),
+    MassElement("side plate +x", 2.4, (0.362, 0.02, 0.145), size_m=(0.016, 0.568, 0.29)),
+    MassElement("cover -y", 1.2, (0.0, -0.262, 0.145), size_m=(0.708, 0.004, 0.246)),
+    MassElement("cover +y", 1.6, (0.0, 0.302, 0.145), size_m=(0.708, 0.004, 0.246)),
+    MassElement("solar panel", 4.6, (0.0, 0.0, 0.3105), size_m=(0.74, 0.77, 0.022)),
     *(
-        MassElement(name=f"antenna {k + 1}", mass_kg=0.6, centre_m=root, tip_m=tip)
+        MassElement(f"antenna {k + 1}", 0.6, root, tip_m=tip)
         for k, (root, tip) in enumerate(zip(ANTENNA_ROOTS, ANTENNA_TIPS, strict=True))
     ),
-    MassElement(
-        name="connectors and fittings", mass_kg=0.5, centre_m=(0.01, 0.42, 0.30), size_m=(0.14, 0.08, 0.03)
-    ),
+    MassElement("connectors and fittings", 0.5, (0.01, 0.42, 0.30), size_m=(0.14, 0.08, 0.03)),
 )

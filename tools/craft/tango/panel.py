@@ -41,8 +41,7 @@ def build_panel(detail: Detail = "full", d: TangoDimensions = SPEED) -> list[Pie
     sheet = box((-panel_x, -panel_y, d.panel_bottom_m), (panel_x, panel_y, back))
     margin = 0.004
     substrate = box(
-        (-inner_x - margin, -inner_y - margin, back - 0.001),
-        (inner_x + margin, inner_y + margin, top),
+        (-inner_x - margin, -inner_y - margin, back - 0.001), (inner_x + margin, inner_y + margin, top)
     )
     if detail == "low":
         y_half = rows * d.cell_pitch_y_m / 2 - GAP_M / 2

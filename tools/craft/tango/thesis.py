@@ -216,29 +216,18 @@ def _lumps() -> list[MassElement]:
     """Tango's 50 kg in the same shares as for the SPEED model (tango_mass.py), on this body."""
     x, y = 2 * BODY_X_M, 2 * BODY_Y_M
     lumps = [
+        MassElement("avionics and battery", 30.0, (0, 0, 0.12), size_m=(x - 0.1, y - 0.1, 0.2)),
+        MassElement("bottom plate and instruments", 5.6, (0, 0, 0.011), size_m=(x, y, 0.022)),
+        MassElement("side plates", 4.8, (0, 0, BODY_TOP_M / 2), size_m=(x, y, BODY_TOP_M)),
+        MassElement("covers", 2.8, (0, 0, 0.14), size_m=(x, y, 0.25)),
         MassElement(
-            name="avionics and battery", mass_kg=30.0, centre_m=(0, 0, 0.12), size_m=(x - 0.1, y - 0.1, 0.2)
-        ),
-        MassElement(
-            name="bottom plate and instruments", mass_kg=5.6, centre_m=(0, 0, 0.011), size_m=(x, y, 0.022)
-        ),
-        MassElement(
-            name="side plates", mass_kg=4.8, centre_m=(0, 0, BODY_TOP_M / 2), size_m=(x, y, BODY_TOP_M)
-        ),
-        MassElement(name="covers", mass_kg=2.8, centre_m=(0, 0, 0.14), size_m=(x, y, 0.25)),
-        MassElement(
-            name="solar panel",
-            mass_kg=4.2,
-            centre_m=(0, 0, (PANEL_BOTTOM_M + PANEL_TOP_M) / 2),
+            "solar panel",
+            4.2,
+            (0, 0, (PANEL_BOTTOM_M + PANEL_TOP_M) / 2),
             size_m=(2 * PANEL_X_M, 2 * PANEL_Y_M, 0.02),
         ),
-        MassElement(
-            name="bar",
-            mass_kg=0.2,
-            centre_m=(BAR_X_M, BAR_Y_M, BAR_LOW_M),
-            tip_m=(BAR_X_M, BAR_Y_M, BAR_HIGH_M),
-        ),
+        MassElement("bar", 0.2, (BAR_X_M, BAR_Y_M, BAR_LOW_M), tip_m=(BAR_X_M, BAR_Y_M, BAR_HIGH_M)),
     ]
     for root, tip in zip(THESIS.antenna_roots, THESIS.antenna_tips, strict=True):
-        lumps.append(MassElement(name="antenna", mass_kg=0.6, centre_m=vec3(np.array(root)), tip_m=tip))
+        lumps.append(MassElement("antenna", 0.6, vec3(np.array(root)), tip_m=tip))
     return lumps

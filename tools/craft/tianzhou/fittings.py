@@ -10,13 +10,7 @@ from tools.craft.level import Level
 from tools.craft.parts import dish
 from tools.craft.shapes.mesh import merge
 from tools.craft.shapes.solids import bar, box, lathe, rod
-from tools.craft.tianzhou.shape import (
-    CARGO,
-    CARGO_RADIUS_M,
-    CONE,
-    DRIVE_RADIUS_M,
-    WINGS,
-)
+from tools.craft.tianzhou.shape import CARGO, CARGO_RADIUS_M, CONE, DRIVE_RADIUS_M, WINGS
 
 RELAY_FOOT_M = (0.0, -CARGO_RADIUS_M + 0.02, 4.30)
 RELAY_HUB_M = (0.0, -2.45, 4.75)

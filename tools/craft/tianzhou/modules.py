@@ -7,9 +7,10 @@ import itertools
 import numpy as np
 
 from tools.craft.assemble import Piece
-from tools.craft.labels import RIM_SEGMENTS, polar, turn_z
+from tools.craft.labels import RIM_SEGMENTS, polar
 from tools.craft.level import Level
 from tools.craft.parts import bell, handrail, hoop, revolve, seams
+from tools.craft.place import turn_z
 from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.prism import prism
 from tools.craft.shapes.solids import box
@@ -92,24 +93,16 @@ def _skin(level: Level) -> list[Piece]:
     n = level.segments(RIM_SEGMENTS)
     rows = np.linspace(CARGO_LOW_M + 0.06, CARGO_HIGH_M - 0.06, 6)
     blankets = _grid(rows, 12, level)
-    cone = []
-    for k in range(12):
-        a = np.deg2rad(30.0 * k)
-        cone.append(
-            sector(
-                CONE,
-                (a + 0.008, a + np.deg2rad(30) - 0.008),
-                np.linspace(5.20, 6.16, 3),
-                BLANKET_M,
-                0.01,
-                n // 12,
-            )
-        )
-    radiators = []
-    for k in range(16):
-        a = np.deg2rad(22.5 * k)
-        for lo, hi in ((-3.28, -2.02), (-1.90, -0.56)):
-            radiators.append(sector(DRIVE, (a + 0.01, a + np.deg2rad(22.5) - 0.01), [lo, hi], 0.008, 0.01, 6))
+    heights = np.linspace(5.20, 6.16, 3)
+    cone = [
+        sector(CONE, (a + 0.008, a + np.deg2rad(30) - 0.008), heights, BLANKET_M, 0.01, n // 12)
+        for a in np.deg2rad(30.0 * np.arange(12))
+    ]
+    radiators = [
+        sector(DRIVE, (a + 0.01, a + np.deg2rad(22.5) - 0.01), heights, 0.008, 0.01, 6)
+        for a in np.deg2rad(22.5 * np.arange(16))
+        for heights in ([-3.28, -2.02], [-1.90, -0.56])
+    ]
     pieces = [
         Piece("cargo_blankets", "white-cloth", merge(blankets)),
         Piece("cone_blankets", "white-cloth", merge(cone)),
@@ -191,15 +184,8 @@ def _engines(level: Level) -> list[Piece]:
                 bell(at + side * 0.09 * tangent, out + 0.7 * side * tangent, 0.12, 0.02, 0.05, n // 2)
                 for side in (-1.0, 1.0)
             ]
-    heat = revolve(
-        [
-            (0, DRIVE_LOW_M - 0.03),
-            (1.30, DRIVE_LOW_M - 0.03),
-            (1.34, DRIVE_LOW_M + 0.01),
-            (0, DRIVE_LOW_M + 0.01),
-        ],
-        2 * n,
-    )
+    low, high = DRIVE_LOW_M - 0.03, DRIVE_LOW_M + 0.01
+    heat = revolve([(0, low), (1.30, low), (1.34, high), (0, high)], 2 * n)
     pieces += [
         Piece("attitude_thrusters", "nozzle-alloy", merge(small)),
         Piece("thruster_mounts", "mli-gold", merge(mounts)),

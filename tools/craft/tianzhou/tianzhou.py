@@ -92,31 +92,10 @@ def _occluders() -> list[Mesh]:
 def _lumps() -> list[MassElement]:
     """13.5 t at launch (public figure), 6.5 t of it cargo and fuel to give away; the split is estimated."""
     return [
-        Tube(
-            name="cargo module, shell",
-            mass_kg=2600.0,
-            centre_m=(0, 0, 2.6),
-            radius_m=1.66,
-            length_m=5.2,
-            inner_m=1.5,
-        ),
-        Tube(name="cargo", mass_kg=5500.0, centre_m=(0, 0, 2.6), radius_m=1.4, length_m=4.6, inner_m=0.5),
-        Tube(
-            name="docking end and port",
-            mass_kg=620.0,
-            centre_m=(0, 0, 6.05),
-            radius_m=0.9,
-            length_m=1.4,
-            inner_m=0.5,
-        ),
-        Tube(
-            name="propulsion module, dry",
-            mass_kg=2200.0,
-            centre_m=(0, 0, -1.8),
-            radius_m=1.38,
-            length_m=3.2,
-            inner_m=0.6,
-        ),
-        Tube(name="propellant", mass_kg=2200.0, centre_m=(0, 0, -1.7), radius_m=1.1, length_m=1.4),
+        Tube("cargo module, shell", 2600.0, (0, 0, 2.6), radius_m=1.66, length_m=5.2, inner_m=1.5),
+        Tube("cargo", 5500.0, (0, 0, 2.6), radius_m=1.4, length_m=4.6, inner_m=0.5),
+        Tube("docking end and port", 620.0, (0, 0, 6.05), radius_m=0.9, length_m=1.4, inner_m=0.5),
+        Tube("propulsion module, dry", 2200.0, (0, 0, -1.8), radius_m=1.38, length_m=3.2, inner_m=0.6),
+        Tube("propellant", 2200.0, (0, 0, -1.7), radius_m=1.1, length_m=1.4),
         *WINGS.lumps(190.0),
     ]
