@@ -23,7 +23,7 @@ from tools.craft.cubesat.swisscube import build_cubesat_1u
 from tools.craft.cubesat.triple import build_cubesat_3u
 from tools.craft.dragon.cargo import build_dragon_cargo
 from tools.craft.dragon.crew import build_dragon
-from tools.craft.envisat import build_envisat
+from tools.craft.envisat.craft import build_envisat
 from tools.craft.soyuz.soyuz_ms import build_soyuz_ms
 from tools.craft.tango.build import build_tango, build_tango_mli, build_tango_mockup
 from tools.craft.tango.thesis import build_tango_thesis

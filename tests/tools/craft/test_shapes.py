@@ -7,10 +7,10 @@ import pytest
 import trimesh
 
 from flyaround.simulator.targets.level_of_detail import DETAILS
+from tools.craft.hardware import bell, dish
 from tools.craft.labels import prism_edges, rim_edges
 from tools.craft.level import Level, facets
 from tools.craft.mass import Tube, mass_properties
-from tools.craft.parts import bell, dish
 from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.prism import cell_grid, circle, clipped_rectangle, prism, rectangle, triangulate
 from tools.craft.shapes.solids import bar, box, cone, dome, lathe, rod, truss

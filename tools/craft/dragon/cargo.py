@@ -30,10 +30,10 @@ from tools.craft.dragon.cargo_shape import (
     TRUNK_RADIUS_M,
     WINGS,
 )
+from tools.craft.hardware import revolve
 from tools.craft.labels import QUARTERS, polar, rim_edges
 from tools.craft.level import Level
 from tools.craft.mass import MassElement, Tube
-from tools.craft.parts import revolve
 from tools.craft.shapes.mesh import Mesh
 from tools.craft.shapes.solids import box
 

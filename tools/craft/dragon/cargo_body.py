@@ -26,9 +26,9 @@ from tools.craft.dragon.cargo_shape import (
     TRUNK_RADIUS_M,
     WINGS,
 )
+from tools.craft.hardware import bell, hoop, open_tube, revolve, seams, window
 from tools.craft.labels import RIM_SEGMENTS, polar
 from tools.craft.level import Level
-from tools.craft.parts import bell, hoop, open_tube, revolve, seams, window
 from tools.craft.place import turn_z
 from tools.craft.shapes.mesh import merge
 from tools.craft.shapes.prism import prism

@@ -34,10 +34,10 @@ from tools.craft.dragon.crew_shape import (
     nose_rotation,
 )
 from tools.craft.dragon.crew_trunk import build_trunk, fin_mesh
+from tools.craft.hardware import revolve
 from tools.craft.labels import QUARTERS, moved_edges, polar, prism_edges, rim_edges
 from tools.craft.level import Level
 from tools.craft.mass import MassElement, Tube
-from tools.craft.parts import revolve
 from tools.craft.place import turn_z
 from tools.craft.shapes.mesh import Mesh
 from tools.craft.shapes.solids import box

@@ -23,9 +23,9 @@ from tools.craft.dragon.crew_shape import (
     WINDOW_AZIMUTHS_DEG,
     WINDOW_Z_M,
 )
+from tools.craft.hardware import bell, hoop, revolve, seams, window
 from tools.craft.labels import RIM_SEGMENTS
 from tools.craft.level import Level
-from tools.craft.parts import bell, hoop, revolve, seams, window
 from tools.craft.shapes.mesh import merge
 from tools.craft.shapes.solids import box
 from tools.craft.shapes.wrapped import pad

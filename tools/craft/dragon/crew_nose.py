@@ -15,9 +15,9 @@ from tools.craft.dragon.crew_shape import (
     nose_point,
     nose_rotation,
 )
+from tools.craft.hardware import bell, revolve
 from tools.craft.labels import RIM_SEGMENTS, polar
 from tools.craft.level import Level
-from tools.craft.parts import bell, revolve
 from tools.craft.place import turn_z
 from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.prism import prism

@@ -17,9 +17,9 @@ from tools.craft.dragon.crew_shape import (
     TRUNK_LOW_M,
     TRUNK_RADIUS_M,
 )
+from tools.craft.hardware import open_tube
 from tools.craft.labels import RIM_SEGMENTS
 from tools.craft.level import Level
-from tools.craft.parts import open_tube
 from tools.craft.place import turn_z
 from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.prism import clipped_rectangle, prism

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tools.craft.assemble import Piece
+from tools.craft.hardware import dish, handrail, revolve
 from tools.craft.labels import polar
 from tools.craft.level import Level
-from tools.craft.parts import dish, handrail, revolve
 from tools.craft.shapes.mesh import merge
 from tools.craft.shapes.solids import bar, box, lathe, rod
 from tools.craft.soyuz.shape import COLLAR_M, ORBITAL, PROBE_TIP_M, SKIRT_EDGE_M, SKIRT_RADIUS_M, WINGS

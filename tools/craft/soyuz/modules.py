@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 
 from tools.craft.assemble import Piece
+from tools.craft.hardware import bell, hoop, revolve, seams, window
 from tools.craft.labels import RIM_SEGMENTS, polar
 from tools.craft.level import Level
-from tools.craft.parts import bell, hoop, revolve, seams, window
 from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.solids import truss
 from tools.craft.shapes.wrapped import Revolved, sector

@@ -8,10 +8,10 @@ from flyaround.simulator.runtime.arrays import Vec3
 from flyaround.simulator.targets.level_of_detail import Detail
 from flyaround.simulator.targets.model import Edge, Target
 from tools.craft.assemble import assemble
+from tools.craft.hardware import revolve
 from tools.craft.labels import QUARTERS, polar, rim_edges
 from tools.craft.level import Level
 from tools.craft.mass import MassElement, Tube
-from tools.craft.parts import revolve
 from tools.craft.shapes.mesh import Mesh
 from tools.craft.soyuz.fittings import MAST_TIP_M, build_fittings
 from tools.craft.soyuz.modules import build_modules

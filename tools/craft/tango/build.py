@@ -9,8 +9,6 @@ from flyaround.simulator.targets.level_of_detail import Detail
 from flyaround.simulator.targets.model import Material, Target
 from tools.craft.assemble import Piece, assemble
 from tools.craft.mass import MassElement
-from tools.craft.tango.antennas import build_antennas
-from tools.craft.tango.body import build_body
 from tools.craft.tango.brackets import build_brackets
 from tools.craft.tango.dimensions import ANTENNA_ROOTS, ANTENNA_TIPS
 from tools.craft.tango.fittings import build_fittings
@@ -19,7 +17,7 @@ from tools.craft.tango.labels import build_keypoints, build_occluders, build_wir
 from tools.craft.tango.materials import MATERIALS, MLI
 from tools.craft.tango.mockup import MATERIALS as MOCKUP_MATERIALS
 from tools.craft.tango.mockup import mockup_pieces
-from tools.craft.tango.panel import build_panel
+from tools.craft.tango.structure import build_antennas, build_body, build_panel
 
 NOTES = (
     "SPEED frame: origin on the bottom plate, z out of the solar panel. Keypoints are the published labels "

@@ -17,7 +17,7 @@ from tools.craft.assemble import Piece
 from tools.craft.shapes.mesh import merge
 from tools.craft.shapes.prism import cell_grid, prism, rectangle
 from tools.craft.tango.dimensions import SPEED, STRIP_M
-from tools.craft.tango.panel import CLIP_M, GAP_M, SUBSTRATE_M, TAB_M
+from tools.craft.tango.structure import CLIP_M, GAP_M, SUBSTRATE_M, TAB_M
 
 RIM_M = 0.0008
 """By so much the bright rim stands out of the panel's edge."""

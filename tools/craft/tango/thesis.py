@@ -25,8 +25,6 @@ from tools.craft.mass import MassElement
 from tools.craft.place import both_sides
 from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.solids import box, cone, rod, truss
-from tools.craft.tango.antennas import build_antennas
-from tools.craft.tango.body import build_body
 from tools.craft.tango.dimensions import (
     ANTENNA_RADIUS_COLLAR_M,
     ANTENNA_RADIUS_STUB_M,
@@ -40,7 +38,7 @@ from tools.craft.tango.dimensions import (
 from tools.craft.tango.instruments import build_bottom_instruments
 from tools.craft.tango.labels import CORNERS
 from tools.craft.tango.materials import MATERIALS
-from tools.craft.tango.panel import build_panel
+from tools.craft.tango.structure import build_antennas, build_body, build_panel
 
 PANEL_X_M, PANEL_Y_M = 0.570 / 2, 0.759 / 2
 BODY_X_M, BODY_Y_M, BODY_TOP_M = 0.560 / 2, 0.550 / 2, 0.300

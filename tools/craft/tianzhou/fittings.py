@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tools.craft.assemble import Piece
+from tools.craft.hardware import dish
 from tools.craft.labels import polar
 from tools.craft.level import Level
-from tools.craft.parts import dish
 from tools.craft.shapes.mesh import merge
 from tools.craft.shapes.solids import bar, box, lathe, rod
 from tools.craft.tianzhou.shape import CARGO, CARGO_RADIUS_M, CONE, DRIVE_RADIUS_M, WINGS

@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 
 from tools.craft.assemble import Piece
+from tools.craft.hardware import bell, handrail, hoop, revolve, seams
 from tools.craft.labels import RIM_SEGMENTS, polar
 from tools.craft.level import Level
-from tools.craft.parts import bell, handrail, hoop, revolve, seams
 from tools.craft.place import turn_z
 from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.prism import prism

@@ -1,4 +1,4 @@
-"""Tango's solar panel: frame with a centre strip, substrate, two fields of 4 x 17 half-wafer cells."""
+"""Tango's panel, body and antennas, for any set of its dimensions."""
 
 from __future__ import annotations
 
@@ -6,10 +6,22 @@ import numpy as np
 
 from flyaround.simulator.targets.level_of_detail import Detail
 from tools.craft.assemble import Piece
-from tools.craft.shapes.mesh import merge
+from tools.craft.level import facets
+from tools.craft.shapes.mesh import merge, unit
 from tools.craft.shapes.prism import cell_grid, clipped_rectangle, prism, rectangle
-from tools.craft.shapes.solids import box
-from tools.craft.tango.dimensions import FRAME_X_M, FRAME_Y_M, SPEED, STRIP_M, TangoDimensions
+from tools.craft.shapes.solids import box, lathe
+from tools.craft.tango.dimensions import (
+    ANTENNA_RADIUS_COLLAR_M,
+    ANTENNA_RADIUS_STUB_M,
+    ANTENNA_RADIUS_TIP_M,
+    BOTTOM_PLATE_M,
+    FRAME_X_M,
+    FRAME_Y_M,
+    SIDE_PLATE_M,
+    SPEED,
+    STRIP_M,
+    TangoDimensions,
+)
 
 BACK_SHEET_M = 0.0020
 GAP_M = 0.0014
@@ -77,4 +89,61 @@ def build_panel(detail: Detail = "full", d: TangoDimensions = SPEED) -> list[Pie
     if detail == "full":
         # the tabs lie in the gaps that clipped corners leave
         pieces.append(Piece("panel_interconnects", "interconnect", merge(tabs)))
+    return pieces
+
+
+SKIN_M = 0.0010
+"""Painted face sheets are their own thin bodies, so that plate edges keep their bare grey."""
+INSET_M = 0.0020
+"""The +-y covers lie this far behind the plates' edges."""
+
+
+def build_body(d: TangoDimensions = SPEED) -> list[Piece]:
+    """Plates, face sheets and covers: boxes, the same at every level of detail."""
+    x, y0, y1 = d.body_x_m, d.body_y_low_m, d.body_y_high_m
+    top, core_top = d.body_top_m, d.core_top_m
+    inner = x - SIDE_PLATE_M
+    bottom = box((-x, y0, SKIN_M), (x, y1, BOTTOM_PLATE_M))
+    bottom_sheet = box((-x, y0, 0.0), (x, y1, SKIN_M))
+    side = box((inner, y0, BOTTOM_PLATE_M), (x - SKIN_M, y1, top))
+    side_sheet = box((x - SKIN_M, y0, BOTTOM_PLATE_M), (x, y1, top))
+    cover = 0.004
+    core = box((-inner, y0 + cover, BOTTOM_PLATE_M), (inner, y1 - cover, core_top))
+    cover_low = box((-inner, y0 + INSET_M, BOTTOM_PLATE_M), (inner, y0 + cover, core_top))
+    cover_high = box((-inner, y1 - cover, BOTTOM_PLATE_M), (inner, y1 - INSET_M, core_top))
+    return [
+        Piece("body_core", "body-dark", core),
+        Piece("body_bottom_plate", "plate-edge", bottom),
+        Piece("body_bottom_sheet", "white-paint", bottom_sheet),
+        Piece("body_side_plates", "plate-edge", merge([side.mirrored(0), side])),
+        Piece("body_side_sheet_nx", "white-paint", side_sheet.mirrored(0)),
+        Piece("body_side_sheet_px", "white-paint", side_sheet),
+        Piece("body_cover_ny", "body-grey", cover_low),
+        Piece("body_cover_py", "body-dark", cover_high),
+    ]
+
+
+def build_antennas(detail: Detail = "full", d: TangoDimensions = SPEED) -> list[Piece]:
+    """The rods, one part each, and their collars."""
+    pieces, collars = [], []
+    for k, (root, tip) in enumerate(zip(d.antenna_roots, d.antenna_tips, strict=True)):
+        axis = np.subtract(tip, root)
+        length = float(np.linalg.norm(axis))
+        s, c = ANTENNA_RADIUS_STUB_M, d.antenna_collar_m
+        profile = [
+            (0, 0),
+            (0.7 * s, 0),
+            (s, 0.010),
+            (s, c),
+            (ANTENNA_RADIUS_COLLAR_M, c),
+            (ANTENNA_RADIUS_TIP_M, length),
+            (0, length),
+        ]
+        pieces.append(
+            Piece(f"antenna_{k + 1}", "antenna-grey", lathe(profile, root, axis, facets(detail, 40)))
+        )
+        r = ANTENNA_RADIUS_COLLAR_M
+        ring = [(r - 0.002, 0), (r + 0.0025, 0), (r + 0.0025, 0.006), (r - 0.002, 0.006), (r - 0.002, 0)]
+        collars.append(lathe(ring, np.asarray(root) + unit(axis) * (c + 0.001), axis, facets(detail, 40)))
+    pieces.append(Piece("antenna_collars", "aluminium", merge(collars)))
     return pieces
