@@ -22,7 +22,7 @@ from flyaround.simulator.render.earth.seasons import land_of_months
 from flyaround.simulator.render.globe.air_tables import air_tables
 from flyaround.simulator.runtime.cache import read_checked
 from flyaround.simulator.runtime.prebuilt import SUFFIX, without_prebuilt
-from flyaround.simulator.targets.library import cache_name, load_target
+from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -34,7 +34,6 @@ _LEVEL = 22  # of zstd: the smallest
 
 def made() -> Iterator[tuple[str, bytes]]:
     """Names and contents of the files; each is made anew, from what is shipped of the others."""
-    yield cache_name(TARGET), next(iter(_kept(lambda: load_target(TARGET), "targets/*.glb").values()))
     yield from _kept(lambda: [air_tables(bands, 100e3) for bands in ("mono", "rgb")], "*.npy").items()
     yield from _kept(lambda: ocean_colour(1), "*.npy").items()
     of_maps = _kept(lambda: (land_of_months(), cached_albedo(clouds=True)), "*.npy")

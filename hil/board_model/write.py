@@ -23,8 +23,7 @@ from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.targets.convert import record_of
-from flyaround.simulator.targets.level_of_detail import DETAILS
-from flyaround.simulator.targets.library import built_in_targets, cache_name, load_target
+from flyaround.simulator.targets.library import built_in_targets, load_target
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,7 +105,7 @@ def packed(o: OccludingContours) -> OutlinesRecord:
 
 def cached_outlines(target: Target) -> OutlinesRecord:
     """The target's outlines: computed once, then read from the user's cache by the target's hash."""
-    path = cache_folder("targets") / f"{entry_name('outlines', OUTLINES_VERSION, target.sha256)}.json"
+    path = cache_folder("board-models") / f"{entry_name('outlines', OUTLINES_VERSION, target.sha256)}.json"
     data = read_checked(path)
     if data is not None:
         with contextlib.suppress(msgspec.DecodeError):
@@ -151,20 +150,21 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
 
 def cached_faces(target: Target) -> FacesRecord | None:
     """The target's faces: computed once, then read from the user's cache by the target's hash."""
-    levels = [cache_name(target.name, d) for d in DETAILS] if target.name in built_in_targets() else []
-    path = cache_folder("targets") / f"{entry_name('faces', FACES_VERSION, target.sha256, levels)}.json"
+    levels = _levels(target)
+    key = entry_name("faces", FACES_VERSION, target.sha256, [level.sha256 for level in levels])
+    path = cache_folder("board-models") / f"{key}.json"
     data = read_checked(path)
     if data is not None:
         with contextlib.suppress(msgspec.DecodeError):
             return msgspec.json.decode(data, type=FacesRecord | None)
-    record = make_faces(_levels(target))
+    record = make_faces([level.parts for level in levels])
     # a board file can be written where the cache cannot
     store_checked(path, lambda file: file.write(msgspec.json.encode(record)))
     return record
 
 
-def _levels(target: Target) -> list[tuple[Part, ...]]:
-    """Parts of a built-in craft at low and medium detail; those of any other as they are."""
+def _levels(target: Target) -> list[Target]:
+    """Return the low and medium levels of a built-in craft; for any other only ``target`` itself."""
     if target.name in built_in_targets() and load_target(target.name).sha256 == target.sha256:
-        return [load_target(target.name, "low").parts, load_target(target.name, "medium").parts]
-    return [target.parts]
+        return [load_target(target.name, "low"), load_target(target.name, "medium")]
+    return [target]

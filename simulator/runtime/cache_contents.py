@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 SIZE_VARIABLE = "FLYAROUND_CACHE_MB"
 DEFAULT_MB = 300
-FOLDERS = ("targets", "kernels", "shaders", "boards")
+FOLDERS = ("board-models", "shaders", "boards")
 """Subfolders that this project writes to; others in the folder are not its own."""
 SUFFIXES = (".npy", ".tmp", ".lock")
 IN_USE_S = 600.0  # a program that runs may need again what it used so recently

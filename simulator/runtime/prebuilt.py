@@ -14,6 +14,7 @@ from importlib import resources
 from typing import TYPE_CHECKING
 
 import numpy as np
+import zstandard
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,32 +42,20 @@ def is_prebuilt(name: str) -> bool:
     return not _made_anew.get() and _file(name).is_file()
 
 
-def prebuilt_bytes(name: str) -> bytes | None:
-    """What is shipped under a name of the cache, with its suffix; ``None`` where nothing is, or it is damaged."""
+def prebuilt_array(key: str) -> NDArray[np.generic] | None:
+    """Return the array that is shipped under a key of the cache; ``None`` if there is none or it is damaged."""
     if _made_anew.get():
         return None
+    name = f"{key}.npy"
     try:
         packed = _file(name).read_bytes()
     except OSError:
         return None
-    import zstandard  # noqa: PLC0415 - a start with a full cache has no use for it
-
     try:
-        return zstandard.ZstdDecompressor().decompress(packed)
-    except (zstandard.ZstdError, MemoryError) as error:
-        log.warning("assets/prebuilt/%s%s is damaged (%s) and made again", name, SUFFIX, error)
-        return None
-
-
-def prebuilt_array(key: str) -> NDArray[np.generic] | None:
-    """The array that is shipped under a key of the cache."""
-    data = prebuilt_bytes(f"{key}.npy")
-    if data is None:
-        return None
-    try:
+        data = zstandard.decompress(packed)
         made: NDArray[np.generic] = np.load(io.BytesIO(data), allow_pickle=False)
-    except (ValueError, EOFError) as error:
-        log.warning("assets/prebuilt/%s.npy%s holds no array (%s) and is made again", key, SUFFIX, error)
+    except (zstandard.ZstdError, MemoryError, ValueError, EOFError) as error:
+        log.warning("assets/prebuilt/%s%s is damaged (%s) and made again", name, SUFFIX, error)
         return None
     return made
 

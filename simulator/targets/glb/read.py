@@ -57,12 +57,14 @@ def load_glb(path: str | Path) -> Target:
 
 
 def target_from(data: bytes, path: Path, *, checked: bool = False) -> Target:
-    """The target of a target file's contents.
+    """Return the target of a target file's contents.
 
     Parameters
     ----------
-    path : what sentences call it. checked : it was found sound when it was written; its hash says whether it is still
-        what was written.
+    path : Path
+        Name of the file in messages.
+    checked : bool
+        Whether the file was checked when it was made and a checksum says that it is still the same.
 
     Raises
     ------
@@ -95,10 +97,11 @@ def target_from(data: bytes, path: Path, *, checked: bool = False) -> Target:
         raise UserError(
             f"{path} breaks the rules of glTF 2.0 ({type(error).__name__}: {error}); export it again"
         ) from error
-    if not checked:
-        check_target(target, str(path))
-        if split_level(record.name)[1] == "full":
-            check_keypoints_on_mesh(target, str(path))
+    if checked:
+        return target
+    check_target(target, str(path))
+    if split_level(record.name)[1] == "full":
+        check_keypoints_on_mesh(target, str(path))
     digest = content_sha256(materials, parts, target.keypoints, target.wireframe, target.occluders, pictures)
     if digest != record.sha256:
         raise UserError(

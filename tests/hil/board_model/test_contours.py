@@ -27,21 +27,19 @@ from flyaround.hil.board.svd.model.view_tables import (
 from flyaround.hil.board_model.contours import outlines_of
 from flyaround.hil.board_model.write import packed, write_board_model
 from flyaround.simulator.runtime.arrays import FloatArray
-from flyaround.simulator.targets.builders.assembly import Piece
-from flyaround.simulator.targets.builders.mass import MassElement
-from flyaround.simulator.targets.builders.mesh import Mesh, merge
-from flyaround.simulator.targets.builders.solids import box, lathe
-from flyaround.simulator.targets.craft.assemble import assemble_lumped
-from flyaround.simulator.targets.craft.finishes import WHITE_PAINT
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Target
+from tools.craft.assemble import Piece, assemble
+from tools.craft.mass import MassElement
+from tools.craft.shapes.mesh import Mesh, merge
+from tools.craft.shapes.solids import box, lathe
 
 
 def body(mesh: Mesh) -> Target:
-    return assemble_lumped(
-        "body", "body", pieces=[Piece("body", "white-paint", mesh)], materials=[WHITE_PAINT],
+    return assemble(
+        "body", "body", pieces=[Piece("body", "white-paint", mesh)],
         keypoints={}, wireframe=[], occluders=[mesh], frames={}, notes="",
-        lumps=[MassElement(name="b", mass_kg=1.0, centre_m=(0, 0, 0), size_m=(1, 1, 1))],
+        lumps=[MassElement("b", 1.0, (0, 0, 0), size_m=(1, 1, 1))],
     )  # fmt: skip
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.geometry.convex_shells import CLOSEST_M, Boxes, convex_bodies, find_shells, hidden
-from flyaround.simulator.targets.builders.mesh import merge
-from flyaround.simulator.targets.builders.solids import box, dome
+from tools.craft.shapes.mesh import merge
+from tools.craft.shapes.solids import box, dome
 
 BODY = box((-0.5, -0.3, -0.2), (0.4, 0.3, 0.2))
 

@@ -27,7 +27,7 @@ def entry(folder, name, size, unused_s):
 
 def test_the_least_recently_used_go_until_the_cache_is_under_its_size(folder):
     old = entry(folder, "maps-v1-a.npy", 600_000, 3 * IN_USE_S)
-    newer = entry(folder, "targets/tango.glb", 600_000, 2 * IN_USE_S)
+    newer = entry(folder, "board-models/faces.json", 600_000, 2 * IN_USE_S)
     trim_cache()
     assert not old.exists()
     assert newer.exists()
@@ -43,17 +43,17 @@ def test_kinds_are_counted_largest_first(folder):
     entry(folder, "maps-v1-a.npy", 10, 0)
     entry(folder, "maps-v2-b.npy", 10, 0)
     entry(folder, "edge-gaps-v3-c.npy", 50, 0)
-    entry(folder, "targets/tango.glb", 5, 0)
+    entry(folder, "board-models/faces.json", 5, 0)
     found = [(kind.name, kind.files, kind.size_bytes) for kind in cache_kinds()]
-    assert found == [("edge-gaps", 1, 50), ("maps", 2, 20), ("targets", 1, 5)]
+    assert found == [("edge-gaps", 1, 50), ("maps", 2, 20), ("board-models", 1, 5)]
 
 
 def test_clearing_removes_the_cache_s_own_files_alone(folder, tmp_path_factory):
     entry(folder, "maps-v1-a.npy", 10, 0)
-    entry(folder, "targets/tango.glb", 5, 0)
+    entry(folder, "board-models/faces.json", 5, 0)
     mine = [entry(folder, "thesis.pdf", 7, 0), entry(folder, "photos/a.npy", 7, 0)]
     outside = entry(tmp_path_factory.mktemp("outside"), "a.glb", 7, 0)
-    (folder / "targets" / "link.glb").symlink_to(outside)
+    (folder / "board-models" / "link.json").symlink_to(outside)
     assert clear_cache() == 15
     assert cache_kinds() == []
     assert all(path.exists() for path in (*mine, outside))

@@ -8,7 +8,6 @@ made is held against its makers by test_prebuilt.py.
 
 import base64
 import hashlib
-import importlib
 import json
 import os
 import zlib
@@ -24,17 +23,10 @@ from flyaround.simulator.render.earth import detail_noise, maps, sea_ice, season
 from flyaround.simulator.render.gl import mipmaps
 from flyaround.simulator.render.moon import craters, moon_pass
 from flyaround.simulator.runtime.prebuilt import without_prebuilt
-from flyaround.simulator.targets.library import ENTRIES, FILE_VERSION, load_target
+from flyaround.simulator.targets.library import load_target
 
 FILE = Path(__file__).with_name("cache_versions.json")
 SMALL = "cubesat-1u@low"
-
-
-def target(entry):
-    """What a built-in target is made of, in its coarsest form."""
-    built = getattr(importlib.import_module(entry.module), entry.function)("low")
-    texts = repr((built.title, [p.name for p in built.parts], [k.name for k in built.keypoints]))
-    return [*(p.positions_m for p in built.parts), *(p.normals for p in built.parts), texts]
 
 
 def outer_faces():
@@ -70,10 +62,6 @@ def earth_maps():
 
 
 MAKERS = {
-    **{
-        f"target {entry.name}": ((entry.version, FILE_VERSION), lambda entry=entry: target(entry))
-        for entry in ENTRIES
-    },
     "faces": (write.FACES_VERSION, outer_faces),
     "outlines": (write.OUTLINES_VERSION, outlines),
     "geometry": (baked_mesh.VERSION, lambda: [prepared(load_target(SMALL))[0].values]),

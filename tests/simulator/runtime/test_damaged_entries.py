@@ -20,7 +20,6 @@ from flyaround.simulator.runtime.cache import (
     store_checked,
 )
 from flyaround.simulator.runtime.cached_arrays import cached_array, entry_of
-from flyaround.simulator.targets import library
 from flyaround.simulator.targets.library import load_target
 
 CONTENTS = bytes(range(256)) * 20
@@ -120,7 +119,7 @@ def test_a_damaged_array_is_made_again_whatever_the_damage(folder):
         assert path.read_bytes() == whole
 
 
-def test_damaged_targets_and_board_models_are_made_again(folder, monkeypatch):
+def test_damaged_board_models_are_made_again(folder, monkeypatch):
     monkeypatch.setattr(board_model, "outlines_of", lambda _: None)
     monkeypatch.setattr(board_model, "packed", lambda _: record)
     monkeypatch.setattr(board_model, "make_faces", lambda _: None)
@@ -129,29 +128,18 @@ def test_damaged_targets_and_board_models_are_made_again(folder, monkeypatch):
     )
     target = load_target("tango")
     kinds = {
-        "tango": lambda: load_target("tango").sha256 == target.sha256,
         "outlines": lambda: board_model.cached_outlines(target) == record,
         "faces": lambda: board_model.cached_faces(target) is None,
     }
     rng = np.random.default_rng(3)
     for name, is_right in kinds.items():
         assert is_right()
-        (path,) = (folder / "targets").glob(f"{name}-*")
+        (path,) = (folder / "board-models").glob(f"{name}-*")
         whole = path.read_bytes()
         for data in damages(whole, rng, 3):
             path.write_bytes(data)
             assert is_right()
             assert path.read_bytes() == whole
-
-
-def test_a_name_that_was_changed_in_a_cached_target_is_found_out(folder):
-    """The target's own hash covers its geometry, not what it is called or how heavy it is."""
-    title = load_target("tango").title
-    (path,) = (folder / "targets").iterdir()
-    data = path.read_bytes()
-    assert data.count(title.encode()) == 1
-    path.write_bytes(data.replace(title.encode(), title.upper().encode()))
-    assert load_target("tango").title == title
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT, errno.EIO])
@@ -161,7 +149,6 @@ def test_a_disk_that_takes_nothing_costs_time_alone(folder, monkeypatch, caplog,
 
     monkeypatch.setattr(cache.tempfile, "NamedTemporaryFile", refuse)
     assert cached_array("a", lambda: np.arange(3)).tolist() == [0, 1, 2]
-    assert load_target("tango").name == "tango"
     assert os.strerror(number) in caplog.text
 
 
@@ -169,11 +156,9 @@ FULL = """
 import resource, signal, sys
 import numpy as np
 from flyaround.simulator.runtime.cached_arrays import cached_array
-from flyaround.simulator.targets.library import load_target
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # a write beyond it fails halfway, as on a full disk
 assert len(cached_array("large", lambda: np.arange(5000.0))) == 5000
 assert len(cached_array("small", lambda: np.arange(5.0))) == 5
-print(load_target("tango").name, load_target("calibration-board@low").name)
 """
 
 
@@ -182,14 +167,13 @@ def test_a_disk_that_fills_up_halfway_leaves_no_halves(folder):
     done = subprocess.run(
         [sys.executable, "-c", FULL], capture_output=True, text=True, check=True, timeout=100
     )
-    assert done.stdout.split() == ["tango", "calibration-board@low"]
-    assert done.stderr.count("cannot keep") == 3
+    assert done.stderr.count("cannot keep") == 1
     assert {path.name for path in folder.rglob("*") if path.is_file()} == {"small.npy"}
 
 
 def test_one_folder_for_all_that_is_kept(folder, monkeypatch):
     assert cache_folder() == folder
-    assert cache_folder("targets") == folder / "targets"
+    assert cache_folder("part") == folder / "part"
     monkeypatch.delenv("FLYAROUND_CACHE_DIR")
     monkeypatch.setenv("XDG_CACHE_HOME", "/nowhere")
     if sys.platform == "linux":
@@ -203,12 +187,6 @@ def test_looking_at_a_file_changes_nothing_of_it(folder):
     (folder / "a").write_bytes(b"")
     with pytest.raises(DamagedError):
         map_checked(folder / "a")
-
-
-def test_a_shipped_target_that_is_none_is_built(folder, caplog, monkeypatch):
-    monkeypatch.setattr(library, "prebuilt_bytes", lambda _: b"glTF and nothing more than that")
-    assert load_target("calibration-board@low").name == "calibration-board@low"
-    assert "rebuilding" in caplog.text
 
 
 def test_what_a_killed_program_left_is_forgotten_after_a_day(folder):

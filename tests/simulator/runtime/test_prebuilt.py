@@ -12,8 +12,6 @@ from flyaround.simulator.baking.baked_mesh import _PACKED, _unpacked
 from flyaround.simulator.runtime import prebuilt as shipped
 from flyaround.simulator.runtime.cached_arrays import cached_array, is_cached
 from flyaround.simulator.runtime.serialisation import _described
-from flyaround.simulator.targets import library
-from flyaround.simulator.targets.glb.read import load_glb
 from tools import prebuilt as ship
 
 
@@ -39,16 +37,8 @@ def refuse():
     raise AssertionError
 
 
-def close(name, mine, made, tmp_path):
+def close(name, mine, made):
     """Whether two files hold the same to the rounding of a processor's own sines and sums."""
-    if name.endswith(".glb"):
-        targets = []
-        for data in (mine, made):
-            path = tmp_path / "a.glb"
-            path.write_bytes(data)
-            targets.append(load_glb(path))
-        pairs = zip(*(t.parts for t in targets), strict=True)
-        return all(np.allclose(a.positions_m, b.positions_m, rtol=0, atol=1e-6) for a, b in pairs)
     a, b = (np.load(io.BytesIO(data)) for data in (mine, made))
     if name.startswith("geometry"):
         both = []
@@ -73,14 +63,14 @@ def close(name, mine, made, tmp_path):
     return np.allclose(a, b, rtol=1e-4, atol=1e-6)
 
 
-def test_what_is_shipped_is_what_is_made_now(tmp_path):
+def test_what_is_shipped_is_what_is_made_now():
     made = dict(ship.made())
     files = {file.name.removesuffix(shipped.SUFFIX): file for file in ship.FOLDER.glob("*.zst")}
     advice = "raise the VERSION beside its maker, and make it again by `python -m tools.prebuilt`"
     assert files.keys() == made.keys(), advice
     for name, file in files.items():
         data = zstandard.ZstdDecompressor().decompress(file.read_bytes())
-        assert close(name, data, made[name], tmp_path), f"{name}: {advice}"
+        assert close(name, data, made[name]), f"{name}: {advice}"
 
 
 def test_all_that_is_shipped_is_small():
@@ -104,7 +94,7 @@ def test_what_is_damaged_is_made(folder, caplog):
 def test_what_decodes_to_no_array_is_made(folder, caplog):
     put(folder, "a.npy", b"no array")
     assert cached_array("a", lambda: np.arange(2)).tolist() == [0, 1]
-    assert "holds no array" in caplog.text
+    assert "damaged" in caplog.text
 
 
 def test_a_flipped_bit_of_a_shipped_file_is_noticed():
@@ -129,11 +119,3 @@ def test_nothing_is_shipped_for_who_makes_it(folder):
         assert not is_cached("a")
         assert cached_array("a", lambda: np.arange(2)).tolist() == [0, 1]
     assert shipped.is_prebuilt("a.npy")
-
-
-def test_tango_is_not_built_where_it_is_shipped(tmp_path, monkeypatch):
-    monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(library, "_built", lambda *_: refuse())
-    assert library.load_target("tango").name == "tango"
-    with pytest.raises(AssertionError):
-        library.load_target("tango@low")

@@ -13,7 +13,7 @@ from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.camera.lens.distortion import Distortion
 from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene
 from flyaround.simulator.recipes.plan import plan_recipe
-from flyaround.simulator.targets.craft.chessboard import COLUMNS, ROWS, SQUARE_M
+from tools.craft.chessboard import COLUMNS, ROWS, SQUARE_M
 
 if TYPE_CHECKING:
     from flyaround.simulator.render.renderer import Renderer

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from flyaround.simulator.runtime.arrays import FloatArray, IntArray, vec3
-from flyaround.simulator.targets.builders.mesh import across
 from flyaround.simulator.targets.importing.propose.surface_points import surface_points
 from flyaround.simulator.targets.importing.propose.wireframe import crease_edges
 from flyaround.simulator.targets.importing.repair.decimate import decimate
@@ -20,6 +20,9 @@ from flyaround.simulator.targets.importing.repair.topology import (
     with_separate_components,
 )
 from flyaround.simulator.targets.model import Keypoint
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 WANTED = 16
 MOST_CANDIDATES = 4000
@@ -166,6 +169,17 @@ def visible_directions_count(bodies: list[MeshBody], points_m: FloatArray) -> In
         column, row = np.clip(_pixels(at[:, :2], radius), 0, SIZE_PX - 1).T
         count += at[:, 2] <= depth_picture[row, column] + TOLERANCE * 2 * radius
     return count
+
+
+def across(axis: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return right-handed orthonormal axes ``(u, v, w)`` with ``w`` along ``axis``."""
+    w = _unit(np.asarray(axis, float))
+    u = _unit(np.cross(np.eye(3)[int(np.argmin(np.abs(w)))], w))
+    return u, np.cross(w, u), w
+
+
+def _unit(v: FloatArray) -> FloatArray:
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
 def _pixels(xy: FloatArray, radius: float) -> IntArray:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.targets.builders.solids import CREASE_RAD
 from flyaround.simulator.targets.importing.repair.topology import components, edge_table
 from flyaround.simulator.targets.model import Part
 
@@ -17,6 +16,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.importing.repair.topology import MeshBody
     from flyaround.simulator.targets.model import Material
 
+CREASE_RAD = np.deg2rad(32.0)
+"""Surfaces that meet at more than this keep a sharp edge, as in most modelling tools (30 to 35 deg)."""
 BEST_COSINE = 0.1
 """A corner's normal must look the way its face does at least by this much; smooth rims stay above it."""
 

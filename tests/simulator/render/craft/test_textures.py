@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.targets.craft.charuco import charuco_board, model_from_opencv_m
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import TextureImage
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
+from tools.craft.charuco import charuco_board, model_from_opencv_m
 
 pytestmark = pytest.mark.gl
 SHADOWLESS = (0.3, 0.2, -1.0)

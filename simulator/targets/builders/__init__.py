@@ -1,1 +1,0 @@
-"""Small reusable mesh builders: boxes, prisms, lathes, rods, trusses, cell grids. No spacecraft."""

@@ -1,0 +1,206 @@
+"""Figures of single craft: Tango's keypoints, Dragon's height, solar wings, Envisat's panels, the chessboard."""
+
+from __future__ import annotations
+
+import functools
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.targets.model import Part, Target
+from tools.craft.dragon.cargo_shape import CAP_HEIGHT_M
+from tools.craft.dragon.crew import dragon_pieces
+from tools.craft.level import Level
+
+# Keypoints of the SPEED data set as published with its pose estimation baselines [m]
+SPEED = {
+    "panel_nx_ny": (-0.370, -0.385, 0.3215),
+    "panel_px_ny": (0.370, -0.385, 0.3215),
+    "panel_px_py": (0.370, 0.385, 0.3215),
+    "panel_nx_py": (-0.370, 0.385, 0.3215),
+    "bottom_nx_ny": (-0.370, -0.264, 0.0),
+    "bottom_px_ny": (0.370, -0.264, 0.0),
+    "bottom_px_py": (0.370, 0.304, 0.0),
+    "bottom_nx_py": (-0.370, 0.304, 0.0),
+    "antenna_1_tip": (-0.5427, 0.4877, 0.2535),
+    "antenna_2_tip": (0.5427, 0.4877, 0.2591),
+    "antenna_3_tip": (0.3050, -0.5790, 0.2515),
+}
+
+load = functools.cache(load_target)
+
+
+@pytest.fixture(scope="module")
+def tango() -> Target:
+    return load("tango")
+
+
+def joined(part: Part) -> trimesh.Trimesh:
+    mesh = trimesh.Trimesh(part.positions_m.astype(float), part.triangles, process=False)
+    mesh.merge_vertices(merge_norm=True, merge_tex=True)
+    return mesh
+
+
+def everything(target: Target) -> FloatArray:
+    return np.concatenate([p.positions_m for p in target.parts]).astype(float)
+
+
+def test_speed_keypoints_come_first_and_to_the_digit(tango: Target) -> None:
+    first = {k.name: k.position_m for k in tango.keypoints[:11]}
+    assert list(first) == list(SPEED)
+    for name, position in SPEED.items():
+        assert np.abs(np.subtract(first[name], position)).max() < 1e-9
+
+
+def test_face_normals_of_edges_point_outwards(tango: Target) -> None:
+    bodies = {"panel": (0, 0, 0.31), "body": (0, 0.02, 0.14), "plate": (0.05, 0.32, 0.09)}
+    for edge in tango.wireframe:
+        centre = bodies.get(edge.name.split("_")[0])
+        if centre is None or edge.name.startswith(("panel_frame", "panel_strip")):
+            continue
+        middle = (np.array(edge.a_m) + np.array(edge.b_m)) / 2
+        assert (np.array(edge.normals) @ (middle - centre) > 0).all(), edge.name
+
+
+def test_tango_reaches_as_far_as_its_antennas(tango: Target) -> None:
+    # the craft reaches as far as antenna tips with their radius, rod and connector windows
+    assert np.allclose(everything(tango).min(axis=0), (-0.5549, -0.579, -0.083), atol=2e-3)
+    assert np.allclose(everything(tango).max(axis=0), (0.5549, 0.509, 0.3228), atol=2e-3)
+
+
+def test_cells_lie_clear_of_substrate_and_frame(tango: Target) -> None:
+    parts = {p.name: p for p in tango.parts}
+    cells = parts["panel_cells"].positions_m
+    substrate = parts["panel_substrate"].positions_m
+    assert len(joined(parts["panel_cells"]).split()) == 2 * 4 * 17
+    # as thick as they are; depth tells 0.1 mm apart at 60 m
+    assert cells[:, 2].max() - substrate[:, 2].max() >= 0.35e-3
+    assert parts["panel_frame"].positions_m[:, 2].max() - cells[:, 2].max() >= 0.5e-3
+    tabs = parts["panel_interconnects"].positions_m
+    assert tabs[:, 2].max() - substrate[:, 2].max() >= 0.15e-3
+    assert cells[:, 2].max() - tabs[:, 2].max() >= 0.15e-3
+
+
+def test_body_is_offset_from_the_panel(tango: Target) -> None:
+    parts = {p.name: p for p in tango.parts}
+    y = parts["body_bottom_sheet"].positions_m[:, 1]
+    assert (y.min() + y.max()) / 2 == pytest.approx(0.02, abs=1e-6)
+    y = parts["panel_frame"].positions_m[:, 1]
+    assert (y.min() + y.max()) / 2 == pytest.approx(0.0, abs=1e-6)
+
+
+def test_tango_turns_like_a_box_of_its_size(tango: Target) -> None:
+    I = np.array(tango.mass.inertia_kg_m2)
+    # a uniform box of the body's size brackets the moments of a body with antennas and panel
+    uniform = tango.mass.mass_kg / 12 * (0.74**2 + 0.57**2)
+    assert 0.7 * uniform < I[2, 2] < 1.4 * uniform
+    assert np.abs(np.subtract(tango.mass.com_m, (0, 0.02, 0.15))).max() < 0.03
+
+
+def test_quarter_turns_nearly_map_the_craft_onto_itself(tango: Target) -> None:
+    corners = np.array([SPEED[n] for n in list(SPEED)[:4]])
+    for w, x, y, z in tango.symmetry:
+        assert w * w + x * x + y * y + z * z == pytest.approx(1)
+        assert (x, y) == (0, 0)
+        turn = 2 * np.arctan2(z, w)
+        R = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+        gap = np.linalg.norm((corners @ R.T)[:, None] - corners, axis=2).min(axis=1)
+        # panel of 0.74 x 0.77 m: a quarter turn misses by 15 mm along each axis
+        assert gap.max() < 0.022
+
+
+def test_insulated_variant_differs_in_its_sides_only(tango: Target) -> None:
+    wrapped = load("tango-mli")
+    changed = [a.name for a, b in zip(tango.parts, wrapped.parts, strict=True) if a.material != b.material]
+    assert changed == ["body_side_sheet_nx", "body_side_sheet_px", "body_cover_ny", "body_cover_py"]
+    assert next(m for m in wrapped.materials if m.name == "mli").crinkle > 0
+    assert wrapped.sha256 != tango.sha256
+
+
+def test_crew_dragon_with_closed_nose_is_as_high_as_published() -> None:
+    z = np.concatenate([p.mesh.positions_m[:, 2] for p in dragon_pieces(Level(), nose_closed=True)])
+    assert np.ptp(z) == pytest.approx(8.1, rel=0.005)
+    trunk = next(p for p in load("dragon").parts if p.name == "trunk_tube")
+    assert np.ptp(trunk.positions_m, axis=0)[:2] == pytest.approx([3.7, 3.7], rel=0.005)
+    # half the trunk's circumference carries cells
+    cells = next(p for p in load("dragon").parts if p.name == "trunk_cells").positions_m
+    azimuth = np.rad2deg(np.arctan2(cells[:, 1], cells[:, 0])) % 360
+    assert np.ptp(azimuth) == pytest.approx(180, abs=12)
+
+
+def test_cargo_dragon_with_its_cap_is_as_high_as_published() -> None:
+    target = load("dragon-cargo")
+    port, _ = target.frames["docking"]
+    low = everything(target)[:, 2].min()
+    assert port[2] - low + CAP_HEIGHT_M == pytest.approx(7.2, rel=0.005)
+
+
+@pytest.mark.parametrize("name", ["dragon-cargo", "soyuz-ms", "tianzhou"])
+def test_half_turn_maps_the_wings_onto_each_other(name: str) -> None:
+    target = load(name)
+    (turn,) = target.symmetry
+    assert turn == (0.0, 0.0, 0.0, 1.0)
+    wings = np.array([k.position_m for k in target.keypoints if k.name.startswith("wing")])
+    gap = np.linalg.norm((wings * (-1, -1, 1))[:, None] - wings, axis=2).min(axis=1)
+    # the cells' side lies half a panel's thickness off the axis
+    assert gap.max() < 0.03
+
+
+def test_turned_panels_of_envisat_have_their_size() -> None:
+    points = {k.name: np.array(k.position_m) for k in load("envisat").keypoints}
+    array = np.linalg.norm(points["array_root_ny"] - points["array_root_py"])
+    asar = np.linalg.norm(points["asar_ny_nx"] - points["asar_ny_px"])
+    assert array == pytest.approx(5.0, rel=1e-6)
+    assert asar == pytest.approx(1.3, rel=1e-6)
+
+
+def test_envisat_turns_as_published() -> None:
+    mass = load("envisat").mass
+    # debris-removal studies quote 7,828 kg, x = -3.9 m and 17,000, 125,000, 129,000 kg m2
+    assert mass.com_m[0] == pytest.approx(-3.9, abs=0.15)
+    assert np.diag(mass.inertia_kg_m2) == pytest.approx([17_000, 125_000, 129_000], rel=0.13)
+
+
+def test_thesis_and_speed_are_never_mixed() -> None:
+    thesis = {k.name: k.position_m for k in load("tango-thesis").keypoints}
+    speed = {k.name: k.position_m for k in load("tango").keypoints}
+    shared = set(thesis) & set(speed)
+    assert len(shared) >= 8
+    assert all(np.abs(np.subtract(thesis[n], speed[n])).max() > 5e-3 for n in shared)
+    tips = [n for n in thesis if n.endswith("_tip")]
+    lengths = [np.linalg.norm(np.subtract(thesis[n], thesis[n.replace("tip", "root")])) for n in tips]
+    assert lengths == pytest.approx([0.204] * 4)
+
+
+def test_opencv_reads_the_board_in_the_order_of_its_keypoints() -> None:
+    board = load("chessboard")
+    scale, shift = 2000.0, (620.0, 500.0)  # px per metre, upright and face on: y of the image runs down
+
+    def pixel(points: FloatArray) -> FloatArray:
+        return points[..., :2] * (scale, -scale) + shift
+
+    image = np.full((1000, 1240), 60, np.uint8)
+    grey = {"board-white": 220, "board-black": 20}
+    for part in board.parts:
+        up = part.normals[part.triangles[:, 0], 2] > 0.99
+        if part.material in grey:
+            for triangle in pixel(part.positions_m.astype(float)[part.triangles[up]]):
+                # four bits of fraction: a sixteenth of a pixel
+                cv2.fillConvexPoly(
+                    image, np.round(triangle * 16).astype(np.int32), grey[part.material], shift=4
+                )
+    expected = pixel(np.array([k.position_m for k in board.keypoints]))
+    # turned upside down, the colours still tell which corner is the first
+    for turn in (False, True):
+        seen, at = (image[::-1, ::-1].copy(), (1239, 999) - expected) if turn else (image, expected)
+        found, corners = cv2.findChessboardCorners(seen, (10, 7))
+        assert found
+        assert np.linalg.norm(corners.reshape(-1, 2) - at, axis=1).max() < 1.5
+        # the sector-based detector starts from the other end
+        found, corners = cv2.findChessboardCornersSB(seen, (10, 7))
+        assert found
+        assert np.linalg.norm(corners.reshape(-1, 2)[::-1] - at, axis=1).max() < 1.5

@@ -1,0 +1,116 @@
+"""Assembly of named meshes and labels into a checked target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.runtime.arrays import FloatArray, Quat, Vec3
+from flyaround.simulator.targets.check_target import check_target
+from flyaround.simulator.targets.convert import content_sha256
+from flyaround.simulator.targets.model import Edge, Keypoint, Material, Part, Target, TextureImage
+from tools.craft.finishes import FINISHES
+from tools.craft.labels import welded
+from tools.craft.mass import MassElement, mass_properties
+from tools.craft.shapes.mesh import Mesh, merge
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A mesh with the name and the material it will have, and the texture coordinates (N, 2) of its vertices."""
+
+    name: str
+    material: str
+    mesh: Mesh
+    uv: FloatArray | None = None
+
+
+def part_of(piece: Piece) -> Part:
+    """The piece in the renderer's number formats (float32)."""
+    normals = piece.mesh.normals / np.linalg.norm(piece.mesh.normals, axis=1, keepdims=True)
+    return Part(
+        name=piece.name,
+        material=piece.material,
+        positions_m=piece.mesh.positions_m.astype(np.float32),
+        normals=normals.astype(np.float32),
+        triangles=piece.mesh.triangles.astype(np.int64),
+        uv=None if piece.uv is None else piece.uv.astype(np.float32),
+    )
+
+
+def assemble(
+    name: str,
+    title: str,
+    *,
+    pieces: Sequence[Piece],
+    materials: Sequence[Material] = FINISHES,
+    keypoints: Mapping[str, Vec3],
+    wireframe: Sequence[Edge],
+    occluders: Sequence[Mesh],
+    lumps: Sequence[MassElement],
+    frames: dict[str, tuple[Vec3, Vec3]],
+    symmetry: tuple[Quat, ...] = (),
+    notes: str,
+    pictures: tuple[TextureImage, ...] = (),
+) -> Target:
+    """Build a target from its pieces and check it.
+
+    Parameters
+    ----------
+    pieces : those of one name become one part; they must be of one material.
+    materials : those that no piece uses are left out.
+    keypoints : position in the model frame [m] by name, in the order that labels report them.
+    occluders : coarse closed bodies. lumps : the mass distribution.
+    frames : origin [m] and unit axis by name.
+    """
+    parts = tuple(part_of(p) for p in gathered(pieces))
+    used = {p.material for p in parts}
+    kept = tuple(m for m in materials if m.name in used)
+    points = tuple(Keypoint(name=name, position_m=p) for name, p in keypoints.items())
+    edges, bodies = tuple(wireframe), welded(merge(occluders))
+    target = Target(
+        name=name,
+        title=title,
+        sha256=content_sha256(kept, parts, points, edges, bodies, pictures),
+        materials=kept,
+        parts=parts,
+        keypoints=points,
+        wireframe=edges,
+        mass=mass_properties(lumps),
+        frames=frames,
+        symmetry=symmetry,
+        notes=notes,
+        occluders=bodies,
+        pictures=pictures,
+    )
+    check_target(target, f"target {name}")
+    return target
+
+
+def gathered(pieces: Sequence[Piece]) -> list[Piece]:
+    """Pieces of one name and material joined into one, in order of first appearance.
+
+    Raises
+    ------
+    ValueError
+        If one name has two materials, or several textured pieces.
+    """
+    groups: dict[str, list[Piece]] = {}
+    for p in pieces:
+        groups.setdefault(p.name, []).append(p)
+    joined = []
+    for name, group in groups.items():
+        if len({p.material for p in group}) > 1:
+            raise ValueError(f"part {name} has two materials")
+        if len(group) == 1:
+            joined.append(group[0])
+            continue
+        if any(p.uv is not None for p in group):
+            raise ValueError(f"part {name} has several textured pieces; merge them before")
+        joined.append(Piece(name, group[0].material, merge([p.mesh for p in group])))
+    return joined

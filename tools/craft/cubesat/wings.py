@@ -1,0 +1,91 @@
+"""A CubeSat's pair of wings, hinged panels in one plane, and what labels take from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Edge
+from tools.craft.assemble import Piece
+from tools.craft.cubesat.fittings import WING_M, wing, wing_width_m
+from tools.craft.labels import prism_edges
+from tools.craft.mass import MassElement
+from tools.craft.place import placed_pieces
+from tools.craft.shapes.mesh import Mesh
+from tools.craft.shapes.prism import rectangle
+from tools.craft.shapes.solids import box
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wings:
+    """Wings along +-x whose cells look to +y.
+
+    Parameters
+    ----------
+    root_x_m : hinge line from the middle. y_m : plane of the cells' side.
+    panels : on each side. size_m : of a panel, x and z. gap_m : before each panel.
+    """
+
+    root_x_m: float
+    y_m: float
+    panels: int
+    size_m: tuple[float, float]
+    gap_m: float
+
+    @property
+    def reach_m(self) -> float:
+        """Distance of the tips from the middle."""
+        return self.root_x_m + wing_width_m(self.panels, self.size_m[0], self.gap_m)
+
+    def corners(self) -> dict[str, Vec3]:
+        """The four outermost corners, by name."""
+        return {
+            f"wing_{a}_{c}": (sx * self.reach_m, self.y_m, sz * self.size_m[1] / 2)
+            for a, sx in (("nx", -1), ("px", 1))
+            for c, sz in (("nz", -1), ("pz", 1))
+        }
+
+    def pieces(self, detail: Detail) -> list[Piece]:
+        """Both wings; seen along -y their cells look at the reader."""
+        right, left = (
+            wing(name, self.panels, 2, 4, self.size_m, self.gap_m, detail) for name in ("wing_px", "wing_nx")
+        )
+        return [
+            # x along +-x of the craft, y along -+z: their product is +y
+            *placed_pieces(right, (self.root_x_m, self.y_m, 0), (1, 0, 0), (0, 0, -1)),
+            *placed_pieces(left, (-self.root_x_m, self.y_m, 0), (-1, 0, 0), (0, 0, 1)),
+        ]
+
+    def outlines(self) -> dict[str, tuple[Vec3, Vec3]]:
+        """Lowest and highest corner of each panel, by name."""
+        z = self.size_m[1] / 2
+        outlines: dict[str, tuple[Vec3, Vec3]] = {}
+        for k in range(self.panels):
+            x0 = self.root_x_m + self.gap_m + k * (self.size_m[0] + self.gap_m)
+            x1 = x0 + self.size_m[0]
+            outlines[f"wing_px_{k}"] = ((x0, self.y_m - WING_M, -z), (x1, self.y_m, z))
+            outlines[f"wing_nx_{k}"] = ((-x1, self.y_m - WING_M, -z), (-x0, self.y_m, z))
+        return outlines
+
+    def bodies(self) -> list[Mesh]:
+        """The panels as boxes, for visibility."""
+        return [box(lo, hi) for lo, hi in self.outlines().values()]
+
+    def edges(self) -> list[Edge]:
+        """The outlines of the panels."""
+        edges: list[Edge] = []
+        for name, (lo, hi) in self.outlines().items():
+            # u x v = x x (-z) = +y
+            outline = rectangle((lo[0], -hi[2]), (hi[0], -lo[2]))
+            edges += prism_edges(name, outline, WING_M, origin_m=(0, lo[1], 0), u=(1, 0, 0), v=(0, 0, -1))
+        return edges
+
+    def lumps(self, mass_kg: float) -> list[MassElement]:
+        """Both wings, of ``mass_kg`` each."""
+        span = self.reach_m - self.root_x_m
+        size = (span, WING_M, self.size_m[1])
+        return [
+            MassElement(f"wing {s}x", mass_kg, (sx * (self.root_x_m + span / 2), self.y_m, 0), size_m=size)
+            for s, sx in (("+", 1), ("-", -1))
+        ]

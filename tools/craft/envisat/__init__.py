@@ -1,0 +1,1 @@
+"""Envisat, the retired Earth observer."""

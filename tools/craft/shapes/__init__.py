@@ -1,0 +1,1 @@
+"""Shapes: meshes, plates, solids and plates wrapped on bodies of revolution."""

@@ -1,0 +1,96 @@
+"""Solar panels: a stiff board with rows of cells and their busbars, lying in the x-y plane with the cells up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flyaround.simulator.targets.level_of_detail import Detail
+from tools.craft.assemble import Piece
+from tools.craft.shapes.mesh import Mesh, merge
+from tools.craft.shapes.prism import cell_grid, clipped_rectangle, rectangle
+from tools.craft.shapes.solids import box
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellField:
+    """How cells are laid on a board.
+
+    Parameters
+    ----------
+    columns, rows : numbers of cells along x and y.
+    pitch_x_m, pitch_y_m : distance between centres.
+    gap_m : free space between two cells. clip_m : cut of a cell's corners; 0 for none.
+    height_m : thickness of cell and cover glass above the board.
+    """
+
+    columns: int
+    rows: int
+    pitch_x_m: float
+    pitch_y_m: float
+    gap_m: float = 0.002
+    clip_m: float = 0.0
+    height_m: float = 0.001
+
+    def centres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Centres of columns and rows about the origin [m]."""
+        return (
+            (np.arange(self.columns) - (self.columns - 1) / 2) * self.pitch_x_m,
+            (np.arange(self.rows) - (self.rows - 1) / 2) * self.pitch_y_m,
+        )
+
+
+def cells(field: CellField, z_m: float, detail: Detail) -> Mesh:
+    """The cells of a field on the plane at ``z_m``: clipped tiles, plain tiles at medium, one sheet at low."""
+    w, h = field.pitch_x_m - field.gap_m, field.pitch_y_m - field.gap_m
+    if detail == "low":
+        x = field.columns * field.pitch_x_m / 2 - field.gap_m / 2
+        y = field.rows * field.pitch_y_m / 2 - field.gap_m / 2
+        return box((-x, -y, z_m), (x, y, z_m + field.height_m))
+    if field.clip_m > 0 and detail == "full":
+        tile = clipped_rectangle(w, h, field.clip_m, "all")
+    else:
+        tile = rectangle((-w / 2, -h / 2), (w / 2, h / 2))
+    return cell_grid(*field.centres(), tile, z_m, field.height_m)
+
+
+def busbars(field: CellField, z_m: float, width_m: float, detail: Detail) -> list[Mesh]:
+    """Bright ribbons on the cells, two along each column, a tenth of a cell's height proud; full detail only."""
+    if detail != "full":
+        return []
+    xs, ys = field.centres()
+    reach = (field.pitch_y_m - field.gap_m) / 2 * 0.96
+    top = z_m + field.height_m
+    ribbon = rectangle((-width_m / 2, -reach), (width_m / 2, reach))
+    across = np.concatenate([xs - field.pitch_x_m / 4, xs + field.pitch_x_m / 4])
+    # sunk into the cell: no two faces in one plane
+    return [cell_grid(across, ys, ribbon, top - 0.5e-4, 1.5e-4)]
+
+
+def panel(
+    name: str,
+    size_m: tuple[float, float],
+    thickness_m: float,
+    field: CellField,
+    *,
+    detail: Detail,
+    board: str,
+    cell: str,
+    busbar_m: float = 0.0,
+) -> list[Piece]:
+    """A board of ``size_m`` about the origin, its upper face at z = 0, with cells on it.
+
+    Parameters
+    ----------
+    board, cell : materials. busbar_m : width of the ribbons on the cells; 0 for none.
+    """
+    x, y = size_m[0] / 2, size_m[1] / 2
+    pieces = [
+        Piece(f"{name}_board", board, box((-x, -y, -thickness_m), (x, y, 0.0))),
+        Piece(f"{name}_cells", cell, cells(field, 0.0, detail)),
+    ]
+    ribbons = busbars(field, 0.0, busbar_m, detail) if busbar_m > 0 else []
+    if ribbons:
+        pieces.append(Piece(f"{name}_busbars", "busbar", merge(ribbons)))
+    return pieces
