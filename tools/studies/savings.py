@@ -80,7 +80,6 @@ WITHOUT: dict[str, list[tuple[object, str, object]]] = {
     "five samples close up": [(viewport_fit, "NEAR_PIXEL_M", 0.0)],
     "short edges left out": [(visible_edges, "_SHORTEST_PX", 0.0)],
     "depth ranges": [(depth_buffer, "MOST_RANGES", 1)],
-    "flat varyings": [(software_path, "rewriter", lambda _context: None)],
     "sorted tiles": [(_PATH, "_sort_tiles", _all_alike)],
     "smooth tiles": [_changed(_RAYS, "smooth", lambda found, *_: tuple(np.zeros_like(f) for f in found))],
     "fine tiles": [_changed(_RAYS, "smooth", lambda found, *_: (found[0], np.zeros_like(found[1])))],

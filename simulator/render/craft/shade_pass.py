@@ -77,7 +77,6 @@ class ShadePass:
             "craft/shade.frag",
             defines,
             self.SAMPLERS + self.TEXTURED * (mesh.uv is not None) + self.LIT * (light_points > 0),
-            many_fragments=True,
         )
 
     def run(

@@ -195,7 +195,6 @@ class EarthPass:
                 "earth/earth.frag",
                 defines,
                 _SAMPLERS[self.bands],
-                many_fragments=not kind.smooth,
             )
         return self._kept[key]
 

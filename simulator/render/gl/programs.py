@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING
 import moderngl
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping
 
-    from flyaround.simulator.render.gl.uniform_block import Field, UniformBlock
-
-    ShaderRewrite = Callable[[str, str, Sequence[Field]], tuple[str, str]]
+    from flyaround.simulator.render.gl.uniform_block import UniformBlock
 
 GLSL_VERSION = "#version 410 core"
 FULL_SCREEN = "common/full_screen.vert"
@@ -70,8 +68,7 @@ class ProgramLibrary:
     constants : preprocessor constants that every shader may use.
 
     With ``lens`` set, programs are made for a lens that distorts: they look up their rays in a texture, and send the
-    target's vertices through it. ``rewrite`` takes the texts of a vertex and a
-    fragment shader, includes expanded, and the members of all blocks, and gives texts that draw the same.
+    target's vertices through it.
     """
 
     def __init__(
@@ -86,7 +83,6 @@ class ProgramLibrary:
         self._built: dict[tuple[object, ...], Program] = {}
         self._asked: dict[tuple[object, ...], Program] = {}  # the same, by what was asked for word by word
         self.lens = False
-        self.rewrite: ShaderRewrite | None = None
 
     def get(
         self,
@@ -96,7 +92,6 @@ class ProgramLibrary:
         samplers: tuple[str, ...] = (),
         *,
         varyings: tuple[str, ...] = (),
-        many_fragments: bool = False,
     ) -> Program:
         """The program of two shader files, compiled at first use.
 
@@ -105,8 +100,7 @@ class ProgramLibrary:
         fragment : ``None`` for a program that draws nothing: what its vertices give is written to a buffer.
         defines : preprocessor constants. Value ``""`` defines the bare name.
         samplers : names of the samplers; sampler ``k`` reads texture unit ``k``. varyings : without a fragment shader,
-            what is written. many_fragments : it draws many more fragments than vertices, so that work may move from
-            those to these: ``rewrite`` is asked.
+            what is written.
         """
         # passes ask in every frame: in the same words they are answered without sorting and printing them
         values = tuple(defines.values())  # 1 and 1.0 are equal, and other words
@@ -115,20 +109,17 @@ class ProgramLibrary:
             return self._asked[asked]
         key = (vertex, fragment, tuple(sorted((k, str(v)) for k, v in defines.items())), samplers, self.lens)
         if key not in self._built:
-            own, pixel = read_source(vertex), None if fragment is None else read_source(fragment)
-            if many_fragments and pixel is not None and self.rewrite is not None:
-                own, pixel = self.rewrite(own, pixel, [f for b in self._blocks for f in b.fields])
             known = {"LENS": int(self.lens), **self._constants, **defines}
             blocks = "".join(block.glsl for block in self._blocks)
 
             def whole(text: str) -> str:
                 return _head(text, known) + blocks + text
 
-            source = whole(own)
+            source = whole(read_source(vertex))
             self._built[key] = Program(
                 self._context.program(
                     vertex_shader=source,
-                    fragment_shader=None if pixel is None else whole(pixel),
+                    fragment_shader=None if fragment is None else whole(read_source(fragment)),
                     varyings=varyings,
                 ),
                 samplers,

@@ -89,7 +89,6 @@ class AirPass:
             "atmosphere/table.frag",
             {"BANDS": bands, "STEPS": STEPS, "GROUND_MU_MIN": GROUND_MU_MIN, **TABLE_DEFINES},
             ("t_transmittance", "t_ground", "t_multiple"),
-            many_fragments=True,
         )
         self._array = context.vertex_array(self._program.gl, [])
         self._programs, self._bands = programs, bands

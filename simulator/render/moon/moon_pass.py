@@ -156,7 +156,6 @@ class MoonPass:
                 **TABLE_DEFINES,
             },
             (*_OWN, *(AIR_SAMPLERS[bands] if air is not None else ())),
-            many_fragments=not kind.smooth,
         )
 
     def _draw(

@@ -27,7 +27,6 @@ from flyaround.simulator.render.frame_resources import (
 )
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.software.coverage_mask import target_tiles
-from flyaround.simulator.render.software.flat_varyings import rewriter
 from flyaround.simulator.render.software.quad_packing import QuadPackingPass, worth_packing
 from flyaround.simulator.render.software.smooth_earth import CornerAir, SmoothEarthPass
 from flyaround.simulator.render.software.tiles import earth_tiles
@@ -66,7 +65,6 @@ class SoftwarePath:
     smooth_moon = True
 
     def __init__(self, device: Device) -> None:
-        device.programs.rewrite = rewriter(device.context)
         self._device = device
         self._quads = QuadPackingPass(device.context, device.programs)
         self._filled = False  # by the Earth, in the last frame: nothing is to be cleared early
