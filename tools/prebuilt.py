@@ -16,9 +16,6 @@ import numpy as np
 from flyaround.simulator.baking.edge_gaps import edge_gaps
 from flyaround.simulator.baking.radiance_transfer import visibility_to_ship
 from flyaround.simulator.render.craft.mesh import prepared
-from flyaround.simulator.render.earth.albedo import cached_albedo
-from flyaround.simulator.render.earth.ocean_colour import ocean_colour
-from flyaround.simulator.render.earth.seasons import land_of_months
 from flyaround.simulator.render.globe.air_tables import air_tables
 from flyaround.simulator.runtime.cache import read_checked
 from flyaround.simulator.runtime.prebuilt import SUFFIX, without_prebuilt
@@ -35,9 +32,6 @@ _LEVEL = 22  # of zstd: the smallest
 def made() -> Iterator[tuple[str, bytes]]:
     """Names and contents of the files; each is made anew, from what is shipped of the others."""
     yield from _kept(lambda: [air_tables(bands, 100e3) for bands in ("mono", "rgb")], "*.npy").items()
-    yield from _kept(lambda: ocean_colour(1), "*.npy").items()
-    of_maps = _kept(lambda: (land_of_months(), cached_albedo(clouds=True)), "*.npy")
-    yield from ((name, data) for name, data in of_maps.items() if name.startswith(("land", "albedo")))
     target = load_target(TARGET)
     yield from _kept(lambda: prepared(target), "*.npy").items()
     geometry = prepared(target)[0]

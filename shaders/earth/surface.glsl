@@ -8,7 +8,7 @@ uniform sampler2D t_colour; // square root of land reflectance per band
 #endif
 uniform sampler2D t_detail; // simulator/render/earth/detail_noise.py
 #if HIGH
-uniform sampler2D t_terrain; // simulator/render/earth/terrain_detail.py
+uniform sampler2D t_terrain; // assets/earth/terrain_detail_1024.png
 #endif
 #if ICE
 uniform sampler2D t_ice;    // share of the sea under ice; simulator/render/earth/sea_ice.py

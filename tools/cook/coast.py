@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.render.earth.maps import day_map, decode_file
+from flyaround.simulator.render.earth.maps import day_map
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -162,7 +162,7 @@ def main() -> None:
     parser.add_argument("lakes", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)
     chosen = parser.parse_args()
-    image = coast_map(chosen.land.read_bytes(), chosen.lakes.read_bytes(), day_map(decode_file))
+    image = coast_map(chosen.land.read_bytes(), chosen.lakes.read_bytes(), day_map())
     options = [cv2.IMWRITE_PNG_COMPRESSION, 9, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
     chosen.output.write_bytes(cv2.imencode(".png", image, options)[1].tobytes())
 

@@ -108,10 +108,6 @@ _ALL_DEFINES = """
 from flyaround.simulator.render.gl import programs as p
 p._head = lambda _, defines: "\\n".join([p.GLSL_VERSION, *(f"#define {k} {v}" for k, v in defines.items()), ""])
 """
-_EACH_DECODED = """
-from flyaround.simulator.render.earth import maps
-maps.DecodedMaps.__call__ = lambda self, name, flags: maps.decode_file(name, flags)
-"""
 _BAKED_FIRST = """
 from flyaround.simulator.render.craft.interreflection import Interreflection as I
 begin = I.begin
@@ -126,7 +122,6 @@ _ONE_STRIP = "from flyaround.simulator.render.earth import maps; maps._STRIPS = 
 START_WITHOUT = {
     "prebuilt cache": (_NOTHING_SHIPPED, ""),
     "strips": (_ONE_STRIP, ""),
-    "maps decoded once": (_EACH_DECODED, ""),
     "compiling ahead": ("", "Renderer._first_frame_passes = lambda self, *, target: []"),
     "defines spoken of": ("", _ALL_DEFINES),
     "light baked beside": ("", _BAKED_FIRST),

@@ -1,7 +1,11 @@
-"""Albedo of the Earth seen from space, reduced from the maps that draw it: ground, air, clouds, the day's sea ice."""
+"""Albedo of the Earth seen from space: ground, air, clouds, the day's sea ice.
+
+`python -m tools.cook` reduces it from the maps that draw the Earth.
+"""
 
 from __future__ import annotations
 
+import io
 from datetime import UTC, datetime, timedelta
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
@@ -9,11 +13,9 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.render.earth.maps import maps_entry, packed_maps
+from flyaround.simulator.render.earth.maps import asset_bytes
 from flyaround.simulator.render.earth.sea_ice import sea_ice
 from flyaround.simulator.render.globe.globe_pass import albedo_of
-from flyaround.simulator.runtime.cache import entry_name
-from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
 from flyaround.simulator.scene.illumination.irradiance import dark_field, globe_shine, moon_plate_irradiance
 from flyaround.simulator.world.bodies.earth import EARTH
@@ -28,8 +30,8 @@ if TYPE_CHECKING:
 
 SEA_ALBEDO, AIR_ALBEDO, CLOUD_ALBEDO = 0.06, 0.06, 0.55
 ICE_ALBEDO = 0.55  # of the pack, as it is drawn: floes, leads and ponds
-ALBEDO_VERSION = 5  # of `_reduce_maps`: raise it when the same maps give another albedo
-_MAP_SIZE = (128, 64)
+ALBEDO = "albedo_128x64.npy"
+MAP_SIZE = (128, 64)
 
 
 def albedo_map(*, clouds: bool) -> Float32Array:
@@ -53,41 +55,20 @@ def _with_ice(year: int, day: int, clouds: bool) -> Float32Array:  # noqa: FBT00
     whole, sea = _reduced_maps(clouds)
     epoch = datetime(year, 1, 1, tzinfo=UTC) + timedelta(days=day - 1)
     ice = (
-        cv2.resize(sea_ice(epoch.isoformat()), _MAP_SIZE, interpolation=cv2.INTER_AREA).astype(np.float32)
+        cv2.resize(sea_ice(epoch.isoformat()), MAP_SIZE, interpolation=cv2.INTER_AREA).astype(np.float32)
         / 255
     )
     iced = whole + sea * ice * (ICE_ALBEDO - SEA_ALBEDO)
-    return np.asarray(iced * (EARTH.albedo / _mean(iced) if clouds else 1.0), np.float32)
+    return np.asarray(iced * (EARTH.albedo / mean_albedo(iced) if clouds else 1.0), np.float32)
 
 
 @cache
 def _reduced_maps(clouds: bool) -> Float32Array:  # noqa: FBT001 - a key of the cache
-    return cached_albedo(clouds=clouds)
+    """Return (2, 64, 128): albedo, and by how much it grows with that of the sea."""
+    return np.load(io.BytesIO(asset_bytes(ALBEDO)))[int(clouds)]
 
 
-def cached_albedo(*, clouds: bool) -> Float32Array:
-    """(2, 64, 128) albedo, and by how much it grows with that of the sea; from the cache after the first call."""
-    key = entry_name("albedo", ALBEDO_VERSION, bool(clouds), maps_entry())
-    return np.asarray(cached_array(key, lambda: _reduce_maps(clouds=clouds)))
-
-
-def _reduce_maps(*, clouds: bool) -> Float32Array:
-    packed = packed_maps(1)[0]
-    # every fourth texel is plenty for cells of 3 degrees
-    part = np.asarray(packed[::4, ::4], np.float32) / 255
-    land = part[..., 3] > 0.5
-    ground = np.where(land, part[..., 0] ** 2, SEA_ALBEDO)
-    clear = 1 - part[..., 1] ** 2 if clouds else np.ones_like(ground)
-    albedo = AIR_ALBEDO + clear * ground + (1 - clear) * CLOUD_ALBEDO
-    cells, sea = (
-        np.asarray(cv2.resize(x, _MAP_SIZE, interpolation=cv2.INTER_AREA), np.float32)
-        for x in (albedo, clear * ~land)
-    )
-    scale = EARTH.albedo / _mean(cells) if clouds else 1.0
-    return np.asarray([cells * scale, sea * scale], np.float32)
-
-
-def _mean(cells: FloatArray | Float32Array) -> float:
+def mean_albedo(cells: FloatArray | Float32Array) -> float:
     """Mean of an equirectangular map over the sphere."""
     weight = np.cos((np.arange(len(cells)) + 0.5) / len(cells) * np.pi - np.pi / 2)[:, None]
     return float((cells * weight).sum() / (weight.sum() * cells.shape[1]))

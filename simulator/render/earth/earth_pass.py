@@ -12,14 +12,13 @@ import numpy as np
 
 from flyaround.simulator.render.earth.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
 from flyaround.simulator.render.earth.map_textures import AUGUST
+from flyaround.simulator.render.earth.maps import TERRAIN_SLOPE_MAX, terrain_texture
 from flyaround.simulator.render.earth.maps import WIDTH as MAP_WIDTH
 from flyaround.simulator.render.earth.ocean_colour import SCALE as OCEAN_COLOUR_SCALE
 from flyaround.simulator.render.earth.sea_ice import WIDTH as ICE_WIDTH
 from flyaround.simulator.render.earth.sea_ice import sea_ice
 from flyaround.simulator.render.earth.seasons import OCTAVES, month_gain, season
 from flyaround.simulator.render.earth.seasons import SLOPE_MAX as GROUND_SLOPE_MAX
-from flyaround.simulator.render.earth.terrain_detail import SLOPE_MAX as TERRAIN_SLOPE
-from flyaround.simulator.render.earth.terrain_detail import terrain_texture
 from flyaround.simulator.render.gl.fences import draw_to, flush
 from flyaround.simulator.render.gl.library import draw_one_point
 from flyaround.simulator.render.gl.mipmaps import mipmap_chain, mipmapped_texture, release_mipmapped
@@ -230,7 +229,7 @@ class EarthPass:
             "DETAIL_TEXEL_KM": DETAIL_TEXEL_KM,
             "SLOPE_PER_KM": SLOPE_PER_KM,
             "GRAIN": GRAIN,
-            "TERRAIN_SLOPE": TERRAIN_SLOPE,
+            "TERRAIN_SLOPE": TERRAIN_SLOPE_MAX,
             "GROUND_MU_MIN": GROUND_MU_MIN,
             "GROUND_SAMPLES": GROUND_SAMPLES,
             **TABLE_DEFINES,

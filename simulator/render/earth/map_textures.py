@@ -10,8 +10,8 @@ import numpy as np
 
 from flyaround.simulator.render.earth.albedo import albedo_of_day
 from flyaround.simulator.render.earth.detail_noise import detail_texture
-from flyaround.simulator.render.earth.maps import DecodedMaps, packed_maps
-from flyaround.simulator.render.earth.ocean_colour import ocean_colour, sources_to_decode
+from flyaround.simulator.render.earth.maps import packed_maps
+from flyaround.simulator.render.earth.ocean_colour import ocean_colour
 from flyaround.simulator.render.earth.seasons import Season, ground_slopes, month_gains, season
 from flyaround.simulator.render.gl.mipmaps import mipmap_chain
 from flyaround.simulator.render.globe.air_tables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
@@ -60,14 +60,11 @@ def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: st
     # what takes longest first: the detail alone is as long as the maps
     pools = [ThreadPoolExecutor(1) for _ in range(min(beside_the_caller(), 2))]
     with_maps, others = pools[0], pools[-1]
-    # sources of the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
-    files = DecodedMaps()
-    sources = with_maps.submit(sources_to_decode, bands, files)
-    maps = with_maps.submit(lambda: [mipmap_chain(image, globe=True) for image in packed_maps(bands, files)])
+    maps = with_maps.submit(lambda: [mipmap_chain(image, globe=True) for image in packed_maps(bands)])
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     months = with_maps.submit(_months, sorted({dates.before, dates.after}), bands)
     # few pictures wait for them
-    water = with_maps.submit(lambda: mipmap_chain(ocean_colour(bands, sources.result()), globe=True))
+    water = with_maps.submit(lambda: mipmap_chain(ocean_colour(bands), globe=True))
     prefetched = EarthMaps(
         albedo,
         maps,

@@ -19,16 +19,15 @@ from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.runtime.threads import beside_the_caller
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from concurrent.futures import Future
 
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
 
-    Decoder = Callable[[str, int], ByteArray]
-
 WIDTH, HEIGHT = 8064, 4032
 DAY, CLOUDS = "day_2004-08_8064x4032.jpg", "clouds_8064x4032.jpg"
 NIGHT, COAST = "night_8064x4032.jpg", "coast_sdf_8640x4320.png"
+TERRAIN = "terrain_detail_1024.png"
+TERRAIN_SLOPE_MAX = 0.9  # its slope channels hold plus and minus this
 VERSION = 11  # of the packing below: raise it when the same files give other maps
 
 # Blue Marble is a picture, not a measurement: a power law on its 8 bits brings desert, forest and snow to their
@@ -44,36 +43,12 @@ _ICE_REACH = 8  # texels beyond a strip that the blur of the ice looks at
 _STRIPS = [slice(row, row + 112) for row in range(0, HEIGHT, 112)]
 
 
-class DecodedMaps:
-    """Decodes maps and keeps them until `forget`: what is made of several decodes each once."""
-
-    def __init__(self) -> None:
-        self._kept: dict[tuple[str, int], ByteArray] = {}
-
-    def __call__(self, name: str, flags: int) -> ByteArray:
-        """`decode_file`."""
-        if (name, flags) not in self._kept:
-            self._kept[name, flags] = decode_file(name, flags)
-        return self._kept[name, flags]
-
-    def forget(self) -> None:
-        """Free the memory."""
-        self._kept.clear()
-
-
-def packed_maps(bands: int, files: DecodedMaps | None = None) -> list[ByteArray]:
-    """One (H, W, 4) texture for one band, two for three; from the cache after the first call.
-
-    Parameters
-    ----------
-    files : of a caller who has made more of the same; they are forgotten here.
-    """
-    files = DecodedMaps() if files is None else files
+def packed_maps(bands: int) -> list[ByteArray]:
+    """Return one (H, W, 4) texture for one band, two for three; from the cache after the first call."""
     key = maps_entry()
-    maps = [cached_array(f"earth-pan-{key}", lambda: _pack_panchromatic(files, day_again=bands == 3))]
+    maps = [cached_array(f"earth-pan-{key}", _pack_panchromatic)]
     if bands == 3:
-        maps.append(cached_array(f"earth-rgb-{key}", lambda: _pack_colour(day_map(files), maps[0][..., 3])))
-    files.forget()
+        maps.append(cached_array(f"earth-rgb-{key}", lambda: _pack_colour(day_map(), maps[0][..., 3])))
     return maps
 
 
@@ -117,14 +92,9 @@ def decode_file(name: str, flags: int) -> ByteArray:
     return np.asarray(image, np.uint8)
 
 
-def decode_map(
-    name: str,
-    flags: int,
-    size_px: tuple[int, int] | None = (WIDTH, HEIGHT),
-    decode: Decoder = decode_file,
-) -> ByteArray:
+def decode_map(name: str, flags: int, size_px: tuple[int, int] | None = (WIDTH, HEIGHT)) -> ByteArray:
     """A map of the Earth as an array, reduced or enlarged to a size (width, height); ``None``: as it is."""
-    image = decode(name, flags)
+    image = decode_file(name, flags)
     if size_px is not None and image.shape[1::-1] != size_px:
         # means over texels where there are several; a slight change of size is quicker between them, and as good
         halved = image.shape[1] >= 1.5 * size_px[0]
@@ -133,9 +103,14 @@ def decode_map(
     return image
 
 
-def day_map(decode: Decoder, size_px: tuple[int, int] = (WIDTH, HEIGHT)) -> ByteArray:
+def day_map(size_px: tuple[int, int] = (WIDTH, HEIGHT)) -> ByteArray:
     """The land and sea by day: blue, green, red."""
-    return decode_map(DAY, cv2.IMREAD_COLOR, size_px, decode)
+    return decode_map(DAY, cv2.IMREAD_COLOR, size_px)
+
+
+def terrain_texture() -> ByteArray:
+    """Return (1024, 1024, 4): slope along u and v, the ground's brightness, and the valleys' floors; it tiles."""
+    return decode_map(TERRAIN, cv2.IMREAD_UNCHANGED, None)
 
 
 def to_reflectance() -> Float32Array:
@@ -179,8 +154,8 @@ def _filled(filled: Float32Array, share: Float32Array) -> Float32Array:
     return filled
 
 
-def _pack_panchromatic(files: DecodedMaps, *, day_again: bool) -> ByteArray:
-    """The texture of one band; ``day_again`` says that the day's map will be asked for once more.
+def _pack_panchromatic() -> ByteArray:
+    """Return the texture of one band.
 
     Channels go straight into it, and what they are made of is freed first: new memory takes longer than the arithmetic.
     """
@@ -199,11 +174,9 @@ def _pack_panchromatic(files: DecodedMaps, *, day_again: bool) -> ByteArray:
         # all is decoded first: that needs Python's lock a few times, the strips for each of their short steps
         for channel in [pool.submit(clouds), pool.submit(night)]:
             channel.result()
-        shore = pool.submit(decode_map, COAST, cv2.IMREAD_GRAYSCALE, decode=files)
-        day = pool.submit(day_map, files).result()
+        shore = pool.submit(decode_map, COAST, cv2.IMREAD_GRAYSCALE)
+        day = pool.submit(day_map).result()
         shore.exception()  # waited for: both are decoded
-        if not day_again:
-            files.forget()
         beside = _panchromatic_land(pool, day, shore, out)
         del day, shore
 

@@ -18,7 +18,6 @@ from flyaround.simulator.render.earth.maps import (
     decode_map,
     land_only,
     maps_entry,
-    packed_maps,
     to_reflectance,
 )
 from flyaround.simulator.runtime.cache import entry_name
@@ -31,12 +30,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 WIDTH, HEIGHT = 2048, 1024
+LAND = "land_2048x1024.png"
 HEIGHT_MAP, HEIGHT_M_PER_COUNT = "height_4032x2016.png", 24.8
 OCTAVES = 4.0  # the gain's channels hold plus and minus this many octaves
 SLOPE_MAX = 0.25  # the channels of the slopes hold plus and minus this
 ROUGH_M = 400.0  # standard deviation of the height over 30 km where the land is as rough as can be
 _MAP_MONTH = 8  # of the fine map
-VERSION = 4  # of the gains, the land and the ground's slopes: raise it when the same maps give another
+VERSION = 4  # of the gains and the ground's slopes: raise it when the same maps give another
 # middle of each month there is a map of [day of the year]
 ANCHORS: dict[int, float] = {1: 15.0, 3: 74.0, 5: 135.0, 7: 196.0, 8: 227.0, 10: 288.0}
 _STRIP_ROWS = 16
@@ -90,20 +90,10 @@ def _make_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
     others = [month for month in months if month != _MAP_MONTH]
     made = {_MAP_MONTH: even}
     if others:
-        land = land_of_months()
+        land = (decode_map(LAND, cv2.IMREAD_GRAYSCALE, None) > 0).astype(np.uint8)
         august = _reflectances(_MAP_MONTH, bands)
         made |= {month: _gain(_reflectances(month, bands), august, land) for month in others}
     return [made[month] for month in months]
-
-
-def land_of_months() -> ByteArray:
-    """(1024, 2048) 1 where the packed maps have land, 0 elsewhere."""
-
-    def make() -> ByteArray:
-        coast = cv2.resize(packed_maps(1)[0][..., 3], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
-        return (coast > 128 + 4).astype(np.uint8)
-
-    return np.asarray(cached_array(entry_name("land", VERSION, maps_entry()), make))
 
 
 def _reflectances(month: int, bands: int) -> list[FloatArray]:

@@ -19,7 +19,7 @@ import pytest
 from flyaround.hil.board_model import write
 from flyaround.simulator.baking import baked_mesh, radiance_transfer
 from flyaround.simulator.render.craft.mesh import prepared
-from flyaround.simulator.render.earth import detail_noise, maps, sea_ice, seasons, terrain_detail
+from flyaround.simulator.render.earth import detail_noise, maps, sea_ice, seasons
 from flyaround.simulator.render.gl import mipmaps
 from flyaround.simulator.render.moon import craters, moon_pass
 from flyaround.simulator.runtime.prebuilt import without_prebuilt
@@ -56,9 +56,8 @@ def light():
 
 def earth_maps():
     """Both packed maps."""
-    files = maps.DecodedMaps()
-    first = maps._pack_panchromatic(files, day_again=True)
-    return [first, maps._pack_colour(maps.day_map(files), first[..., 3])]
+    first = maps._pack_panchromatic()
+    return [first, maps._pack_colour(maps.day_map(), first[..., 3])]
 
 
 MAKERS = {
@@ -72,10 +71,9 @@ MAKERS = {
     "mipmaps": (mipmaps.VERSION, lambda: [mipmaps._smaller(np.eye(64, dtype=np.uint8) * 255, globe=True)]),
     "moon": (moon_pass.MAP_VERSION, lambda: [moon_pass.moon_map()]),
     "craters": (craters.VERSION, lambda: [craters.make_craters(craters.FINE_LARGEST_PX)]),
-    "terrain": (terrain_detail.VERSION, lambda: [terrain_detail.make_terrain_detail()]),
     "maps": (maps.VERSION, earth_maps),
 }
-SLOW = {"craters", "terrain", "maps"}
+SLOW = {"craters", "maps"}
 
 
 def summary(made):

@@ -11,7 +11,6 @@ from scipy.interpolate import PchipInterpolator
 import flyaround.simulator.render.earth.earth_pass as passes
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.render.earth.maps import COAST, DAY, decode_map
-from flyaround.simulator.render.earth.ocean_colour import MASK, make_mask
 from flyaround.simulator.render.earth.sea_ice import (
     EXTENT_NORTH,
     EXTENT_SOUTH,
@@ -334,7 +333,6 @@ def test_shallow_water_shines(draw, bands, quality):
 
 
 def test_cells_that_do_not_look_for_shallow_water_would_find_none(draw, monkeypatch):
-    assert np.array_equal(make_mask(), decode_map(MASK, cv2.IMREAD_GRAYSCALE, None))
     bare = msgspec.structs.replace(CLEAR, atmosphere=False, ocean_glint=False)
     wide = Camera(width_px=192, height_px=128, fx_px=140.0, fy_px=140.0, cx_px=95.5, cy_px=63.5)
     for place in ((27.0, -72.0, 700.0), (5.0, -47.0, 700.0)):  # beside banks, and a river's plume

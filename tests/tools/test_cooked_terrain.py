@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.earth import terrain_detail as valleys
+from flyaround.simulator.render.earth.maps import TERRAIN_SLOPE_MAX, terrain_texture
+from tools.cook import terrain as valleys
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +39,9 @@ def test_slopes_fall_with_the_area_above(land):
 
 
 def test_the_texture_is_even_and_tiles():
-    tile = valleys.terrain_texture().astype(float) / 255
+    tile = terrain_texture().astype(float) / 255
     assert tile.shape == (valleys.SIZE, valleys.SIZE, 4)
-    slopes = (tile[..., :2] - 0.5) * 2 * valleys.SLOPE_MAX
+    slopes = (tile[..., :2] - 0.5) * 2 * TERRAIN_SLOPE_MAX
     assert np.abs(slopes.mean((0, 1))).max() < 0.01  # up as much as down: it comes back to its height
     assert 0.2 < np.sqrt(np.mean(np.sum(slopes**2, -1))) < 0.25
     assert tile[..., 2].mean() == pytest.approx(0.5, abs=0.02)

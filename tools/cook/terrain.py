@@ -1,4 +1,4 @@
-"""Terrain detail below the texels of the maps in `high`: one tiling land of ridges and wadis, cut by rivers.
+"""Cook the terrain detail below the texels of the maps in `high`: one tiling land of ridges and wadis, cut by rivers.
 
 Where rivers have cut for long, height rises along each by area^-0.45 (Flint's law), and every point drains the way that
 costs it least: the shortest paths over a land whose steps cost so much. Shortest paths are sought, the land's cost is
@@ -14,32 +14,24 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from flyaround.simulator.runtime.cache import entry_name
-from flyaround.simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.render.earth.maps import TERRAIN_SLOPE_MAX
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
 
 SIZE = 1024
-SLOPE_MAX = 0.9  # the slope channels hold plus and minus this
 _COARSE = 512
 _TURNS = 3  # until cost and areas agree, on the coarse grid
 _CONCAVITY = 0.45  # Flint's: how slopes fall with the area above (Whipple & Tucker 1999)
 _SLOPE = 0.24  # root mean square: mountains of the desert over 400 m
 _PLAINS = 0.05  # share of the tile to which all flows
 _SEED = 20260320
-VERSION = 1  # of `make_terrain_detail`: raise it when it gives another tile
-
-
-def terrain_texture() -> ByteArray:
-    """(SIZE, SIZE, 4) of the slope along u and v, the ground's brightness, and the valleys' floors; from the cache."""
-    return cached_array(entry_name("terrain-detail", VERSION), make_terrain_detail)
 
 
 def make_terrain_detail() -> ByteArray:
-    """The tile.
+    """Return the tile, (SIZE, SIZE, 4).
 
-    Channels: 0.5 + slope / (2 SLOPE_MAX) along u and v; 0.5 + brightness of the rock, mean 0, standard
+    Channels: 0.5 + slope / (2 TERRAIN_SLOPE_MAX) along u and v; 0.5 + brightness of the rock, mean 0, standard
     deviation 0.2; the share of gravel and sand, brighter than rock, on the floors of valleys.
     """
     rng = np.random.default_rng(_SEED)
@@ -64,7 +56,7 @@ def make_terrain_detail() -> ByteArray:
     units = _steps(rng, 1.6 * _spectral_noise(rng, SIZE, 2.0, -1.8))
     rock = crest / crest.std() + 0.45 * units / units.std() + 0.3 * _spectral_noise(rng, SIZE, 20.0, -0.9)
     rock = 0.2 * (rock - rock.mean()) / rock.std()
-    channels = [0.5 + s * (steep / (2 * SLOPE_MAX)) for s in slopes] + [0.5 + rock, floor]
+    channels = [0.5 + s * (steep / (2 * TERRAIN_SLOPE_MAX)) for s in slopes] + [0.5 + rock, floor]
     return np.dstack([np.clip(255 * c + 0.5, 0, 255).astype(np.uint8) for c in channels])
 
 

@@ -1,0 +1,58 @@
+"""Make the maps of assets/earth that come from others of them: `python -m tools.cook`.
+
+Run it after a change of the maps by day, of the clouds or of the coast (`tools.cook.coast`).
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from flyaround.simulator.render.earth.albedo import ALBEDO
+from flyaround.simulator.render.earth.maps import TERRAIN, packed_maps
+from flyaround.simulator.render.earth.ocean_colour import MAPS, MASK
+from flyaround.simulator.render.earth.seasons import LAND
+from tools.cook.ocean_colour import day_and_coast, make_mask, make_ocean_colour
+from tools.cook.reduced_maps import land_of_months, make_albedo
+from tools.cook.terrain import make_terrain_detail
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+FOLDER = Path(__file__).parents[2] / "assets" / "earth"
+
+
+def cooked() -> Iterator[tuple[str, NDArray[np.generic]]]:
+    """Yield names and contents of the files: pictures as OpenCV writes them, arrays as they are."""
+    sources = day_and_coast()
+    mask = make_mask(sources)
+    yield MASK, mask
+    for bands, name in MAPS.items():
+        image = make_ocean_colour(bands, mask > 0, sources)
+        yield name, image if bands == 1 else image[..., ::-1]
+    packed = packed_maps(1)[0]
+    yield LAND, land_of_months(packed)
+    yield ALBEDO, np.stack([make_albedo(packed, clouds=clouds) for clouds in (False, True)])
+    yield TERRAIN, make_terrain_detail()
+
+
+def file_bytes(name: str, content: NDArray[np.generic]) -> bytes:
+    """Return the bytes of a file."""
+    if name.endswith(".npy"):
+        data = io.BytesIO()
+        np.save(data, content)
+        return data.getvalue()
+    flag = cv2.IMWRITE_PNG_BILEVEL if name in {MASK, LAND} else cv2.IMWRITE_PNG_COMPRESSION
+    return cv2.imencode(".png", content, [flag, 1 if flag == cv2.IMWRITE_PNG_BILEVEL else 9])[1].tobytes()
+
+
+if __name__ == "__main__":
+    for name, content in cooked():
+        (FOLDER / name).write_bytes(file_bytes(name, content))
+        print(name)
