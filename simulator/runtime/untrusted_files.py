@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import codecs
 import math
+import errno
 import os
 import re
 import stat
@@ -79,11 +80,7 @@ def refuse_link_out(path: Path, folder: Path) -> None:
     UserError
         With the file, and what to do.
     """
-    try:
-        inside = path.resolve().is_relative_to(folder.resolve())
-    except (OSError, RuntimeError):  # links in a circle
-        inside = False
-    if not inside:
+    if not _is_within(path, folder):
         raise UserError(
             f"{path} is reached by a link that leads out of {folder}, from which alone files are read; put the files "
             "themselves there"
@@ -113,16 +110,26 @@ def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> 
     if Path(plain).is_absolute() or PureWindowsPath(plain).anchor or PureWindowsPath(plain).drive:
         inside = False
     else:
-        try:
-            inside = (owner.parent.resolve() / plain).resolve().is_relative_to(folder)
-        except (OSError, RuntimeError):  # links in a circle
-            inside = False
+        inside = _is_within(owner.parent.resolve() / plain, folder)
     if not inside:
         raise UserError(
             f"{quoted} is not within the model's folder, from which alone files are read; put it there and "
             "name it without its path"
         )
     return owner.parent / plain
+
+
+def _is_within(path: Path, folder: Path) -> bool:
+    """Return True if a file is in a folder once all links are followed; links in a circle lead nowhere."""
+    try:
+        real = path.resolve(strict=True)
+    except RuntimeError:  # a circle, before Python 3.13
+        return False
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            return False
+        real = path.resolve()  # there is no such file
+    return real.is_relative_to(folder.resolve())
 
 
 def _size(n_bytes: int) -> str:
