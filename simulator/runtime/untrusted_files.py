@@ -7,8 +7,8 @@ the depth of a text is measured before it is parsed.
 from __future__ import annotations
 
 import codecs
-import math
 import errno
+import math
 import os
 import re
 import stat
