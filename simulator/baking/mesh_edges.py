@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.geometry.triangles import face_planes
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -119,9 +121,8 @@ def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, BoolArray, Flo
     )
     place = place.ravel()
     corners = positions[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    planes = np.column_stack([normal, -np.einsum("ij,ij->i", normal, corners[:, 0])])
+    planes = face_planes(corners)
+    normal = planes[:, :3]
     # every side of every triangle, from its lower place to its higher
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     swap = place[start] > place[end]

@@ -1,4 +1,4 @@
-"""Triangles: distances of points from them, closed surfaces, what these enclose."""
+"""Triangles: normals, planes, distances of points, closed surfaces and what these enclose."""
 
 from __future__ import annotations
 
@@ -10,6 +10,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
+
+
+def face_vectors(corners: NDArray[np.floating]) -> FloatArray:
+    """Return the normals (T, 3) of triangles (T, 3, 3), as long as twice their areas."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def face_planes(corners: FloatArray) -> FloatArray:
+    """Return the planes (T, 4) of triangles (T, 3, 3): unit normal, and the distance from the origin, sign turned.
+
+    A triangle without area has no plane: four zeros.
+    """
+    normal = face_vectors(corners)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    return np.column_stack([normal, -np.einsum("ij,ij->i", normal, corners[:, 0])])
 
 
 def distance_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray:

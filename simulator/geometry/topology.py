@@ -1,4 +1,4 @@
-"""Mesh topology: welding, edge tables, connected components. Indices only, no policy."""
+"""Topology of a mesh: welding, edge tables, connected components."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 GRID_BITS = 21
@@ -49,8 +50,7 @@ class MeshBody:
     @property
     def face_vectors(self) -> FloatArray:
         """(F, 3) normals as long as twice the faces' areas [m2]."""
-        a, b, c = (self.positions_m[self.triangles[:, k]] for k in range(3))
-        return np.cross(b - a, c - a)
+        return face_vectors(self.positions_m[self.triangles])
 
 
 @dataclass(frozen=True, eq=False)
