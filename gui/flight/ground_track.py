@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from flyaround.simulator.world.constants import EARTH_RADIUS_M, FLATTENING, J2_EARTH, MOON_RADIUS_M
+from flyaround.simulator.world.constants import (
+    EARTH_RADIUS_M,
+    EARTH_RATE_RAD_S,
+    FLATTENING,
+    J2_EARTH,
+    MOON_RADIUS_M,
+)
 from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
 from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
 from flyaround.simulator.world.ephemeris.moon_orientation import q_moon_from_eci
@@ -28,7 +34,7 @@ SAMPLES = 181
 """Points of the track an orbit."""
 AHEAD = 1.7
 """Orbits that are looked ahead for shadow; one of them is drawn."""
-TURN_RAD_S: dict[BodyName, float] = {"earth": 7.292115e-5, "moon": 2.661699e-6}
+TURN_RAD_S: dict[BodyName, float] = {"earth": EARTH_RATE_RAD_S, "moon": 2.661699e-6}
 _EXACT_S = 0.05
 _WHOLE = 1.0 - 1e-9
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.world.constants import EARTH_RATE_RAD_S
 from flyaround.simulator.world.ephemeris.bodies import BODIES
 from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
@@ -21,8 +22,6 @@ from flyaround.simulator.world.time.instant import Instant
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import SceneState
-
-EARTH_RATE_RAD_S = 7.292115e-5  # WGS 84
 
 
 def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
