@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.geometry.topology import edge_table
+from flyaround.simulator.geometry.triangles import face_planes
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -119,32 +122,24 @@ def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, BoolArray, Flo
     )
     place = place.ravel()
     corners = positions[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    planes = np.column_stack([normal, -np.einsum("ij,ij->i", normal, corners[:, 0])])
+    planes = face_planes(corners)
+    normal = planes[:, :3]
+    table = edge_table(place[triangles])
+    head, mate = table.first, table.first.copy()
+    mate[table.pair_edge] = table.pairs[:, 1]
     # every side of every triangle, from its lower place to its higher
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-    swap = place[start] > place[end]
-    start, end = np.where(swap, end, start), np.where(swap, start, end)
-    face = np.repeat(np.arange(len(triangles)), 3)
-    real = place[start] != place[end]
-    start, end, face, left = start[real], end[real], face[real], ~swap[real]
-    order = np.lexsort((face, place[end], place[start]))
-    start, end, face, left = start[order], end[order], face[order], left[order]
-    key = np.stack([place[start], place[end]], axis=1)
-    new = np.append(True, np.any(key[1:] != key[:-1], axis=1))
-    head = np.flatnonzero(new)
-    count = np.diff(np.append(head, len(key)))
-    mate = np.where(count == 2, head + 1, head)
+    left = place[start] <= place[end]
+    start, end = np.where(left, start, end), np.where(left, end, start)
     # shading normals on both sides, at both ends
     n = part.normals.astype(float)
     same = np.minimum(
         np.einsum("ij,ij->i", n[start[head]], n[start[mate]]),
         np.einsum("ij,ij->i", n[end[head]], n[end[mate]]),
     )
-    crease = (same < SMOOTH_COSINE) | (count != 2)
-    flat = np.einsum("ij,ij->i", normal[face[head]], normal[face[mate]]) > FLAT_COSINE
-    keep = crease | ~flat
-    head, mate, crease = head[keep], mate[keep], crease[keep]
-    faces = np.stack([face[head], face[mate]], axis=1)
-    return positions[first], key[head], faces, crease, planes, left[head]
+    crease = (same < SMOOTH_COSINE) | (table.count != 2)
+    flat = np.einsum("ij,ij->i", normal[head // 3], normal[mate // 3]) > FLAT_COSINE
+    keep = (crease | ~flat) & (table.ends[:, 0] != table.ends[:, 1])
+    head, mate = head[keep], mate[keep]
+    faces = np.stack([head, mate], axis=1) // 3
+    return positions[first], table.ends[keep], faces, crease[keep], planes, left[head]

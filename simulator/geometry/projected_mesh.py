@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 NEAR_M = 1e-3  # near plane: what lies closer to the camera's plane, or behind it, has no projection
 # Triangles seen edge-on hide nothing: twice their area on the plane z = 1, and seen from a far light [m2].
 FLAT, FLAT_M2 = 1e-15, 1e-12
-FEW = 12  # for so few points no grid is made
 SHORTEST = 1e-6  # a stretch shorter than this share of its edge is rounding where two triangles meet
 
 
@@ -70,24 +69,13 @@ class ProjectedMesh:
 
     def hides(self, points: FloatArray, near: FloatArray) -> BoolArray:
         """Whether some triangle covers each point (K, 2) and is nearer than (K,) there."""
-        point, triangle = self._about(points)
+        point, triangle = self._grid.at(points)
         planes = _planes(self.x[:, triangle], self.y[:, triangle], self.near[:, triangle], self.flat)
         a, b, c = planes.transpose(1, 0, 2)
         nearness, *sides = a * points[point, 0] + b * points[point, 1] + c
         hidden = np.zeros(len(points), bool)
         hidden[point[(nearness > near[point]) & (np.min(sides, axis=0) >= 0)]] = True
         return hidden
-
-    def _about(self, points: FloatArray) -> tuple[IntArray, IntArray]:
-        """Pairs of a point and a triangle that may cover it."""
-        if len(points) > FEW:
-            return self._grid.at(points)
-        low, high = self._bounds[:2], self._bounds[2:]
-        about = [
-            np.flatnonzero((low[0] <= x) & (high[0] >= x) & (low[1] <= y) & (high[1] >= y)) for x, y in points
-        ]
-        point = np.repeat(np.arange(len(points)), [len(triangles) for triangles in about])
-        return point, np.concatenate([np.zeros(0, np.int64), *about])
 
     def seen(self, ends: FloatArray, near: FloatArray) -> list[tuple[tuple[float, float], ...]]:
         """Of each edge the intervals of 0..1, in order, where no triangle covers it and is nearer.

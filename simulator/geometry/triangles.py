@@ -1,4 +1,4 @@
-"""Triangles: distances of points from them, closed surfaces, what these enclose."""
+"""Triangles: normals, planes, distances of points, and whether they enclose a point."""
 
 from __future__ import annotations
 
@@ -9,7 +9,22 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import FloatArray
+
+
+def face_vectors(corners: NDArray[np.floating]) -> FloatArray:
+    """Return the normals (T, 3) of triangles (T, 3, 3), as long as twice their areas."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def face_planes(corners: FloatArray) -> FloatArray:
+    """Return the planes (T, 4) of triangles (T, 3, 3): unit normal, and the distance from the origin, sign turned.
+
+    A triangle without area has no plane: four zeros.
+    """
+    normal = face_vectors(corners)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    return np.column_stack([normal, -np.einsum("ij,ij->i", normal, corners[:, 0])])
 
 
 def distance_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray:
@@ -28,21 +43,6 @@ def distance_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray
         inside &= np.einsum("ij,ij->i", np.cross(q - p, points - p), n) >= 0
     height = np.abs(np.einsum("ij,ij->i", points - a, n)) / np.maximum(twice_area, 1e-300)
     return np.where(inside, height, best)
-
-
-def is_closed(positions_m: NDArray[np.floating], triangles: IntArray) -> bool:
-    """Return True if every edge is met once in each direction, and the signed volume is positive."""
-    # corners that share a place are one, whatever their normals
-    _, place = np.unique(np.round(positions_m, 6), axis=0, return_inverse=True)
-    corners = place.ravel()[np.asarray(triangles)]
-    start = corners.ravel()
-    end = np.roll(corners, -1, axis=1).ravel()
-    count = len(place)
-    forward, backward = start * count + end, end * count + start
-    real = start != end  # slivers may have lost an edge in the rounding
-    p = positions_m.astype(float)[np.asarray(triangles)]
-    volume = np.einsum("ij,ij->", p[:, 0], np.cross(p[:, 1], p[:, 2]))
-    return bool(volume > 0 and np.array_equal(np.sort(forward[real]), np.sort(backward[real])))
 
 
 def encloses_origin(corners: FloatArray) -> bool:

@@ -12,6 +12,7 @@ from flyaround.simulator.baking.baked_mesh import VERTEX, BakedMesh, MergedParts
 from flyaround.simulator.baking.charts import TEXEL
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.geometry.subdivision import subdivide
+from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.render.gl.shared_blocks import MAX_MATERIALS
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ class GpuMesh(BakedMesh):
     def area_m2(self) -> float:
         """Of all triangles."""
         corners = self.values[:, :3].astype(float)[self.triangles]
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        across = face_vectors(corners)
         return 0.5 * float(np.linalg.norm(across, axis=1).sum())
 
     def vertex_array(

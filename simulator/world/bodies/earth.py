@@ -11,6 +11,7 @@ from flyaround.simulator.world.constants import (
     EARTH_MEAN_RADIUS_M,
     EARTH_POLAR_RADIUS_M,
     EARTH_RADIUS_M,
+    EARTH_RATE_RAD_S,
     FLATTENING,
     J2_EARTH,
     MU_EARTH_M3_S2,
@@ -56,7 +57,7 @@ EARTH = Earth(
     mean_radius_m=EARTH_MEAN_RADIUS_M,
     flattening=FLATTENING,
     j2=J2_EARTH,
-    turn_rad_s=7.292115e-5,  # WGS 84
+    turn_rad_s=EARTH_RATE_RAD_S,
     lowest_m=100e3,
     reach_m=9.25e8,
     albedo=0.30,  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53
