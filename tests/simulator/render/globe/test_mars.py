@@ -9,6 +9,8 @@ import pytest
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import take_frame
+from flyaround.simulator.imaging.exposure import drawings_of_ground, integrate
+from flyaround.simulator.imaging.image_motion import image_motion_px, motion_bound_px
 from flyaround.simulator.labels.truth import read_truth, truth_to_json
 from flyaround.simulator.recipes.backgrounds import without_target
 from flyaround.simulator.runtime.arrays import vec3
@@ -127,6 +129,22 @@ def test_thin_air_adds_a_little_light(renderer, plan, mars, bands):
     most = sun_irradiance_w_m2(bands, 1.5 * AU_M)[-1] * depth * rayleigh_phase(np.float64(-0.8))
     beyond = light["full"][light["airless"] == 0].max()
     assert 0.1 * most < beyond < 1.1 * most
+
+
+def test_an_exposure_smears_the_ground_by_the_orbits_motion(renderer, plan):
+    planned = plan(environment='preset = "full", stars = false, planets = false')
+    k = max(range(planned.n_frames), key=lambda k: -planned.scene(k).sun_direction_camera[2])
+    scene, target = planned.scene(k), planned.target
+    # the camera turns with the orbit; what is straight below goes by at the rate of the circle of Mars's radius
+    rate = np.sqrt(4.2828375e13 / (RADIUS_M + 400e3) ** 3) * RADIUS_M / 400e3
+    way = image_motion_px(scene, target, 0.05)
+    assert way == pytest.approx(rate * 0.05 * scene.camera.fx_px, rel=0.1)
+    assert way < motion_bound_px(scene, target, 0.05) < 2.5 * way
+    assert drawings_of_ground(replace(scene, exposure_s=0.05)) > 0
+    still, smeared = (
+        integrate(renderer, replace(scene, exposure_s=s), target).radiance for s in (1e-4, 0.05)
+    )
+    assert smeared.mean() == pytest.approx(still.mean(), rel=0.01)
 
 
 def test_mars_shades_and_lights_the_craft(renderer, plan):
