@@ -9,9 +9,8 @@ uniform sampler2D t_coverage;
 uniform sampler2D t_albedo; // equirectangular, north up
 layout(location = 0) out vec4 out_radiance;
 
-// Albedo of a place p on the unit sphere, at a distance along a ray.
-float albedo_at(EarthRay ray, vec3 p, float along, float depth) {
-    vec3 n = normalize(vec3(p.xy, p.z * u_earth_limits.z)); // normal of the ellipsoid
+// Albedo of the place of a normal n of the ellipsoid, at a distance along a ray.
+float albedo_at(EarthRay ray, vec3 n, float along, float depth) {
     // longitude from the camera's meridian, so that the angle's jump is never in view
     vec2 meridian = u_earth_meridian.xy;
     float east = atan(meridian.x * n.y - meridian.y * n.x, dot(meridian, n.xy));
@@ -29,8 +28,9 @@ void main() {
     if (share > 0.0) {
         float depth = sqrt(max(ray.disc, 0.0));
         float along = -ray.along - depth;
-        vec3 p = u_earth_camera.xyz + along * ray.direction;
-        float mu = dot(p, u_earth_sun.xyz);
+        vec3 p = u_earth_camera.xyz + along * ray.direction, sun = u_earth_sun.xyz;
+        vec3 n = normalize(vec3(p.xy, p.z * u_earth_limits.z)); // of the ellipsoid, where nothing is stretched
+        float mu = dot(n, normalize(vec3(sun.xy, sun.z / u_earth_limits.z)));
 #if AIR
         GroundAir air = table_air(ray);
 #if BANDS == 1
@@ -42,7 +42,7 @@ void main() {
         GroundAir air = GroundAir(color(0.0), color(1.0), 0.0);
         color light = color(max(mu, 0.0));
 #endif
-        light *= air.through * (albedo_at(ray, p, along, depth) / PI);
+        light *= air.through * (albedo_at(ray, n, along, depth) / PI);
         radiance = share * (light + air.haze) * BAND(u_earth_irradiance);
     }
     if (share < 1.0) radiance += (1.0 - share) * air_radiance(ray);
