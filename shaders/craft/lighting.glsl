@@ -18,7 +18,7 @@ color sky_irradiance(vec3 n) {
     color e = BAND(u_sky[0]) + BAND(u_sky[1]) * n.x + BAND(u_sky[2]) * n.y + BAND(u_sky[3]) * n.z;
     e += BAND(u_sky[4]) * (n.x * n.y) + BAND(u_sky[5]) * (n.y * n.z) + BAND(u_sky[6]) * (n.z * n.x);
     e += BAND(u_sky[7]) * (3.0 * n.z * n.z - 1.0) + BAND(u_sky[8]) * (n.x * n.x - n.y * n.y);
-    float c2 = dot(n, u_earth_rim.xyz);
+    float c2 = dot(n, u_globe_rim.xyz);
     c2 *= c2;
     e += BAND(u_sky[9]) * ((35.0 * c2 - 30.0) * c2 + 3.0) * 0.125;
     return max(e, color(0.0));
@@ -27,10 +27,10 @@ color sky_irradiance(vec3 n) {
 // Radiance of the Earth's disc in direction d [W m-2 sr-1].
 color earth_radiance(vec3 d) {
 #if BANDS == 1
-    return max(dot(u_earth_radiance[0], vec4(d, 1.0)), 0.0);
+    return max(dot(u_globe_radiance[0], vec4(d, 1.0)), 0.0);
 #else
     vec4 q = vec4(d, 1.0);
-    return max(vec3(dot(u_earth_radiance[0], q), dot(u_earth_radiance[1], q), dot(u_earth_radiance[2], q)), 0.0);
+    return max(vec3(dot(u_globe_radiance[0], q), dot(u_globe_radiance[1], q), dot(u_globe_radiance[2], q)), 0.0);
 #endif
 }
 
@@ -154,7 +154,7 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     float hidden = max(1.0 - sky_visibility_towards(visibility, n_target, n_target), 0.05);
     float mirrored = sky_visibility_towards(visibility, n_target, r * R);
     color own = interreflection * (min((1.0 - mirrored) / hidden, 2.0) / PI), earth = earth_radiance(r) * mirrored;
-    float rim = dot(r, u_earth_rim.xyz) - u_earth_rim.w;
+    float rim = dot(r, u_globe_rim.xyz) - u_globe_rim.w;
     float blur = surface.x * surface.x + 0.02;
     color gloss = (f0 * e.x + e.y) * again;
 #ifdef LIGHT_POINTS

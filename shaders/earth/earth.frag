@@ -4,8 +4,8 @@
 // front. MOON: the Moon may. QUADS: a fragment is two by two pixels of a smooth tile; MAGNIFIED: the map's texels are wider
 // than six pixels, so that what is read from it is a plane over the four.
 #include "atmosphere/air.glsl"
-#include "earth/geometry.glsl"
-#include "earth/aerial.glsl"
+#include "globe/geometry.glsl"
+#include "globe/aerial.glsl"
 #include "earth/point.glsl"
 #include "earth/surface.glsl"
 #if MOON
@@ -106,8 +106,8 @@ void main() {
     GroundPoint g = ground_at(x);
     color radiance = ground_radiance(g, waters_at(g));
 #else
-    EarthRay ray = earth_ray(gl_FragCoord.xy - 0.5);
-    if (ray.away || ray.perigee2 > u_earth_limits.y) discard;
+    GlobeRay ray = globe_ray(gl_FragCoord.xy - 0.5);
+    if (ray.away || ray.perigee2 > u_globe_limits.y) discard;
 #if AIR_ONLY
     color radiance = air_radiance(ray);
 #else

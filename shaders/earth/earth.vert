@@ -1,8 +1,8 @@
 // A tile of the screen, as a point: a square of whole pixels. A smooth tile carries the plane through what its corners
 // see of the ground (mean, slope to the right, slope down, per half a tile); its pixels read that plane.
 #include "atmosphere/air.glsl"
-#include "earth/geometry.glsl"
-#include "earth/aerial.glsl"
+#include "globe/geometry.glsl"
+#include "globe/aerial.glsl"
 #include "earth/point.glsl"
 uniform vec2 u_extent_px; // of all tiles
 uniform float u_tile_px;  // side of a tile
@@ -40,7 +40,7 @@ void main() {
 #endif
     for (int k = 0; k < 4; ++k) {
         vec2 corner = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
-        GroundPoint g = ground_point(earth_ray(in_pixel + corner * (0.5 * u_tile_px)), CORNER_AIR(k));
+        GroundPoint g = ground_point(globe_ray(in_pixel + corner * (0.5 * u_tile_px)), CORNER_AIR(k));
         vec4 at = vec4(g.uv, g.plane);
         vec4 sun = vec4(g.toward, g.sharp, g.glint);
 #define ADD(value, name) { v_##name[0] += 0.25 * value; \

@@ -58,25 +58,25 @@ const vec3 CITY = vec3(1.2e-3, 0.75e-3, 0.28e-3);
 #endif
 
 // Where a ray meets the ground, and the light there.
-GroundPoint ground_point(EarthRay ray, GroundAir air) {
+GroundPoint ground_point(GlobeRay ray, GroundAir air) {
     GroundPoint g;
     float depth = sqrt(max(ray.disc, 0.0));
     float t = -ray.along - depth;
-    vec3 p = u_earth_camera.xyz + t * ray.direction;
-    vec3 n = normalize(vec3(p.xy, p.z * u_earth_limits.z)); // normal of the ellipsoid
-    vec3 sun = u_earth_sun.xyz;
+    vec3 p = u_globe_camera.xyz + t * ray.direction;
+    vec3 n = normalize(vec3(p.xy, p.z * u_globe_limits.z)); // normal of the ellipsoid
+    vec3 sun = u_globe_sun.xyz;
     g.mu = dot(p, sun);
     // the footprint is the mean of its two axes; 0.02: at the limb the air hides what is smaller
     float c_view = max(depth, 0.02);
     g.sharp = sqrt(c_view) / (t * ray.pixel_rad * EARTH_KM);
     // longitude from the camera's meridian, so that the angle's jump is never in view
-    vec2 meridian = u_earth_meridian.xy;
+    vec2 meridian = u_globe_meridian.xy;
     float east = atan(meridian.x * n.y - meridian.y * n.x, dot(meridian, n.xy));
-    g.uv = vec2((east + u_earth_meridian.z) * (0.5 / PI) + 0.5, 0.5 - asin(clamp(n.z, -1.0, 1.0)) / PI);
+    g.uv = vec2((east + u_globe_meridian.z) * (0.5 / PI) + 0.5, 0.5 - asin(clamp(n.z, -1.0, 1.0)) / PI);
     // clouds stand above the ground: a ray meets them earlier
     const float shell = 1.0 + CLOUD_KM / EARTH_KM;
     float earlier = -ray.along - sqrt(max(ray.disc + (shell * shell - 1.0), 0.0));
-    vec3 above = (u_earth_camera.xyz + earlier * ray.direction) / shell;
+    vec3 above = (u_globe_camera.xyz + earlier * ray.direction) / shell;
     g.plane = detail_plane(p) * (EARTH_KM / DETAIL_KM);
     g.lift = detail_plane(above) * (EARTH_KM / DETAIL_KM) - g.plane;
 #if HIGH
@@ -89,8 +89,8 @@ GroundPoint ground_point(EarthRay ray, GroundAir air) {
 #if MOONLIT
     // at the end of dusk, which has no shadows, those of the Moon take the place of the Sun's
     float dusk = smoothstep(-0.06, -0.18, g.mu);
-    float mu_moon = dot(p, u_earth_moon.xyz);
-    if (dusk > 0.5) { sun = u_earth_moon.xyz; mu = mu_moon; }
+    float mu_moon = dot(p, u_globe_moon.xyz);
+    if (dusk > 0.5) { sun = u_globe_moon.xyz; mu = mu_moon; }
     direct = abs(2.0 * dusk - 1.0);
 #endif
     // shadows longer than eight heights are the terminator's own dusk
@@ -126,18 +126,18 @@ GroundPoint ground_point(EarthRay ray, GroundAir air) {
     g.light = daylight(g.mu);
 #endif
 #if MOONLIT
-    g.light += daylight(mu_moon) * (u_earth_moon.w * dusk);
+    g.light += daylight(mu_moon) * (u_globe_moon.w * dusk);
 #endif
 #else
     color through = color(1.0);
     g.light = color(max(g.mu, 0.0));
 #if MOONLIT
-    g.light += color(max(mu_moon, 0.0) * u_earth_moon.w * dusk);
+    g.light += color(max(mu_moon, 0.0) * u_globe_moon.w * dusk);
 #endif
     g.haze = color(0.0);
 #endif
-    g.light *= through * BAND(u_earth_irradiance) * (shine / PI);
-    g.haze *= BAND(u_earth_irradiance);
+    g.light *= through * BAND(u_globe_irradiance) * (shine / PI);
+    g.haze *= BAND(u_globe_irradiance);
     g.lamps = through * (CITY * (1.0 - smoothstep(-0.10, 0.02, g.mu)));
     return g;
 }

@@ -1,7 +1,7 @@
 // The air in front of the ground at corners of tiles, for `simulator/render/globe/air_pass.py` to read back: over the Sun's
 // irradiance. A look-up in the frame's table would have the vertices of the tiles wait for all that was drawn before it.
 #include "atmosphere/march.glsl"
-#include "earth/geometry.glsl"
+#include "globe/geometry.glsl"
 in vec2 in_pixel; // a corner [px]
 #if BANDS == 1
 out vec3 v_air;     // radiance [sr-1], transmittance, irradiance on level ground
@@ -11,9 +11,9 @@ out vec3 v_through; // transmittance
 #endif
 
 void main() {
-    EarthRay ray = earth_ray(in_pixel);
+    GlobeRay ray = globe_ray(in_pixel);
     AirLight light = air_light(true, sqrt(clamp(ray.disc, 0.0, 1.0)), sun_azimuth(ray));
-    float c = dot(ray.direction, u_earth_sun.xyz);
+    float c = dot(ray.direction, u_globe_sun.xyz);
     color haze = light.rayleigh * rayleigh_phase(c) + light.mie * mie_phase(c, u_air_shape.z);
 #if BANDS == 1
     v_air = vec3(haze, light.through, ground_irradiance(dot(light.foot, light.sun) / u_air_radius.x));

@@ -1,36 +1,35 @@
 // The ground of a body by Lambert's law, and its air, behind the target: radiance to add [W m-2 sr-1].
-// Space: the body's axes in equatorial radii, the polar one stretched so that the ellipsoid is the unit sphere; it is
-// the body whose values the block Earth holds.
+// Space: the body's axes in equatorial radii, the polar one stretched so that the ellipsoid is the unit sphere.
 #include "atmosphere/air.glsl"
-#include "earth/geometry.glsl"
-#include "earth/aerial.glsl"
+#include "globe/geometry.glsl"
+#include "globe/aerial.glsl"
 #include "globe/ground_air.glsl"
 uniform sampler2D t_coverage;
 uniform sampler2D t_albedo; // equirectangular, north up
 layout(location = 0) out vec4 out_radiance;
 
-// Albedo of a place p on the unit sphere, at a distance along a ray.
-float albedo_at(EarthRay ray, vec3 p, float along, float depth) {
-    vec3 n = normalize(vec3(p.xy, p.z * u_earth_limits.z)); // normal of the ellipsoid
+// Albedo of the place of a normal n of the ellipsoid, at a distance along a ray.
+float albedo_at(GlobeRay ray, vec3 n, float along, float depth) {
     // longitude from the camera's meridian, so that the angle's jump is never in view
-    vec2 meridian = u_earth_meridian.xy;
+    vec2 meridian = u_globe_meridian.xy;
     float east = atan(meridian.x * n.y - meridian.y * n.x, dot(meridian, n.xy));
-    vec2 uv = vec2((east + u_earth_meridian.z) * (0.5 / PI) + 0.5, 0.5 - asin(clamp(n.z, -1.0, 1.0)) / PI);
+    vec2 uv = vec2((east + u_globe_meridian.z) * (0.5 / PI) + 0.5, 0.5 - asin(clamp(n.z, -1.0, 1.0)) / PI);
     float footprint = along * ray.pixel_rad * inversesqrt(max(depth, 0.02)); // 0.02: seen edge-on
     return textureLod(t_albedo, uv, log2(footprint * float(textureSize(t_albedo, 0).y) / PI)).x;
 }
 
 void main() {
     float open = 1.0 - texelFetch(t_coverage, ivec2(gl_FragCoord.xy), 0).x;
-    EarthRay ray = earth_ray(gl_FragCoord.xy - 0.5);
-    if (open <= 0.0 || ray.away || ray.perigee2 > u_earth_limits.y) discard;
+    GlobeRay ray = globe_ray(gl_FragCoord.xy - 0.5);
+    if (open <= 0.0 || ray.away || ray.perigee2 > u_globe_limits.y) discard;
     float share = limb_share(ray); // of the pixel that the ground fills
     color radiance = color(0.0);
     if (share > 0.0) {
         float depth = sqrt(max(ray.disc, 0.0));
         float along = -ray.along - depth;
-        vec3 p = u_earth_camera.xyz + along * ray.direction;
-        float mu = dot(p, u_earth_sun.xyz);
+        vec3 p = u_globe_camera.xyz + along * ray.direction, sun = u_globe_sun.xyz;
+        vec3 n = normalize(vec3(p.xy, p.z * u_globe_limits.z)); // of the ellipsoid, where nothing is stretched
+        float mu = dot(n, normalize(vec3(sun.xy, sun.z / u_globe_limits.z)));
 #if AIR
         GroundAir air = table_air(ray);
 #if BANDS == 1
@@ -42,8 +41,8 @@ void main() {
         GroundAir air = GroundAir(color(0.0), color(1.0), 0.0);
         color light = color(max(mu, 0.0));
 #endif
-        light *= air.through * (albedo_at(ray, p, along, depth) / PI);
-        radiance = share * (light + air.haze) * BAND(u_earth_irradiance);
+        light *= air.through * (albedo_at(ray, n, along, depth) / PI);
+        radiance = share * (light + air.haze) * BAND(u_globe_irradiance);
     }
     if (share < 1.0) radiance += (1.0 - share) * air_radiance(ray);
     out_radiance = OUT(radiance * open);

@@ -21,13 +21,13 @@ struct GroundAir {
 
 // In-scatter of both kinds as radiance; along a unit vector.
 color scattered(color rayleigh, color mie, vec3 direction) {
-    float c = dot(direction, u_earth_sun.xyz);
+    float c = dot(direction, u_globe_sun.xyz);
     return rayleigh * rayleigh_phase(c) + mie * mie_phase(c, u_air_shape.z);
 }
 
 #if AIR && !SMOOTH
 // The air in front of a ray that meets the ground, from this frame's table.
-GroundAir table_air(EarthRay ray) {
+GroundAir table_air(GlobeRay ray) {
     vec2 table = table_uv(ray, true);
 #if BANDS == 1
     vec4 air = textureLod(t_air, table, 0.0);

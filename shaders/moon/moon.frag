@@ -1,9 +1,9 @@
-// The Moon behind the target, or below it [W m-2 sr-1]. EARTH: the Earth may hide it, AIR: and its air dim it.
+// The Moon behind the target, or below it [W m-2 sr-1]. GLOBE: the globe may hide it, AIR: and its air dim it.
 // SMOOTH: all of it is ground whose point is interpolated between the corners of a tile; MAP_AT_CORNERS: the map as well.
 // COVERED: the target may be in front.
 #include "atmosphere/air.glsl"
-#include "earth/geometry.glsl"
-#include "earth/aerial.glsl"
+#include "globe/geometry.glsl"
+#include "globe/aerial.glsl"
 #include "moon/point.glsl"
 uniform sampler2D t_coverage;
 uniform sampler2D t_broad;   // slopes along u and v, brightness of craters; simulator/render/moon/craters.py
@@ -51,12 +51,12 @@ void main() {
 #endif
     if (open <= 0.0) discard;
     color through = color(1.0);
-#if EARTH
-    EarthRay past = earth_ray(pixel);
+#if GLOBE
+    GlobeRay past = globe_ray(pixel);
     if (!past.away) {
         through *= 1.0 - limb_share(past);
 #if AIR
-        if (past.perigee2 < u_earth_limits.y) {
+        if (past.perigee2 < u_globe_limits.y) {
             vec2 uv = table_uv(past, false);
 #if BANDS == 1
             through *= textureLod(t_air, uv, 0.0).z;

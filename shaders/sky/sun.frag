@@ -1,7 +1,7 @@
-// The Sun's disc [W m-2 sr-1], behind the target, the Earth and the air.
+// The Sun's disc [W m-2 sr-1], behind the target, the globe and the air.
 #include "atmosphere/air.glsl"
-#include "earth/geometry.glsl"
-#include "earth/aerial.glsl"
+#include "globe/geometry.glsl"
+#include "globe/aerial.glsl"
 #include "moon/disc.glsl"
 uniform sampler2D t_coverage;
 uniform vec4 u_sun_disc; // xyz: direction, camera frame; w: sine of the angular radius
@@ -21,12 +21,12 @@ void main() {
 #if MOON
     radiance *= 1.0 - moon_share(moon_ray(pixel));
 #endif
-#if EARTH
-    EarthRay ray = earth_ray(pixel);
+#if GLOBE
+    GlobeRay ray = globe_ray(pixel);
     if (!ray.away) {
         radiance *= 1.0 - limb_share(ray);
 #if AIR
-        if (ray.perigee2 < u_earth_limits.y) {
+        if (ray.perigee2 < u_globe_limits.y) {
             vec2 uv = table_uv(ray, false);
 #if BANDS == 1
             radiance *= textureLod(t_air, uv, 0.0).z;

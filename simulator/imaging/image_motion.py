@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.scene.motion import propagated_scene
+from flyaround.simulator.scene.motion import central_velocity_m_s, propagated_scene
 from flyaround.simulator.targets.joined_mesh import box_3d_m
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
@@ -24,7 +24,7 @@ SMEARED_PX, PARALLAX_PX = 2.5, 0.5
 """Of a craft that is drawn once and smeared: its longest way, as light changes where it turns; and what a point's way
 may be off the flow, as depth makes it, so that a smear's ends are within a quarter of a pixel."""
 FASTEST_GROUND_M_S = 1.6e3
-"""Earth's equator turns at 465 m/s; the Moon goes round the Earth at up to 1.1 km/s."""
+"""The Earth's equator turns at 465 m/s, that of Mars at 240."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,8 @@ def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
     passing = math.dist(scene.v_target_eci_m_s, scene.v_camera_eci_m_s)
     turning, spinning = math.hypot(*scene.omega_camera_rad_s), math.hypot(*scene.omega_target_rad_s)
     craft = (passing + size * spinning) / (t[2] - size)
-    ground = (math.hypot(*scene.v_camera_eci_m_s) + FASTEST_GROUND_M_S) / height
+    own = np.subtract(scene.v_camera_eci_m_s, central_velocity_m_s(scene))
+    ground = (math.hypot(*own) + FASTEST_GROUND_M_S) / height
     # an angle's image grows with the square of the distance from the axis
     x = max(camera.cx_px, camera.width_px - camera.cx_px) / camera.fx_px
     y = max(camera.cy_px, camera.height_px - camera.cy_px) / camera.fy_px

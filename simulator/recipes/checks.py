@@ -16,7 +16,7 @@ from flyaround.simulator.recipes.poses import radius_m, resolved_range
 from flyaround.simulator.world.ephemeris.body import body_named
 
 if TYPE_CHECKING:
-    from flyaround.simulator.recipes.file import Recipe
+    from flyaround.simulator.recipes.file import Background, Recipe, Sky
     from flyaround.simulator.targets.model import Target
 
 
@@ -37,18 +37,9 @@ def check_recipe(recipe: Recipe, where: str) -> None:
             raise UserError(
                 f"{where}: key sky[{number}].nadir_off_boresight_deg is [{low:g}, {high:g}], allowed: the smaller first"
             )
-        body = body_named(sky.body)
-        if sky.altitude_km * 1e3 < body.lowest_m:
-            raise UserError(
-                f"{where}: key sky[{number}].altitude_km is {sky.altitude_km:g}, allowed above {body.title}: at least "
-                f"{body.lowest_m / 1e3:g}"
-            )
-    b = recipe.background
-    if b is not None and b.altitude_km * 1e3 < (below := body_named(b.body)).lowest_m:
-        raise UserError(
-            f"{where}: key background.altitude_km is {b.altitude_km:g}, allowed above {below.title}: at least "
-            f"{below.lowest_m / 1e3:g}"
-        )
+        _check_place(where, f"sky[{number}]", sky)
+    if recipe.background is not None:
+        _check_place(where, "background", recipe.background)
     if isinstance(recipe.poses, Sequences):
         for key in ("range_m", "rate_deg_s"):
             low, high = getattr(recipe.poses, key)
@@ -90,6 +81,19 @@ def check_with_target(recipe: Recipe, target: Target) -> None:
         raise UserError(
             f"recipe {recipe.name}: section [range] ends at far_m = {kind.far_m:g}, inside of {target.name}, whose "
             f"mesh reaches {radius_m(target):.3g} m from its origin; make it larger, or choose another --target"
+        )
+
+
+def _check_place(where: str, section: str, place: Sky | Background) -> None:
+    """Refuse an unknown body, and an altitude below the lowest orbit about it."""
+    try:
+        body = body_named(place.body)
+    except UserError as error:
+        raise UserError(f"{where}: key {section}.body: {error}") from error
+    if place.altitude_km * 1e3 < body.lowest_m:
+        raise UserError(
+            f"{where}: key {section}.altitude_km is {place.altitude_km:g}, allowed above {body.title}: at least "
+            f"{body.lowest_m / 1e3:g}"
         )
 
 

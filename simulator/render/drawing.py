@@ -206,7 +206,7 @@ class Drawing:
             air = globe_pass.air.tables.air
         r[AIR] = seen = air if environment.atmosphere and body.air is not None else None
         r[GLOBE] = globe = globe_view(r[VIEW], scene.camera, seen)
-        self._device.blocks.earth.write(globe_values(r[VIEW], globe, air))
+        self._device.blocks.globe.write(globe_values(r[VIEW], globe, air))
 
     def cut_tiles(self, r: PassResources) -> None:
         """Cut what the Earth may touch into tiles, all alike."""

@@ -147,8 +147,8 @@ def frame_values(scene: SceneState, view: View) -> dict[str, ArrayLike]:
         "u_sun_direction": [*view.sun_direction, view.sun_sine],
         "u_sun_irradiance": vec4_of_bands(view.sun_irradiance_w_m2 * view.sun_share),
         "u_sky": u_sky,
-        "u_earth_radiance": u_earth,
-        "u_earth_rim": [*sky.axis, sky.disc_cosine],
+        "u_globe_radiance": u_earth,
+        "u_globe_rim": [*sky.axis, sky.disc_cosine],
         # a disc of half the sky lights from around the mean of normal and nadir, all of the sky from the normal
         "u_nadir_direction": [*sky.axis, float(np.clip((1 + sky.disc_cosine) / 2, 0, 1))],
         "u_lamp_place": [0.0] * 4 if lamp is None else [*lamp.offset_m, lamp.shape],

@@ -76,12 +76,20 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
     )
 
 
+def central_velocity_m_s(scene: SceneState) -> FloatArray:
+    """Return the velocity (3,) of the body that is circled, from the Earth's centre."""
+    central = scene.central
+    # the origin of GCRS stays, and to read the epoch takes longer than all else here
+    if not any(central.r_eci_m):
+        return np.zeros(3)
+    return central.body.geocentric_state(Instant.from_utc(scene.epoch_utc))[1]
+
+
 def _moved(state: BodyState, scene: SceneState, dt_s: float) -> BodyState:
     """Return a body ``dt_s`` later: turned by its rate and, if it is the one that is circled, on its way."""
     r, q = np.asarray(state.r_eci_m), np.asarray(state.q_fixed_from_eci_wxyz)
-    # the origin of GCRS stays, and to read the epoch takes longer than all else here
-    if state.name == scene.central_body and any(state.r_eci_m):
-        r = r + dt_s * state.body.geocentric_state(Instant.from_utc(scene.epoch_utc))[1]
+    if state.name == scene.central_body:
+        r = r + dt_s * central_velocity_m_s(scene)
     if state.body.turns:
         q = quat_multiply(quat_from_rotvec(np.array([0.0, 0.0, -state.body.turn_rad_s * dt_s])), q)
     return replace(state, r_eci_m=vec3(r), q_fixed_from_eci_wxyz=quat(q))

@@ -21,8 +21,8 @@ FRAME = (
     ),  # xyz: camera frame, from the target; w: sine of the Sun's angular radius
     Field("vec4", "u_sun_irradiance"),  # per band at normal incidence, eclipse included [W m-2]
     Field("vec4", "u_sky", 10),  # irradiance by normal, camera frame, per band [W m-2]; see skylight.py
-    Field("vec4", "u_earth_radiance", 3),  # one a band: gradient and constant over directions [W m-2 sr-1]
-    Field("vec4", "u_earth_rim"),  # xyz: towards the disc's centre, camera frame; w: cosine of its radius
+    Field("vec4", "u_globe_radiance", 3),  # one a band: gradient and constant over directions [W m-2 sr-1]
+    Field("vec4", "u_globe_rim"),  # xyz: towards the disc's centre, camera frame; w: cosine of its radius
     Field(
         "vec4", "u_nadir_direction"
     ),  # xyz: towards the Earth's centre; w: how much of the sky's light comes from there, 0..1
@@ -52,16 +52,16 @@ SHADOW = (
     Field("vec4", "u_shadow_range"),  # depth of the box in the map's own depths (float_depth.py)
 )
 
-# "Earth" space: Earth-fixed axes in equatorial radii, the polar axis stretched so that the ellipsoid is the unit sphere
-EARTH = (
-    Field("mat4", "u_earth_from_camera"),
-    Field("vec4", "u_earth_camera"),  # position [equatorial radii]; w: one over its length
-    Field("vec4", "u_earth_sun"),  # unit vector; w: its cosine with the camera's zenith
-    Field("vec4", "u_earth_moon"),  # unit vector; w: its irradiance over the Sun's
-    Field("vec4", "u_earth_irradiance"),  # of the Sun above the air, per band [W m-2]
-    Field("vec4", "u_earth_limits"),  # sine of the Sun's angle from the zenith; top of the air^2; a / b; 0
+# "Globe" space: the body's axes in equatorial radii, the polar axis stretched so that the ellipsoid is the unit sphere
+GLOBE = (
+    Field("mat4", "u_globe_from_camera"),
+    Field("vec4", "u_globe_camera"),  # position [equatorial radii]; w: one over its length
+    Field("vec4", "u_globe_sun"),  # unit vector; w: its cosine with the camera's zenith
+    Field("vec4", "u_globe_moon"),  # unit vector; w: its irradiance over the Sun's
+    Field("vec4", "u_globe_irradiance"),  # of the Sun above the air, per band [W m-2]
+    Field("vec4", "u_globe_limits"),  # sine of the Sun's angle from the zenith; top of the air^2; a / b; 0
     Field(
-        "vec4", "u_earth_meridian"
+        "vec4", "u_globe_meridian"
     ),  # unit vector of the camera's longitude in the equator's plane; its longitude [rad]
     Field("vec4", "u_air_radius"),  # ground, top, camera [m]; angular radius of the Sun [rad]
     Field("vec4", "u_air_sun"),  # cosine of the Sun's angle from the camera's zenith
@@ -117,7 +117,7 @@ class UniformBlocks:
     frame: UniformBlock
     target: UniformBlock
     materials: UniformBlock
-    earth: UniformBlock
+    globe: UniformBlock
     moon: UniformBlock
     lens: UniformBlock
     shadow: UniformBlock
@@ -130,7 +130,7 @@ class UniformBlocks:
             UniformBlock(context, "Frame", 0, FRAME),
             UniformBlock(context, "TargetTransforms", 1, TARGET),
             UniformBlock(context, "Materials", 2, MATERIALS),
-            UniformBlock(context, "Earth", 3, EARTH),
+            UniformBlock(context, "Globe", 3, GLOBE),
             UniformBlock(context, "Moon", 4, MOON),
             UniformBlock(context, "Lens", 5, LENS),
             UniformBlock(context, "Shadow", 6, SHADOW),
@@ -143,7 +143,7 @@ class UniformBlocks:
             self.frame,
             self.target,
             self.materials,
-            self.earth,
+            self.globe,
             self.moon,
             self.lens,
             self.shadow,

@@ -177,13 +177,13 @@ def globe_values(view: View, earth: GlobeView, air: Atmosphere) -> dict[str, Arr
     stretch = equator_m / view.globe.polar_radius_m
     moon = view.moon_globe * np.array([1.0, 1.0, stretch])
     return {
-        "u_earth_from_camera": matrix,
-        "u_earth_camera": [*earth.camera, 1 / radius],
-        "u_earth_sun": [*earth.sun, mu],
-        "u_earth_moon": [*(moon / np.linalg.norm(moon)), view.moon_share],
-        "u_earth_irradiance": vec4_of_bands(view.sun_at_globe_w_m2),
-        "u_earth_limits": [max(np.sqrt(max(1 - mu * mu, 0.0)), 1e-6), earth.top2, stretch, 0.0],
-        "u_earth_meridian": [np.cos(longitude), np.sin(longitude), longitude, 0.0],
+        "u_globe_from_camera": matrix,
+        "u_globe_camera": [*earth.camera, 1 / radius],
+        "u_globe_sun": [*earth.sun, mu],
+        "u_globe_moon": [*(moon / np.linalg.norm(moon)), view.moon_share],
+        "u_globe_irradiance": vec4_of_bands(view.sun_at_globe_w_m2),
+        "u_globe_limits": [max(np.sqrt(max(1 - mu * mu, 0.0)), 1e-6), earth.top2, stretch, 0.0],
+        "u_globe_meridian": [np.cos(longitude), np.sin(longitude), longitude, 0.0],
         "u_air_radius": [air.radius_m, air.top_m, radius * equator_m, SUN_ANGULAR_RADIUS_RAD],
         "u_air_sun": [mu, 0.0, 0.0, 0.0],
         "u_air_shape": [1 / air.rayleigh_height_m, 1 / air.mie_height_m, air.mie_g, 0.0],

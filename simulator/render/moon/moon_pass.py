@@ -141,7 +141,7 @@ class MoonPass:
             "moon/moon.frag",
             {
                 "BANDS": bands,
-                "EARTH": int(behind),
+                "GLOBE": int(behind),
                 "AIR": int(air is not None),
                 "SLOPE_MAX": SLOPE_MAX,
                 "SAMPLES": SAMPLES if fine else 1,

@@ -48,7 +48,7 @@ class SunPass:
             return
         defines = {
             "BANDS": images.bands,
-            "EARTH": int(earth),
+            "GLOBE": int(earth),
             "AIR": int(air is not None),
             "MOON": int(moon),
             **TABLE_DEFINES,

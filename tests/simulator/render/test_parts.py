@@ -8,7 +8,7 @@ from flyaround.simulator.render.craft.viewport_fit import PATTERNS as PRESETS
 from flyaround.simulator.render.craft.viewport_fit import TINY_PATTERN, all_tiles
 from flyaround.simulator.render.earth.detail_noise import detail_texture
 from flyaround.simulator.render.gl.programs import ProgramLibrary, read_source
-from flyaround.simulator.render.gl.shared_blocks import EARTH, FRAME, MATERIALS, TARGET
+from flyaround.simulator.render.gl.shared_blocks import FRAME, GLOBE, MATERIALS, TARGET
 from flyaround.simulator.render.gl.uniform_block import Field, UniformBlock
 from flyaround.simulator.render.globe.globe_view import globe_view
 from flyaround.simulator.render.projection import PixelRect
@@ -56,7 +56,7 @@ def test_lattice_window_holds_every_sample(lattice):
 def test_block_layout_is_the_drivers(renderer):
     context = renderer._device.context
     for number, fields in enumerate(
-        (FRAME, TARGET, MATERIALS, EARTH, (Field("float", "a"), Field("vec3", "b")))
+        (FRAME, TARGET, MATERIALS, GLOBE, (Field("float", "a"), Field("vec3", "b")))
     ):
         block = UniformBlock(context, "Probe", 7, fields)
         array = [f.name for f in fields if f.count]

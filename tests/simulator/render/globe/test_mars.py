@@ -3,12 +3,15 @@
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import take_frame
+from flyaround.simulator.imaging.exposure import drawings_of_ground, integrate
+from flyaround.simulator.imaging.image_motion import image_motion_px, motion_bound_px
 from flyaround.simulator.labels.truth import read_truth, truth_to_json
 from flyaround.simulator.recipes.backgrounds import without_target
 from flyaround.simulator.runtime.arrays import vec3
@@ -33,6 +36,12 @@ chaser = {{ mode = "hold", position_lvlh_m = [{height_m}, 0.0, 0.0] }}
 camera = "square-1024"
 environment = {{ {environment} }}
 """
+FLAT = """
+from dataclasses import replace
+from pathlib import Path
+from mars import MARS
+FLAT = replace(MARS, name="flat", flattening=0.2, albedo_map=str(Path(__file__).with_name("map.png")))
+"""
 RADIUS_M = 3_389_500.0
 pytestmark = pytest.mark.gl
 
@@ -44,8 +53,13 @@ def mars(tmp_path_factory):
     info = folder / "mars_body-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mars-body\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[flyaround.bodies]\nmars = mars:MARS\nnumber = mars:AU_M\n")
+    (info / "entry_points.txt").write_text(
+        "[flyaround.bodies]\nmars = mars:MARS\nflat = flat:FLAT\nnumber = mars:AU_M\n"
+    )
     (folder / "mars.py").write_text(MODULE.read_text())
+    (folder / "flat.py").write_text(FLAT)
+    # west of longitude 0 it is bright
+    cv2.imwrite(str(folder / "map.png"), np.tile(np.repeat(np.uint8([204, 51]), 32), (32, 1)))
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(folder))
         yield body_named("mars")
@@ -113,6 +127,38 @@ def test_disc_and_light_are_those_of_a_lambert_sphere(renderer, plan):
     assert not half[:, : round(c.cx_px) - 2].any()
 
 
+def test_an_ellipsoid_and_its_map_are_where_rays_find_them(renderer, plan):
+    planned = plan(environment='preset = "airless", stars = false, planets = false')
+    scene = planned.scene(0)
+    flat = replace(scene.central, name="flat", q_fixed_from_eci_wxyz=(0.6, 0.48, 0.64, 0.0))
+    scene = replace(scene, central_body="flat", bodies=(*scene.bodies[:2], flat))
+    scene = seen_from(scene, (0.6, 0.0, -0.8), 10 * RADIUS_M)
+    light = renderer.render(scene, planned.target).radiance
+    c = scene.camera
+    u, v = np.meshgrid(np.arange(c.width_px), np.arange(c.height_px))
+    R_fixed_from_camera = flat.R_fixed_from_eci @ matrix_from_quat(scene.q_camera_from_eci_wxyz).T
+    rays = c.rays(np.stack([u, v], axis=-1).reshape(-1, 2)) @ R_fixed_from_camera.T
+    camera = flat.R_fixed_from_eci @ np.subtract(scene.r_camera_eci_m, flat.r_eci_m) / RADIUS_M
+    axes = np.array([1.0, 1.0, 0.8])
+    d, o = rays / axes, camera / axes
+    a, b = (d * d).sum(axis=1), d @ o
+    inside = b**2 - a * (o @ o - 1)
+    ground = camera + ((-b - np.sqrt(np.maximum(inside, 0))) / a)[:, None] * rays
+    normal = ground / axes**2
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    longitude = np.arctan2(ground[:, 1], ground[:, 0])
+    albedo = np.where(longitude < 0, 0.8, 0.2)
+    cosine = np.maximum(normal @ R_fixed_from_camera @ [0.6, 0.0, -0.8], 0)
+    lambert = albedo / np.pi * sun_irradiance_w_m2("mono", 1.5 * AU_M)[0] * cosine
+    # away from limb, terminator and the map's edges
+    kept = (
+        (inside > 0.02) & (cosine > 0.05) & (np.abs(np.sin(longitude)) > 0.15) & (np.abs(normal[:, 2]) < 0.9)
+    )
+    assert kept.sum() > 2e4
+    assert np.abs(light.ravel()[kept] / lambert[kept] - 1).max() < 0.01
+    assert not light.ravel()[inside < -0.02].any()
+
+
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
 def test_thin_air_adds_a_little_light(renderer, plan, mars, bands):
     light = {}
@@ -127,6 +173,22 @@ def test_thin_air_adds_a_little_light(renderer, plan, mars, bands):
     most = sun_irradiance_w_m2(bands, 1.5 * AU_M)[-1] * depth * rayleigh_phase(np.float64(-0.8))
     beyond = light["full"][light["airless"] == 0].max()
     assert 0.1 * most < beyond < 1.1 * most
+
+
+def test_an_exposure_smears_the_ground_by_the_orbits_motion(renderer, plan):
+    planned = plan(environment='preset = "full", stars = false, planets = false')
+    k = max(range(planned.n_frames), key=lambda k: -planned.scene(k).sun_direction_camera[2])
+    scene, target = planned.scene(k), planned.target
+    # the camera turns with the orbit; what is straight below goes by at the rate of the circle of Mars's radius
+    rate = np.sqrt(4.2828375e13 / (RADIUS_M + 400e3) ** 3) * RADIUS_M / 400e3
+    way = image_motion_px(scene, target, 0.05)
+    assert way == pytest.approx(rate * 0.05 * scene.camera.fx_px, rel=0.1)
+    assert way < motion_bound_px(scene, target, 0.05) < 2.5 * way
+    assert drawings_of_ground(replace(scene, exposure_s=0.05)) > 0
+    still, smeared = (
+        integrate(renderer, replace(scene, exposure_s=s), target).radiance for s in (1e-4, 0.05)
+    )
+    assert smeared.mean() == pytest.approx(still.mean(), rel=0.01)
 
 
 def test_mars_shades_and_lights_the_craft(renderer, plan):
@@ -160,7 +222,7 @@ def test_a_frame_is_drawn_again_from_its_record(renderer, plan, tmp_path):
     assert np.array_equal(again.image, frame.image)
     assert again.image.any()
     path.write_bytes(path.read_bytes().replace(b'"mars"', b'"pluto"'))
-    with pytest.raises(UserError, match="unknown body 'pluto'; choose from earth, moon, mars, number"):
+    with pytest.raises(UserError, match="unknown body 'pluto'; choose from earth, moon, flat, mars, number"):
         read_truth(path)
 
 

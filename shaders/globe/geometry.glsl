@@ -1,10 +1,10 @@
-// Where a pixel's ray meets the Earth.
+// Where a pixel's ray meets the globe: the body that the block Globe describes.
 #include "common/rays.glsl"
 
-// Camera, ray and closest approach, in units of the Earth's equatorial radius.
-struct EarthRay {
+// Camera, ray and closest approach, in units of the globe's equatorial radius.
+struct GlobeRay {
     vec3 direction;   // unit
-    float along;      // camera's position along the ray; negative: the Earth is ahead
+    float along;      // camera's position along the ray; negative: the globe is ahead
     float perigee2;   // square of the ray's smallest distance from the centre
     float disc;       // 1 - perigee2, the square of the ray's depth under the sphere
     float pixel_rad;  // angle of a pixel [rad]
@@ -12,14 +12,14 @@ struct EarthRay {
 };
 
 // The ray of a pixel past or onto the ellipsoid.
-EarthRay earth_ray(vec2 pixel) {
-    EarthRay ray;
-    vec3 d = mat3(u_earth_from_camera) * camera_ray(pixel);
+GlobeRay globe_ray(vec2 pixel) {
+    GlobeRay ray;
+    vec3 d = mat3(u_globe_from_camera) * camera_ray(pixel);
     float scale = inversesqrt(dot(d, d));
     ray.direction = d * scale;
-    ray.along = dot(u_earth_camera.xyz, ray.direction);
+    ray.along = dot(u_globe_camera.xyz, ray.direction);
     // the cross product keeps its digits near the limb, where b^2 - c would lose them
-    vec3 moment = cross(u_earth_camera.xyz, ray.direction);
+    vec3 moment = cross(u_globe_camera.xyz, ray.direction);
     ray.perigee2 = dot(moment, moment);
     ray.disc = 1.0 - ray.perigee2;
     ray.pixel_rad = ray_pixel_rad(pixel, scale);
@@ -28,15 +28,15 @@ EarthRay earth_ray(vec2 pixel) {
 }
 
 // Share of the pixel inside the limb, 0..1: distance from the limb in pixels, by the slope of `disc`.
-float limb_share(EarthRay ray) {
+float limb_share(GlobeRay ray) {
     float slope = 2.0 * sqrt(ray.perigee2) * -ray.along * ray.pixel_rad;
     return clamp(ray.disc / slope + 0.5, 0.0, 1.0);
 }
 
 // Cosine of the azimuth between a ray and the Sun, about the camera's zenith.
-float sun_azimuth(EarthRay ray) {
-    float mu = -ray.along * u_earth_camera.w;          // cosine of the angle from the nadir; w: 1 / radius
+float sun_azimuth(GlobeRay ray) {
+    float mu = -ray.along * u_globe_camera.w;          // cosine of the angle from the nadir; w: 1 / radius
     float horizontal = sqrt(max(1.0 - mu * mu, 1e-9)); // 1e-9: straight down, where no azimuth matters
-    float azimuth = (dot(ray.direction, u_earth_sun.xyz) + mu * u_earth_sun.w) / (horizontal * u_earth_limits.x);
+    float azimuth = (dot(ray.direction, u_globe_sun.xyz) + mu * u_globe_sun.w) / (horizontal * u_globe_limits.x);
     return clamp(azimuth, -1.0, 1.0);
 }
