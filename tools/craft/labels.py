@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.runtime.arrays import FloatArray, Vec3, vec3
+from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.targets.importing.propose.keypoints import across
 from flyaround.simulator.targets.importing.repair.normals import CREASE_RAD
 from flyaround.simulator.targets.model import Edge, Occluders
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from numpy.typing import ArrayLike
-
-    from flyaround.simulator.runtime.arrays import FloatArray
 
 
 QUARTERS = (("px", 0.0), ("py", 90.0), ("nx", 180.0), ("ny", 270.0))
@@ -126,17 +124,17 @@ def prism_edges(
     edges = []
     for k in range(len(flat)):
         j = (k + 1) % len(flat)
-        edges.append(_edge(f"{name}_low_{k}", low[k], low[j], walls[k], -n))
-        edges.append(_edge(f"{name}_top_{k}", high[k], high[j], walls[k], n))
+        edges.append(edge(f"{name}_low_{k}", low[k], low[j], walls[k], -n))
+        edges.append(edge(f"{name}_top_{k}", high[k], high[j], walls[k], n))
         if walls[k - 1] @ walls[k] < np.cos(crease_rad):
-            edges.append(_edge(f"{name}_up_{k}", low[k], high[k], walls[k - 1], walls[k]))
+            edges.append(edge(f"{name}_up_{k}", low[k], high[k], walls[k - 1], walls[k]))
     return edges
 
 
 def face_edges(name: str, corners_m: ArrayLike, normal: ArrayLike) -> list[Edge]:
     """Outline (K, 3) of a marking on a face: seen from the face's outside only."""
     p = np.asarray(corners_m, float)
-    return [_edge(f"{name}_{k}", p[k], p[(k + 1) % len(p)], np.asarray(normal, float)) for k in range(len(p))]
+    return [edge(f"{name}_{k}", p[k], p[(k + 1) % len(p)], np.asarray(normal, float)) for k in range(len(p))]
 
 
 def ring_edges(
@@ -154,7 +152,7 @@ def ring_edges(
     rim = np.asarray(centre_m, float) + radius_m * (np.cos(t)[:, None] * u + np.sin(t)[:, None] * v)
     middle = t[:-1] + np.pi / segments
     wall = (-1.0 if inside else 1.0) * (np.cos(middle)[:, None] * u + np.sin(middle)[:, None] * v)
-    return [_edge(f"{name}_{k}", rim[k], rim[k + 1], wall[k], w) for k in range(segments)]
+    return [edge(f"{name}_{k}", rim[k], rim[k + 1], wall[k], w) for k in range(segments)]
 
 
 def axis_edge(name: str, a_m: ArrayLike, b_m: ArrayLike, radius_m: float) -> Edge:
@@ -171,5 +169,9 @@ def rim_point(centre_m: ArrayLike, axis: ArrayLike, radius_m: float, quarter: in
     return vec3(np.asarray(centre_m, float) + radius_m * side)
 
 
-def _edge(name: str, a: FloatArray, b: FloatArray, *normals: FloatArray) -> Edge:
-    return Edge(name=name, a_m=vec3(a), b_m=vec3(b), normals=tuple(vec3(n) for n in normals))
+def edge(name: str, a_m: ArrayLike, b_m: ArrayLike, *normals: ArrayLike) -> Edge:
+    """Return an edge between two points (3,), with the outward normals of the faces that meet there."""
+    a, b = np.asarray(a_m, float), np.asarray(b_m, float)
+    return Edge(
+        name=name, a_m=vec3(a), b_m=vec3(b), normals=tuple(vec3(np.asarray(n, float)) for n in normals)
+    )

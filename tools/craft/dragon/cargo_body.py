@@ -183,12 +183,10 @@ def _side(level: Level) -> list[Piece]:
 
 def _trunk_skin(level: Level) -> list[Piece]:
     """Radiators on both sides between the wings, hinge brackets of the fairings, beams inside."""
-    panels = [
-        sector(
-            TRUNK, np.deg2rad([a + 0.4, a + 20.0 - 0.4]), [-2.62, -0.25], 0.010, 0.01, level.segments(12) // 2
-        )
-        for a in (*range(30, 150, 20), *range(210, 330, 20))
-    ]
+    heights, columns = [-2.62, -0.25], level.segments(12) // 2
+    starts = (*range(30, 150, 20), *range(210, 330, 20))
+    edges = [(float(np.deg2rad(a + 0.4)), float(np.deg2rad(a + 20.0 - 0.4))) for a in starts]
+    panels = [sector(TRUNK, ends, heights, 0.010, 0.01, columns) for ends in edges]
     brackets = [
         box((-0.03, -0.07, -0.10), (0.06, 0.07, 0.10), 0.01)
         .moved((TRUNK_RADIUS_M, 0, z))

@@ -6,7 +6,7 @@ import numpy as np
 
 from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.targets.model import Edge
-from tools.craft.labels import box_edges
+from tools.craft.labels import axis_edge, box_edges, edge
 from tools.craft.shapes.mesh import Mesh
 from tools.craft.shapes.prism import prism
 from tools.craft.shapes.solids import box, cone, rod
@@ -85,12 +85,12 @@ def build_wireframe() -> list[Edge]:
 def _frame_edges() -> list[Edge]:
     """Inner outlines of the panel's frame: light metal beside dark cells, seen from above only."""
     x, y, half, z = PANEL_X_M - FRAME_X_M, PANEL_Y_M - FRAME_Y_M, STRIP_M / 2, PANEL_TOP_M
-    up: tuple[Vec3, ...] = ((0.0, 0.0, 1.0),)
+    up = (0, 0, 1)
     lines = {"panel_strip_nx": -half, "panel_strip_px": half, "panel_frame_nx": -x, "panel_frame_px": x}
-    edges = [Edge(name=name, a_m=(at, -y, z), b_m=(at, y, z), normals=up) for name, at in lines.items()]
+    edges = [edge(name, (at, -y, z), (at, y, z), up) for name, at in lines.items()]
     for row, at in (("ny", -y), ("py", y)):
-        edges.append(Edge(name=f"panel_frame_{row}_nx", a_m=(-x, at, z), b_m=(-half, at, z), normals=up))
-        edges.append(Edge(name=f"panel_frame_{row}_px", a_m=(half, at, z), b_m=(x, at, z), normals=up))
+        edges.append(edge(f"panel_frame_{row}_nx", (-x, at, z), (-half, at, z), up))
+        edges.append(edge(f"panel_frame_{row}_px", (half, at, z), (x, at, z), up))
     return edges
 
 
@@ -119,20 +119,9 @@ def _prism_edges(
     edges = []
     for k in range(1, n):
         j = (k + 1) % n
-        edges.append(
-            Edge(name=f"{name}_low_{k}", a_m=corners[k], b_m=corners[j], normals=(walls[k], (0.0, 0.0, -1.0)))
-        )
-        edges.append(
-            Edge(
-                name=f"{name}_top_{k}",
-                a_m=corners[n + k],
-                b_m=corners[n + j],
-                normals=(walls[k], (0.0, 0.0, 1.0)),
-            )
-        )
-        edges.append(
-            Edge(name=f"{name}_up_{k}", a_m=corners[k], b_m=corners[n + k], normals=(walls[k - 1], walls[k]))
-        )
+        edges.append(edge(f"{name}_low_{k}", corners[k], corners[j], walls[k], (0, 0, -1)))
+        edges.append(edge(f"{name}_top_{k}", corners[n + k], corners[n + j], walls[k], (0, 0, 1)))
+        edges.append(edge(f"{name}_up_{k}", corners[k], corners[n + k], walls[k - 1], walls[k]))
     return edges
 
 
@@ -140,21 +129,16 @@ def _rod_axes() -> list[Edge]:
     """Axes of antennas, rod and spikes, with their radii: their outlines depend on the view."""
     mean = (ANTENNA_RADIUS_COLLAR_M + ANTENNA_RADIUS_TIP_M) / 2
     axes = [
-        Edge(name=f"antenna_{k + 1}", a_m=collar_point(root, tip), b_m=tip, radius_m=mean)
+        axis_edge(f"antenna_{k + 1}", collar_point(root, tip), tip, mean)
         for k, (root, tip) in enumerate(zip(ANTENNA_ROOTS, ANTENNA_TIPS, strict=True))
     ]
     axes.append(
-        Edge(
-            name="rod",
-            a_m=(ROD_X_M, ROD_Y_M, ROD_BOTTOM_M),
-            b_m=(ROD_X_M, ROD_Y_M, ROD_TOP_M),
-            radius_m=ROD_RADIUS_M,
-        )
+        axis_edge("rod", (ROD_X_M, ROD_Y_M, ROD_BOTTOM_M), (ROD_X_M, ROD_Y_M, ROD_TOP_M), ROD_RADIUS_M)
     )
     for side, sign in (("nx", -1), ("px", 1)):
         start = (sign * (BODY_X_M + 0.024), SPIKE_Y_M, SPIKE_Z_M)
         tip = (sign * SPIKE_TIP_M, SPIKE_Y_M, SPIKE_Z_M)
-        axes.append(Edge(name=f"spike_{side}", a_m=start, b_m=tip, radius_m=SPIKE_RADIUS_M))
+        axes.append(axis_edge(f"spike_{side}", start, tip, SPIKE_RADIUS_M))
     return axes
 
 
