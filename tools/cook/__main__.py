@@ -23,12 +23,12 @@ from tools.cook.terrain import make_terrain_detail
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
 
 FOLDER = Path(__file__).parents[2] / "assets" / "earth"
 
 
-def cooked() -> Iterator[tuple[str, NDArray[np.generic]]]:
+def cooked() -> Iterator[tuple[str, ByteArray | Float32Array]]:
     """Yield names and contents of the files: pictures as OpenCV writes them, arrays as they are."""
     sources = day_and_coast()
     mask = make_mask(sources)
@@ -42,7 +42,7 @@ def cooked() -> Iterator[tuple[str, NDArray[np.generic]]]:
     yield TERRAIN, make_terrain_detail()
 
 
-def file_bytes(name: str, content: NDArray[np.generic]) -> bytes:
+def file_bytes(name: str, content: ByteArray | Float32Array) -> bytes:
     """Return the bytes of a file."""
     if name.endswith(".npy"):
         data = io.BytesIO()
