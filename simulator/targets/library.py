@@ -19,7 +19,7 @@ from flyaround.simulator.errors import UserError, near_names
 from flyaround.simulator.runtime.plugins import Plugin, plugins
 from flyaround.simulator.targets.glb.read import load_glb, target_from
 from flyaround.simulator.targets.installed import user_file, user_targets
-from flyaround.simulator.targets.level_of_detail import DETAILS, Detail, level_name, split_level
+from flyaround.simulator.targets.model import DETAILS, Detail, level_name, split_level
 
 if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target

@@ -1,4 +1,4 @@
-"""The target: geometry by named parts, PBR materials, keypoints, wireframe, mass properties."""
+"""The target: geometry by named parts, PBR materials, keypoints, wireframe, mass properties, levels of detail."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ import numpy as np
 
 from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray, Mat3, Vec3
 
+Detail = Literal["full", "medium", "low"]
+DETAILS: tuple[Detail, ...] = ("full", "medium", "low")
+"""Levels of detail, finest first. All have the same keypoints, wireframe, occluders, mass and frames."""
 PartClass = Literal["solar_array", "antenna", "propulsion", "docking", "sensor", "radiator", "body"]
 
 
@@ -156,3 +159,17 @@ class Target:
     occluders: Occluders = field(default_factory=Occluders)
     pictures: tuple[TextureImage, ...] = ()
     part_classes: dict[str, PartClass] = field(default_factory=dict)
+
+
+def split_level(name: str) -> tuple[str, Detail]:
+    """Return the craft and the level of a name such as ``tango@low``; without a level, full detail."""
+    craft, _, level = name.rpartition("@")
+    for detail in DETAILS:
+        if craft and level == detail:
+            return craft, detail
+    return name, "full"
+
+
+def level_name(name: str, detail: Detail) -> str:
+    """Return the name of a craft at a level; the inverse of `split_level`."""
+    return name if detail == "full" else f"{name}@{detail}"

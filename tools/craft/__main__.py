@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import zstandard
 
 from flyaround.simulator.targets.glb.write import glb_bytes
-from flyaround.simulator.targets.level_of_detail import DETAILS, Detail, level_name
 from flyaround.simulator.targets.library import SUFFIX
+from flyaround.simulator.targets.model import DETAILS, Detail, level_name
 from tools.craft.change6.ascender import build_change6_ascender
 from tools.craft.charuco import build_calibration_board
 from tools.craft.chessboard import build_chessboard

@@ -20,8 +20,7 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Material, Target, TextureImage
+from flyaround.simulator.targets.model import Detail, Material, Target, TextureImage
 from tools.craft.assemble import Piece
 from tools.craft.chessboard import COLUMNS, MATT_WHITE, ROWS, SQUARE_M, board, lines_x_m, lines_y_m, squares
 from tools.craft.shapes.mesh import merge

@@ -14,8 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import FloatArray, Vec3
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Edge, Material, Target, TextureImage
+from flyaround.simulator.targets.model import Detail, Edge, Material, Target, TextureImage
 from tools.craft.assemble import Piece, assemble
 from tools.craft.finishes import FINISHES
 from tools.craft.labels import box_edges, face_edges

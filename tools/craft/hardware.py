@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Detail
 from tools.craft.assemble import Piece
 from tools.craft.level import facets
 from tools.craft.shapes.mesh import Mesh, merge, unit

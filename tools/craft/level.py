@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Detail
 
 COARSER: dict[Detail, int] = {"full": 1, "medium": 2, "low": 4}
 

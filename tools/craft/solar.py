@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Detail
 from tools.craft.assemble import Piece
 from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.prism import cell_grid, clipped_rectangle, rectangle

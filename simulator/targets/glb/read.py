@@ -24,8 +24,7 @@ from flyaround.simulator.targets.convert import (
     occluders_of,
     wireframe_of,
 )
-from flyaround.simulator.targets.level_of_detail import split_level
-from flyaround.simulator.targets.model import Material, Part, Target, TextureImage
+from flyaround.simulator.targets.model import Material, Part, Target, TextureImage, split_level
 from flyaround.simulator.targets.records import TargetRecord
 from flyaround.simulator.targets.textures import pictures_of, texture_name
 

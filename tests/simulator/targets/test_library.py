@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.targets.level_of_detail import DETAILS, level_name, split_level
 from flyaround.simulator.targets.library import SUFFIX, built_in_targets, list_targets, load_target
+from flyaround.simulator.targets.model import DETAILS, level_name, split_level
 
 ASSETS = resources.files("flyaround.assets")
 

@@ -12,9 +12,8 @@ import trimesh
 
 from flyaround.hil.board_model.write import labels_alone
 from flyaround.simulator.runtime.arrays import FloatArray
-from flyaround.simulator.targets.level_of_detail import DETAILS, Detail
 from flyaround.simulator.targets.library import built_in_targets, load_target
-from flyaround.simulator.targets.model import Part, Target
+from flyaround.simulator.targets.model import DETAILS, Detail, Part, Target
 
 Extents = tuple[float | None, float | None, float | None]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from flyaround.simulator.targets.level_of_detail import DETAILS
+from flyaround.simulator.targets.model import DETAILS
 from tools.craft.hardware import bell, dish
 from tools.craft.labels import prism_edges, rim_edges
 from tools.craft.level import Level, facets

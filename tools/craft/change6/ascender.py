@@ -16,8 +16,7 @@ import itertools
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import Vec3, vec3
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Edge, Target
+from flyaround.simulator.targets.model import Detail, Edge, Target
 from tools.craft.assemble import assemble
 from tools.craft.change6.body import build_body, build_propulsion, build_tanks
 from tools.craft.change6.dimensions import (

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Detail
 from tools.craft.assemble import Piece
 from tools.craft.change6.dimensions import (
     CELL_M,

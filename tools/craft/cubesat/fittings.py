@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Material
+from flyaround.simulator.targets.model import Detail, Material
 from tools.craft.assemble import Piece
 from tools.craft.finishes import FINISHES
 from tools.craft.hardware import cup, tape, tube

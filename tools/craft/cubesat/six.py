@@ -12,8 +12,7 @@ import itertools
 
 import numpy as np
 
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Edge, Target
+from flyaround.simulator.targets.model import Detail, Edge, Target
 from tools.craft.assemble import Piece, assemble
 from tools.craft.cubesat.fittings import (
     BOARD_BLACK,

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import Vec3
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Edge
+from flyaround.simulator.targets.model import Detail, Edge
 from tools.craft.assemble import Piece
 from tools.craft.hardware import socket_screws
 from tools.craft.labels import box_edges

@@ -9,8 +9,7 @@ this model's own. A craft of this size has about 7,000 triangles to show.
 from __future__ import annotations
 
 from flyaround.simulator.runtime.arrays import Vec3
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Target
+from flyaround.simulator.targets.model import Detail, Target
 from tools.craft.assemble import Piece, assemble
 from tools.craft.cubesat.fittings import (
     BOARD_GOLD,

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flyaround.simulator.runtime.arrays import Vec3
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Edge
+from flyaround.simulator.targets.model import Detail, Edge
 from tools.craft.assemble import Piece
 from tools.craft.cubesat.fittings import WING_M, wing, wing_width_m
 from tools.craft.labels import prism_edges

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import Vec3, vec3
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Edge, Target
+from flyaround.simulator.targets.model import Detail, Edge, Target
 from tools.craft.assemble import Piece, assemble
 from tools.craft.dragon.crew_capsule import build_capsule
 from tools.craft.dragon.crew_nose import build_nose, nose_cone

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import Vec3
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Edge, Material, Target
+from flyaround.simulator.targets.model import Detail, Edge, Material, Target
 from tools.craft.assemble import assemble
 from tools.craft.envisat.dimensions import (
     ARRAY_GAP_M,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flyaround.simulator.targets.level_of_detail import Detail
+from flyaround.simulator.targets.model import Detail
 from tools.craft.assemble import Piece
 from tools.craft.envisat.dimensions import (
     BUS_END_X_M,

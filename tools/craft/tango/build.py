@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from flyaround.simulator.runtime.arrays import Quat
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Material, Target
+from flyaround.simulator.targets.model import Detail, Material, Target
 from tools.craft.assemble import Piece, assemble
 from tools.craft.mass import MassElement
 from tools.craft.tango.brackets import build_brackets

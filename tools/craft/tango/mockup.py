@@ -11,8 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Material
+from flyaround.simulator.targets.model import Detail, Material
 from tools.craft.assemble import Piece
 from tools.craft.shapes.mesh import merge
 from tools.craft.shapes.prism import cell_grid, prism, rectangle

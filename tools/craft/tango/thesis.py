@@ -15,8 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import Vec3, vec3
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Edge, Target
+from flyaround.simulator.targets.model import Detail, Edge, Target
 from tools.craft.assemble import Piece, assemble
 from tools.craft.hardware import socket_screws
 from tools.craft.labels import axis_edge, box_edges, face_edges

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from flyaround.simulator.runtime.arrays import Vec3
-from flyaround.simulator.targets.level_of_detail import Detail
-from flyaround.simulator.targets.model import Edge, Target
+from flyaround.simulator.targets.model import Detail, Edge, Target
 from tools.craft.assemble import assemble
 from tools.craft.hardware import revolve
 from tools.craft.labels import QUARTERS, polar, rim_edges
