@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.baking.edge_gaps import edge_gaps
+from flyaround.simulator.baking.mesh_edges import edge_gaps
 from flyaround.simulator.baking.radiance_transfer import visibility_to_ship
 from flyaround.simulator.render.craft.mesh import prepared
 from flyaround.simulator.render.globe.air_tables import air_tables

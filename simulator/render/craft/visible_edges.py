@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.baking.edge_gaps import edge_gaps
+from flyaround.simulator.baking.mesh_edges import edge_gaps
 from flyaround.simulator.geometry.convex_shells import BOX, Boxes, hidden
 from flyaround.simulator.render.projection import image_of
 
