@@ -24,11 +24,11 @@ class Earth(Body):
     """The body whose centre GCRS starts from."""
 
     def geocentric_state(self, now: Instant) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002 - it stays there
-        """Zeros."""
+        """Return zeros."""
         return np.zeros(3), np.zeros(3)
 
     def q_fixed_from_eci(self, now: Instant) -> FloatArray:
-        """``q_itrs_from_eci_wxyz``."""
+        """Return `q_itrs_from_eci`."""
         return q_itrs_from_eci(now)
 
     @property
@@ -37,7 +37,7 @@ class Earth(Body):
         return 6_356_752.314245
 
     def pole_eci(self, now: Instant) -> FloatArray:
-        """Celestial intermediate pole, which polar motion (0.6 arcsec) has no part in."""
+        """Return the celestial intermediate pole; polar motion (0.6 arcsec) has no part in it."""
         return pole_eci(now)
 
 
