@@ -15,7 +15,7 @@ from flyaround.simulator.runtime.plugins import plugins as plugins_of
 
 
 def plugins(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
-    """Sensors, formats, recipes, estimators and targets that installed packages add (docs/plugins.md)."""
+    """Sensors, formats, recipes, estimators, targets and bodies that installed packages add (docs/plugins.md)."""
     found = [plugin for kind in GROUPS for plugin in plugins_of(kind).values()]
     rows = [(plugin, _state(plugin)) for plugin in found]
     if as_json:

@@ -11,6 +11,7 @@ from flyaround.simulator.dataset.formats.native import read_png
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import NO_RADIANCE, Frame
 from flyaround.simulator.labels.truth import Truth, read_truth
+from flyaround.simulator.scene.record import SceneRecord
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -95,7 +96,11 @@ def _frame(flown: SceneState, picture: StoredPicture) -> Frame:
             )
         scene = replace(truth.scene, epoch_utc=flown.epoch_utc, t_s=flown.t_s, frame_index=flown.frame_index)
         truth = msgspec.structs.replace(
-            truth, epoch_utc=flown.epoch_utc, t_s=flown.t_s, frame_index=flown.frame_index, scene=scene
+            truth,
+            epoch_utc=flown.epoch_utc,
+            t_s=flown.t_s,
+            frame_index=flown.frame_index,
+            record=SceneRecord.of(scene),
         )
     image, bits = picture.image, scene.sensor.bits
     shape = (scene.camera.height_px, scene.camera.width_px)

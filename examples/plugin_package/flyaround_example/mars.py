@@ -15,14 +15,14 @@ class Mars(Body):
     """The fourth planet, by SOFA's series (some 30 arcsec from the Sun) and the elements of the IAU."""
 
     def geocentric_state(self, now: Instant) -> tuple[np.ndarray, np.ndarray]:
-        """Position [m] and velocity [m s-1] from the Earth's centre, GCRS axes."""
+        """Return position [m] and velocity [m s-1] from the Earth's centre, GCRS axes."""
         mars = erfa.plan94(now.tt1, now.tt2, 4)
         earth, _ = erfa.epv00(now.tt1, now.tt2)
         position = sun_geometric_m(now.tt1, now.tt2) + mars["p"] * AU_M
         return position, (mars["v"] - earth["v"]) * AU_M / DAY_S
 
     def q_fixed_from_eci(self, now: Instant) -> np.ndarray:
-        """Orientation: Archinal et al. (2011), IAU Working Group on Cartographic Coordinates 2009, table 1."""
+        """Return the orientation: Archinal et al. (2011), IAU Working Group on Cartographic Coordinates, table 1."""
         days = now.tt1 - 2_451_545.0 + now.tt2
         centuries = days / 36_525.0
         return q_fixed_from_pole(

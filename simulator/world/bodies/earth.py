@@ -32,11 +32,11 @@ class Earth(Body):
     """The body whose centre GCRS starts from."""
 
     def geocentric_state(self, now: Instant) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002 - it stays there
-        """Zeros."""
+        """Return zeros."""
         return np.zeros(3), np.zeros(3)
 
     def q_fixed_from_eci(self, now: Instant) -> FloatArray:
-        """``q_itrs_from_eci_wxyz``."""
+        """Return `q_itrs_from_eci`."""
         return q_itrs_from_eci(now)
 
     @property
@@ -45,7 +45,7 @@ class Earth(Body):
         return EARTH_POLAR_RADIUS_M
 
     def pole_eci(self, now: Instant) -> FloatArray:
-        """Celestial intermediate pole, which polar motion (0.6 arcsec) has no part in."""
+        """Return the celestial intermediate pole; polar motion (0.6 arcsec) has no part in it."""
         return pole_eci(now)
 
 

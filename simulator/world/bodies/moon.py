@@ -20,15 +20,15 @@ class Moon(Body):
     """The Earth's satellite; its axes are those of mean Earth and pole."""
 
     def geocentric_state(self, now: Instant) -> tuple[FloatArray, FloatArray]:
-        """`moon_geometric_state`."""
+        """Return `moon_geometric_state`."""
         return moon_geometric_state(now.tt1, now.tt2)
 
     def q_fixed_from_eci(self, now: Instant) -> FloatArray:
-        """`q_moon_from_eci`."""
+        """Return `q_moon_from_eci`."""
         return q_moon_from_eci(now)
 
     def apparent_m(self, now: Instant) -> FloatArray:
-        """`moon_eci_m`."""
+        """Return `moon_eci_m`."""
         return moon_eci_m(now.tt1, now.tt2)
 
 

@@ -58,7 +58,7 @@ class BodyAir:
 
 @dataclass(frozen=True, kw_only=True)
 class Body(ABC):
-    """A body that craft can circle; one of its own class defines where it is and how it is turned.
+    """A body that craft can circle; a subclass defines its place and orientation.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ class Body(ABC):
         return self.turn_rad_s > SLOWEST_TURN_RAD_S
 
     def distance_problem(self, distance_m: float) -> str | None:
-        """What is wrong with a distance from its centre, as the end of a sentence; None if nothing."""
+        """Return what is wrong with a distance from its centre, as the end of a sentence; None if nothing."""
         allowed = None
         if not distance_m >= self.radius_m + self.lowest_m:
             allowed = f"at least {(self.radius_m + self.lowest_m) / 1e3:.0f} km"
@@ -162,7 +162,7 @@ class BodyState:
 
 
 class BodyStates:
-    """Access to the ``bodies`` of a state of the world, by name."""
+    """Mixin of states of the world: access to their ``bodies`` by name."""
 
     bodies: tuple[BodyState, ...]
     central_body: str
@@ -250,7 +250,7 @@ def q_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> Float
 
 
 def _about_z(angle_deg: float) -> FloatArray:
-    """Turn of the axes about z."""
+    """Return the rotation of the axes about z."""
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
