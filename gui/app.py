@@ -18,15 +18,12 @@ from flyaround.gui.commands.hil import keep_hil
 from flyaround.gui.commands.log import script_header
 from flyaround.gui.commands.people import keep_film, keep_mesh
 from flyaround.gui.console import Console
-from flyaround.gui.flight.cautions import CautionWatch
-from flyaround.gui.flight.gamepad import Gamepad
-from flyaround.gui.flight.recorder import FlightRecorder
-from flyaround.gui.flight.session import Session
-from flyaround.gui.flight.telemetry import telemetry_of
+from flyaround.gui.gamepad import Gamepad
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
 from flyaround.gui.legibility import text_faults
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.picture.further import CAMERA_SHARE, further_feeds
+from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.turns import Turns
 from flyaround.gui.picture.view_settings import Options, ViewSettings
 from flyaround.gui.script import Script
@@ -35,6 +32,9 @@ from flyaround.simulator.dataset.single_frames import save_picture
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import open_frames
+from flyaround.simulator.piloting.cautions import CautionWatch
+from flyaround.simulator.piloting.recorder import FlightRecorder
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
 from flyaround.simulator.scenario.load import load_scenario
 

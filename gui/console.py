@@ -8,26 +8,26 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from flyaround.gui.flight.manual_control import STEERING
-from flyaround.gui.flight.opening import ScenarioOpener
-from flyaround.gui.flight.scenario_draft import ScenarioDraft
 from flyaround.gui.jobs.capture_job import CaptureJob
 from flyaround.gui.jobs.hil_session import HilSession
+from flyaround.gui.jobs.scenario_opening import ScenarioOpener
 from flyaround.gui.picture.estimates import Estimates
 from flyaround.gui.picture.settings_history import SettingsHistory
+from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.control_laws import STEERING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from flyaround.gui.command_table import Command, CommandTable, Value
-    from flyaround.gui.flight.session import Session
     from flyaround.gui.jobs.mesh_import import MeshImport
     from flyaround.gui.picture.feed import Feed, Picture
     from flyaround.gui.picture.video import Film
     from flyaround.gui.picture.view_settings import Options
+    from flyaround.simulator.piloting.session import Session
 
 log = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import STATE, Argument, Command
-from flyaround.gui.flight.docking import PRESETS
+from flyaround.simulator.piloting.docking_figures import PRESETS
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console

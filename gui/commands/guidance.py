@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, Command
-from flyaround.gui.flight import guidance_modes
-from flyaround.gui.flight.guidance_modes import CLEAR_RADII, begin_mode
-from flyaround.gui.flight.planned_burns import LARGEST_M_S, LONGEST_AHEAD_S, burn_of
+from flyaround.simulator.piloting import guidance_modes
+from flyaround.simulator.piloting.guidance_modes import CLEAR_RADII, begin_mode
+from flyaround.simulator.piloting.planned_burns import LARGEST_M_S, LONGEST_AHEAD_S, burn_of
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import STATE, Argument, Command
-from flyaround.gui.flight.manual_control import THRUST, TURN
-from flyaround.gui.flight.steering import ATTITUDE_MODES
+from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
+from flyaround.simulator.piloting.control_laws import THRUST, TURN
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console

@@ -6,12 +6,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, Command
-from flyaround.gui.flight.jumps import EVENTS
-from flyaround.gui.flight.session import RATES
+from flyaround.simulator.piloting.jumps import EVENTS
+from flyaround.simulator.piloting.session import RATES
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.jumps import Event
+    from flyaround.simulator.piloting.jumps import Event
 
 
 def _pause(console: Console) -> None:

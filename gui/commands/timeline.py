@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, Command
-from flyaround.gui.flight.flown_files import FlownFiles, free_folder
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.flown_files import FlownFiles, free_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, Command
-from flyaround.gui.flight.relative_map import LEAST_WIDTH_M, MOST_WIDTH_M
 from flyaround.gui.picture.orbit_camera import ABOUT, FARTHEST_M, NEAREST_M
+from flyaround.gui.picture.relative_map import LEAST_WIDTH_M, MOST_WIDTH_M
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console

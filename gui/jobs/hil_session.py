@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
-    from flyaround.gui.flight.session import Session
     from flyaround.hil.host.ledger.frames_csv import LedgerRow
     from flyaround.hil.host.run import RunConfig
+    from flyaround.simulator.piloting.session import Session
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scenario.faults import CameraFault, LineFault
 

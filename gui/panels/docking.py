@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.flight.docking import PRESETS, judge
 from flyaround.gui.views.docking_hud import ABOUT, DISTANCE, status
 from flyaround.gui.widgets import Widgets
+from flyaround.simulator.piloting.docking_figures import PRESETS, judge
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.docking import Judged
     from flyaround.gui.window import Window
+    from flyaround.simulator.piloting.docking_figures import Judged
 
 STATES = {
     "within": "within its limit",

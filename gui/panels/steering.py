@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.flight.jumps import EVENTS
-from flyaround.gui.flight.steering import ATTITUDE_MODES
 from flyaround.gui.widgets import Widgets
+from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
+from flyaround.simulator.piloting.jumps import EVENTS
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.gui.flight.session import RATES
 from flyaround.gui.widgets import Widgets
+from flyaround.simulator.piloting.session import RATES
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console

@@ -10,8 +10,8 @@ from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.timeline import Timeline
     from flyaround.gui.window import Window
+    from flyaround.simulator.piloting.flight_history import Timeline
 
 
 class TimelinePanel:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from flyaround.gui.picture.view_settings import OVERLAYS, Overlays
 
 if TYPE_CHECKING:
-    from flyaround.gui.flight.session import Session
     from flyaround.gui.picture.view_settings import Options
+    from flyaround.simulator.piloting.session import Session
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING, Protocol
 
-from flyaround.gui.flight.telemetry import Telemetry, telemetry_of
+from flyaround.gui.picture.telemetry import Telemetry, telemetry_of
 from flyaround.gui.picture.view_settings import apply_view_settings
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.loop import FrameRequest, FramesLostError
@@ -15,11 +15,11 @@ from flyaround.simulator.loop import FrameRequest, FramesLostError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from flyaround.gui.flight.session import Moment, Session
     from flyaround.gui.picture.view_settings import ViewSettings
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.frame import Frame
     from flyaround.simulator.labels.request import LabelRequest
+    from flyaround.simulator.piloting.session import Moment, Session
     from flyaround.simulator.scene.state import Quality, SceneState
 
     SceneOf = Callable[[Session, ViewSettings, int, Quality | None], SceneState]

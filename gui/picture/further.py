@@ -9,9 +9,9 @@ from flyaround.gui.picture.label_images import LABELS, LABELS_EVERY_S
 from flyaround.gui.picture.orbit_picture import orbit_scene
 
 if TYPE_CHECKING:
-    from flyaround.gui.flight.session import Session
     from flyaround.gui.picture.turns import Turns
     from flyaround.gui.picture.view_settings import Options, ViewSettings
+    from flyaround.simulator.piloting.session import Session
     from flyaround.simulator.scene.state import Quality, SceneState
 
 ORBIT_CAMERA, LABEL_VIEWS = "orbit-camera", "labels"

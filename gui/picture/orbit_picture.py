@@ -18,9 +18,9 @@ from flyaround.simulator.scene.build import build_scene
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
-    from flyaround.gui.flight.session import Moment, Session
     from flyaround.gui.picture.orbit_camera import OrbitCamera
     from flyaround.gui.picture.view_settings import ViewSettings
+    from flyaround.simulator.piloting.session import Moment, Session
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import Quality, SceneState
     from flyaround.simulator.world.flight.world_state import WorldState

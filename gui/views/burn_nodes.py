@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.flight.planned_burns import BurnPlan, PlannedBurn
+from flyaround.simulator.piloting.planned_burns import BurnPlan, PlannedBurn
 from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
     from flyaround.gui.canvas import Canvas, Point
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.planned_burns import PredictedPath
-    from flyaround.gui.flight.relative_map import MapPort, Plane
-    from flyaround.gui.flight.session import Session
+    from flyaround.gui.picture.relative_map import MapPort, Plane
+    from flyaround.simulator.piloting.planned_burns import PredictedPath
+    from flyaround.simulator.piloting.session import Session
     from flyaround.simulator.runtime.arrays import FloatArray
 
 COLOUR = style.PURPLE

@@ -16,9 +16,9 @@ from flyaround.gui.views.truth_marks import TruthMarks
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.session import Session
     from flyaround.gui.picture.feed import Feed, Picture
     from flyaround.gui.window import Window
+    from flyaround.simulator.piloting.session import Session
 
 FIGURES = {
     "UTC": "mid-exposure of this picture",

@@ -8,18 +8,18 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
-from flyaround.gui.flight.docking import CAPTURE_M, Judged, judge
 from flyaround.gui.widgets import Widgets
+from flyaround.simulator.piloting.docking_figures import CAPTURE_M, Judged, judge
 
 if TYPE_CHECKING:
     from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.docking import DockingFigures
-    from flyaround.gui.flight.docking_watch import Docking
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.views.letterbox import Letterbox
     from flyaround.gui.window import Window
     from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.piloting.docking_figures import DockingFigures
+    from flyaround.simulator.piloting.docking_watch import Docking
 
 NEAR_M = 0.05
 RING_SHARE = 0.31
@@ -48,7 +48,7 @@ ABOUT = {
     "yaw rate": "how fast yaw changes against the turning port",
     "off axis": "angle at the port between its axis and the docking point; nothing where the offset is small",
 }
-"""What each figure of `flyaround.gui.flight.docking.judge` is."""
+"""What each figure of `flyaround.simulator.piloting.docking_figures.judge` is."""
 
 
 class DockingHud:

@@ -10,7 +10,8 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
-from flyaround.gui.flight.ground_track import (
+from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
+from flyaround.gui.picture.ground_track import (
     GroundTrack,
     geodetic_deg,
     ground_track,
@@ -18,7 +19,6 @@ from flyaround.gui.flight.ground_track import (
     terminator_deg,
     unbroken,
 )
-from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.simulator.world.constants import FLATTENING
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
     from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.session import Session
     from flyaround.gui.window import Window
+    from flyaround.simulator.piloting.session import Session
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.ephemeris.bodies import BodyName
     from flyaround.simulator.world.flight.world_state import WorldState

@@ -8,7 +8,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
-from flyaround.gui.flight.relative_map import (
+from flyaround.gui.picture.relative_map import (
     MapLook,
     MapPort,
     boresight_lvlh,
@@ -27,8 +27,8 @@ from flyaround.simulator.runtime.arrays import Vec3, vec3
 if TYPE_CHECKING:
     from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.session import Session
     from flyaround.gui.window import Window
+    from flyaround.simulator.piloting.session import Session
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.frames.lvlh import Lvlh
 

@@ -17,10 +17,10 @@ import flyaround as fa
 from flyaround.__main__ import run
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.script import Script
 from flyaround.hil.link.security import read_key
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.faults import read_faults
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.targets.library import load_target

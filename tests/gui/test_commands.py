@@ -9,13 +9,13 @@ import pytest
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.command_table import Argument, Command, CommandTable, line_of
 from flyaround.gui.console import LONGEST_TICK_MS, Console
-from flyaround.gui.flight.manual_control import HELD
-from flyaround.gui.flight.session import Session
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.key_list import matches
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.script import LARGEST_BYTES, Script
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.control_laws import HELD
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.no_renderer import NoRenderer
 

@@ -14,9 +14,9 @@ import pytest
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.commands.capture import keep_capture
 from flyaround.gui.console import Console
-from flyaround.gui.flight.session import Session
 from flyaround.gui.panels.timeline import TimelinePanel
 from flyaround.gui.picture.feed import Feed
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from tests.harness.headless_imgui import HeadlessWindow

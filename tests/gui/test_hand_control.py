@@ -12,13 +12,13 @@ import pytest
 
 from flyaround.gui.app import ConsoleLoop, Request, command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.flight.manual_control import ACCELERATION_M_S2
-from flyaround.gui.flight.session import Session
 from flyaround.gui.layout import SavedLayout
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.picture.feed import Feed
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import FrameRequest
+from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from tests.harness.simulated_window import SimulatedWindow

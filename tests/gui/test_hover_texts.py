@@ -15,17 +15,17 @@ from flyaround.gui.app import command_table, options_of
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.console import Console
-from flyaround.gui.flight.docking import judge_contact
-from flyaround.gui.flight.session import Session
-from flyaround.gui.flight.telemetry import telemetry_of
 from flyaround.gui.jobs.capture_job import CaptureRequest, Thumbnail
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.capture import CapturePanel
 from flyaround.gui.picture.estimates import Answer, compared
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.label_images import LABELS
+from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.simulator.frame import Frame, take_frame
+from flyaround.simulator.piloting.docking_figures import judge_contact
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from tests.gui.jobs.test_hil_session import row

@@ -13,9 +13,9 @@ from flyaround.gui.commands.capture import keep_capture
 from flyaround.gui.commands.estimator import keep_estimates
 from flyaround.gui.commands.hil import FAULTS, keep_hil
 from flyaround.gui.console import Console
-from flyaround.gui.flight.session import Session
 from flyaround.gui.jobs.capture_job import CaptureRequest
 from flyaround.gui.picture.feed import Feed
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.no_renderer import NoRenderer
 

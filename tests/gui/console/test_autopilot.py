@@ -13,10 +13,10 @@ import pytest
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.console import Console
-from flyaround.gui.flight.autopilot import Autopilot
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.script import Script
+from flyaround.simulator.piloting.autopilot import Autopilot
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.scenario import Scenario

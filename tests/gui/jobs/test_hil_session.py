@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.jobs.hil_session import BIN_EDGES_MS, HilSession, SessionNote
 from flyaround.gui.jobs.hil_stream import Row
 from flyaround.hil.host.ledger.frames_csv import LedgerRow
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.faults import Drop, GainStep
 from flyaround.simulator.scenario.load import load_scenario
 

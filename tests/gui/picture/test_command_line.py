@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from flyaround.gui.app import options_of
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.command_line import command_lines
 from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl

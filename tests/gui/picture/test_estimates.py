@@ -13,8 +13,6 @@ from typing import Self
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.session import Session
-from flyaround.gui.flight.telemetry import telemetry_of
 from flyaround.gui.picture.estimates import (
     MOST_DEATHS,
     Answer,
@@ -25,9 +23,11 @@ from flyaround.gui.picture.estimates import (
     known_methods,
 )
 from flyaround.gui.picture.feed import Picture
+from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import NO_RADIANCE, Frame
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 
 WAIT_S = 120.0

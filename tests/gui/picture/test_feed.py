@@ -7,12 +7,12 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import DIVISORS, Feed
 from flyaround.gui.picture.view_settings import ViewSettings
 from flyaround.gui.views.camera import shown_passes
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import FrameRequest, FramesLostError
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.state import SceneState
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.label_placement import MARK, NEAR, PlacedLabel, place_labels
 from flyaround.gui.picture.truth_overlay import Marker
 from flyaround.gui.picture.view_settings import Overlays
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 
 PLACE = (0.0, 0.0, 930.0, 580.0)

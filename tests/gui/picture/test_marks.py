@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.truth_overlay import AXIS_M, Marker
 from flyaround.gui.picture.view_settings import Overlays
 from flyaround.simulator.labels.keypoints import label_keypoints
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.state import SceneState
 from flyaround.simulator.targets.joined_mesh import JoinedMesh

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.orbit_camera import (
     FARTHEST_M,
     LARGEST_PX,
@@ -16,6 +15,7 @@ from flyaround.gui.picture.orbit_camera import (
 )
 from flyaround.gui.picture.orbit_picture import chaser_marks, orbit_scene, seen_from
 from flyaround.gui.picture.view_settings import ViewSettings
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.limits import scene_problem
 from flyaround.simulator.world.frames.rotation import matrix_from_quat

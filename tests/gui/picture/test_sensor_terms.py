@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from flyaround.gui.app import options_of
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.sensor_terms import BINS, checked_change, histogram_of, terms_of
 from flyaround.gui.picture.view_settings import apply_view_settings, changed_sensor
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 
 

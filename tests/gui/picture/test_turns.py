@@ -8,7 +8,6 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import Feed, PictureKind
 from flyaround.gui.picture.turns import Channel, Turns
 from flyaround.gui.picture.view_settings import ViewSettings, apply_view_settings
@@ -16,6 +15,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.labels.request import LabelRequest
 from flyaround.simulator.loop import FrameRequest, FramesLostError
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.runtime.worker import ProcessDiedError
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.state import SceneState

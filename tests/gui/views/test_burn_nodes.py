@@ -8,11 +8,11 @@ import pytest
 
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.flight.planned_burns import burn_of
-from flyaround.gui.flight.relative_map import IN_PLANE, OUT_OF_PLANE, MapLook, ports
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import Feed
+from flyaround.gui.picture.relative_map import IN_PLANE, OUT_OF_PLANE, MapLook, ports
 from flyaround.gui.views.burn_nodes import ARM, FIRST_M_S, PER_M_S, BurnNodes, dragged, handle
+from flyaround.simulator.piloting.planned_burns import burn_of
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.guidance.free_flight import FreeDrift
 from tests.harness.no_renderer import NoRenderer

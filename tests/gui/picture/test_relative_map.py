@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flyaround.gui.flight.relative_map import (
+from flyaround.gui.picture.relative_map import (
     IN_PLANE,
     OUT_OF_PLANE,
     MapLook,
@@ -20,8 +20,8 @@ from flyaround.gui.flight.relative_map import (
     sun_lvlh,
     target_edges_lvlh_m,
 )
-from flyaround.gui.flight.session import Session
 from flyaround.gui.views.lvlh_map import planned_burns_lvlh_m, zoomed
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.guidance.keep_out import KeepOut
 

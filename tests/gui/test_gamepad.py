@@ -7,10 +7,10 @@ import pytest
 
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.flight.gamepad import BUTTONS, Gamepad, share, sticks
-from flyaround.gui.flight.manual_control import ACCELERATION_M_S2
-from flyaround.gui.flight.session import Session
+from flyaround.gui.gamepad import BUTTONS, Gamepad, share, sticks
 from flyaround.gui.picture.feed import Feed
+from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.no_renderer import NoRenderer
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import msgspec
 
-from flyaround.gui.flight.cautions import CautionWatch
-from flyaround.gui.flight.session import Session
+from flyaround.simulator.piloting.cautions import CautionWatch
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.guidance.keep_out import KeepOut
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import pickle
 from typing import TYPE_CHECKING, Protocol
 
-from flyaround.gui.flight.timeline import Timeline
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.flight_history import Timeline
 
 if TYPE_CHECKING:
     from flyaround.simulator.world.guidance.manual_control import ChaserState

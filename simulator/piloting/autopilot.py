@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.gui.flight.docking import PROBE_M
-from flyaround.gui.flight.manual_control import ACCELERATION_M_S2, COARSE, COARSE_GAIN, FINE, FINE_GAIN
+from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2, COARSE, COARSE_GAIN, FINE, FINE_GAIN
+from flyaround.simulator.piloting.docking_figures import PROBE_M
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from flyaround.gui.flight.docking import DockingFigures, DockingLimits
-    from flyaround.gui.flight.docking_port import DockingPort
+    from flyaround.simulator.piloting.docking_figures import DockingFigures, DockingLimits
+    from flyaround.simulator.piloting.docking_port import DockingPort
     from flyaround.simulator.runtime.arrays import FloatArray
 
 PUSHES = (("steer.right", "steer.left"), ("steer.down", "steer.up"), ("steer.forward", "steer.back"))

@@ -10,7 +10,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.manual_control import (
+from flyaround.gui.picture.telemetry import telemetry_of
+from flyaround.gui.picture.view_settings import ViewSettings, apply_view_settings, reduced_camera
+from flyaround.gui.views.letterbox import Letterbox
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.control_laws import (
     ACCELERATION_M_S2,
     BRAKE_M_S2,
     COARSE_GAIN,
@@ -19,12 +23,8 @@ from flyaround.gui.flight.manual_control import (
     THRUST,
     TURN,
 )
-from flyaround.gui.flight.recorder import FlightRecorder
-from flyaround.gui.flight.session import FRAME_STEP_S, RATES, STEP_S, Session
-from flyaround.gui.flight.telemetry import telemetry_of
-from flyaround.gui.picture.view_settings import ViewSettings, apply_view_settings, reduced_camera
-from flyaround.gui.views.letterbox import Letterbox
-from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.recorder import FlightRecorder
+from flyaround.simulator.piloting.session import FRAME_STEP_S, RATES, STEP_S, Session
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scene.state import SceneState

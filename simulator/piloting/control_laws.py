@@ -18,7 +18,7 @@ from flyaround.simulator.world.guidance.manual_control import ChaserState, Steer
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
-    from flyaround.gui.flight.docking_port import DockingPort
+    from flyaround.simulator.piloting.docking_port import DockingPort
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.frames.lvlh import Lvlh
 

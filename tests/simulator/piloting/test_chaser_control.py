@@ -8,10 +8,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.docking import docked_state
-from flyaround.gui.flight.manual_control import ACCELERATION_M_S2, PULSE_M_S, PULSE_RAD
-from flyaround.gui.flight.propellant import G0_M_S2, Propellant, plume_strikes
-from flyaround.gui.flight.session import Session
+from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2, PULSE_M_S, PULSE_RAD
+from flyaround.simulator.piloting.docking_figures import docked_state
+from flyaround.simulator.piloting.propellant import G0_M_S2, Propellant, plume_strikes
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.attitude.target_attitude import Attitude

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
-from flyaround.gui.flight.docking import CORRIDOR_DEG, judge
+from flyaround.simulator.piloting.docking_figures import CORRIDOR_DEG, judge
 
 if TYPE_CHECKING:
-    from flyaround.gui.flight.docking import DockingFigures, DockingLimits
+    from flyaround.simulator.piloting.docking_figures import DockingFigures, DockingLimits
 
 Decision = Literal["open", "go", "no-go", "passed"]
 

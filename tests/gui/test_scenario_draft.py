@@ -6,8 +6,7 @@ from importlib.resources import files
 
 import pytest
 
-from flyaround.gui.flight.scenario_draft import ScenarioDraft
-from flyaround.gui.flight.text_lines import line_of
+from flyaround.gui.scenario_draft import ScenarioDraft, line_of
 from flyaround.simulator.errors import UserError
 
 TEXT = files("flyaround.assets").joinpath("scenarios", "tango-flyaround.toml").read_text("utf-8")

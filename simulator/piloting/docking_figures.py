@@ -12,7 +12,7 @@ from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.frames.vectors import cross
 
 if TYPE_CHECKING:
-    from flyaround.gui.flight.docking_port import DockingPort
+    from flyaround.simulator.piloting.docking_port import DockingPort
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.guidance.manual_control import ChaserState
 

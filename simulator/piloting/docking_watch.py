@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flyaround.gui.flight.docking import (
+from flyaround.simulator.piloting.docking_figures import (
     CAPTURE_M,
     CORRIDOR_DEG,
     TWO_TENTHS,
@@ -20,20 +20,20 @@ from flyaround.gui.flight.docking import (
     judge_contact,
     touches_port,
 )
-from flyaround.gui.flight.docking_port import (
+from flyaround.simulator.piloting.docking_port import (
     docking_port,
     port_along,
     radius_m,
     target_from_lvlh,
     way_to_surface_m,
 )
-from flyaround.gui.flight.hold_points import HoldPoints, not_ready
+from flyaround.simulator.piloting.hold_points import HoldPoints, not_ready
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
-    from flyaround.gui.flight.docking import DockingFigures, DockingLimits
-    from flyaround.gui.flight.docking_port import DockingPort
+    from flyaround.simulator.piloting.docking_figures import DockingFigures, DockingLimits
+    from flyaround.simulator.piloting.docking_port import DockingPort
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Target
     from flyaround.simulator.world.flight.flight import Flight

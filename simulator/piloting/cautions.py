@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from flyaround.gui.flight.session import Session
+    from flyaround.simulator.piloting.session import Session
 
 QUIET_S = 5.0
 """A keep-out sphere that lets go for less than this has not let go."""

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flyaround.gui.flight.ground_track import (
+from flyaround.gui.picture.ground_map import HEIGHT_PX, WIDTH_PX, GroundMap
+from flyaround.gui.picture.ground_track import (
     GroundTrack,
     geodetic_deg,
     ground_track,
@@ -15,8 +16,7 @@ from flyaround.gui.flight.ground_track import (
     terminator_deg,
     unbroken,
 )
-from flyaround.gui.flight.session import Session
-from flyaround.gui.picture.ground_map import HEIGHT_PX, WIDTH_PX, GroundMap
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.viewpoint import place_itrs_m
 from flyaround.simulator.world.frames.rotation import matrix_from_quat

@@ -10,11 +10,11 @@ import pytest
 
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.flight.scenario_draft import ScenarioDraft
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import Feed
+from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import Script
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.no_renderer import NoRenderer
 

@@ -6,13 +6,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.gui.flight import guidance_modes as modes
-from flyaround.gui.flight.guidance_modes import Guided, begin_mode, cubic_between
-from flyaround.gui.flight.jumps import next_event_s, search_s, sun_fraction, sun_height
-from flyaround.gui.flight.open_end import longer_flight
-from flyaround.gui.flight.planned_burns import BURN_M_S2, BurnPlan, burn_of
-from flyaround.gui.flight.session import JUMP_RATE, Session
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting import guidance_modes as modes
+from flyaround.simulator.piloting.guidance_modes import Guided, begin_mode, cubic_between
+from flyaround.simulator.piloting.jumps import next_event_s, search_s, sun_fraction, sun_height
+from flyaround.simulator.piloting.open_end import longer_flight
+from flyaround.simulator.piloting.planned_burns import BURN_M_S2, BurnPlan, burn_of
+from flyaround.simulator.piloting.session import JUMP_RATE, Session
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.guidance.chaser import Chaser
 from flyaround.simulator.world.guidance.free_flight import FreeDrift

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flyaround.gui.flight.docking_watch import Docking
-from flyaround.gui.flight.jumps import event_ahead_s
-from flyaround.gui.flight.look_back import LookBack
-from flyaround.gui.flight.open_end import longer_flight
-from flyaround.gui.flight.planned_burns import predicted_path
-from flyaround.gui.flight.recorder import FlightRecorder
-from flyaround.gui.flight.steering import BORESIGHT, Steering
-from flyaround.gui.flight.trail import Trail
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.chaser_control import BORESIGHT, Steering
+from flyaround.simulator.piloting.docking_watch import Docking
+from flyaround.simulator.piloting.jumps import event_ahead_s
+from flyaround.simulator.piloting.look_back import LookBack
+from flyaround.simulator.piloting.open_end import longer_flight
+from flyaround.simulator.piloting.planned_burns import predicted_path
+from flyaround.simulator.piloting.recorder import FlightRecorder
+from flyaround.simulator.piloting.trail import Trail
 from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
@@ -24,10 +24,10 @@ from flyaround.simulator.world.guidance.manual_control import ChaserState, predi
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
-    from flyaround.gui.flight.guidance_modes import LvlhState
-    from flyaround.gui.flight.jumps import Event
-    from flyaround.gui.flight.planned_burns import BurnPlan, PredictedPath
-    from flyaround.gui.flight.steering import AttitudeMode
+    from flyaround.simulator.piloting.chaser_control import AttitudeMode
+    from flyaround.simulator.piloting.guidance_modes import LvlhState
+    from flyaround.simulator.piloting.jumps import Event
+    from flyaround.simulator.piloting.planned_burns import BurnPlan, PredictedPath
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.scenario.scenario import Scenario
@@ -40,7 +40,7 @@ Mode = Literal["guidance", "steer"]
 
 RATES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 STEP_S = 0.02
-"""Step at 1x; it grows with the rate as far as what acts on the chaser allows (`flyaround.gui.flight.steering`)."""
+"""Step at 1x; it grows with the rate as far as what acts on the chaser allows (`chaser_control`)."""
 MOST_STEPS_PER_S = 1000.0
 """Of operator's time. Where steps must be short the clock runs slower than its rate, and the window stays alive."""
 HOLD_POINTS_EVERY_S = 0.5
@@ -320,7 +320,7 @@ class Session:
         self.set_attitude("hold" if self.tracking else "target")
 
     def set_attitude(self, mode: AttitudeMode) -> None:
-        """How the attitude is controlled: see `flyaround.gui.flight.steering`."""
+        """How the attitude is controlled: see `flyaround.simulator.piloting.chaser_control`."""
         self.take_over()
         if mode == "target":
             self._follow_target()

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.docking import (
+from flyaround.simulator.piloting.docking_figures import (
     IDSS,
     PRESETS,
     PROBE_M,
@@ -21,15 +21,15 @@ from flyaround.gui.flight.docking import (
     judge_contact,
     touches_port,
 )
-from flyaround.gui.flight.docking_port import (
+from flyaround.simulator.piloting.docking_port import (
     approach_axis_lvlh,
     docking_port,
     port_along,
     radius_m,
     target_from_lvlh,
 )
-from flyaround.gui.flight.docking_watch import Docking
-from flyaround.gui.flight.hold_points import HoldPoints, not_ready
+from flyaround.simulator.piloting.docking_watch import Docking
+from flyaround.simulator.piloting.hold_points import HoldPoints, not_ready
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import Plan, plan_flight

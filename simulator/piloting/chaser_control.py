@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from flyaround.gui.flight import manual_control
-from flyaround.gui.flight.autopilot import Autopilot
-from flyaround.gui.flight.guidance_modes import CONTROL_S
-from flyaround.gui.flight.manual_control import STEERING, THRUST, TURN
-from flyaround.gui.flight.planned_burns import BurnPlan
-from flyaround.gui.flight.propellant import Propellant, plume_strikes
+from flyaround.simulator.piloting import control_laws
+from flyaround.simulator.piloting.autopilot import Autopilot
+from flyaround.simulator.piloting.control_laws import STEERING, THRUST, TURN
+from flyaround.simulator.piloting.guidance_modes import CONTROL_S
+from flyaround.simulator.piloting.planned_burns import BurnPlan
+from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
 from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.guidance.keep_out import KeepOut
@@ -22,8 +22,8 @@ from flyaround.simulator.world.guidance.thruster_control import retreat_impulse
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
-    from flyaround.gui.flight.docking_watch import Docking, News
-    from flyaround.gui.flight.guidance_modes import Guided
+    from flyaround.simulator.piloting.docking_watch import Docking, News
+    from flyaround.simulator.piloting.guidance_modes import Guided
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.frames.lvlh import Lvlh
@@ -112,11 +112,11 @@ class Steering:
         begun = held - self._held
         self._held = held
         if self.thrust == "pulse":
-            gain = manual_control.gain(held)
-            self._pulse_m_s = self._pulse_m_s + manual_control.PULSE_M_S * gain * manual_control.direction(
+            gain = control_laws.gain(held)
+            self._pulse_m_s = self._pulse_m_s + control_laws.PULSE_M_S * gain * control_laws.direction(
                 THRUST, begun
             )
-            self._pulse_rad = self._pulse_rad + manual_control.PULSE_RAD * gain * manual_control.direction(
+            self._pulse_rad = self._pulse_rad + control_laws.PULSE_RAD * gain * control_laws.direction(
                 TURN, begun
             )
         if self.pushed_by_hand:
@@ -138,10 +138,8 @@ class Steering:
 
     def pulse(self, name: str) -> None:
         """One push of a held command's direction, however thrust is given."""
-        self._pulse_m_s = self._pulse_m_s + manual_control.PULSE_M_S * manual_control.direction(
-            THRUST, {name}
-        )
-        self._pulse_rad = self._pulse_rad + manual_control.PULSE_RAD * manual_control.direction(TURN, {name})
+        self._pulse_m_s = self._pulse_m_s + control_laws.PULSE_M_S * control_laws.direction(THRUST, {name})
+        self._pulse_rad = self._pulse_rad + control_laws.PULSE_RAD * control_laws.direction(TURN, {name})
         if name in THRUST:
             self._by_hand_from_now()
 
@@ -240,11 +238,11 @@ class Steering:
         frame = flight.orbit.frame(chaser.t_s)
         R_camera_from_lvlh = matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ frame.R_eci_from_lvlh
         in_camera, in_lvlh = self._push(chaser, flight, frame, h)
-        asked = manual_control.command(in_camera, self._turn(chaser, flight, frame, h), chaser, h)
+        asked = control_laws.command(in_camera, self._turn(chaser, flight, frame, h), chaser, h)
         command = replace(asked, acceleration_lvlh_m_s2=vec3(in_lvlh))
         if self.keep_out is not None:
             command, self.guarded = guarded_command(
-                chaser, command, h, frame, self.keep_out, manual_control.BRAKE_M_S2
+                chaser, command, h, frame, self.keep_out, control_laws.BRAKE_M_S2
             )
         given = np.array(command.acceleration_camera_m_s2) + R_camera_from_lvlh @ np.array(
             command.acceleration_lvlh_m_s2
@@ -273,9 +271,9 @@ class Steering:
         else:
             in_camera = by_hand
         if self.braking:
-            brake, speed = manual_control.brake_camera_m_s2(chaser, frame, h)
+            brake, speed = control_laws.brake_camera_m_s2(chaser, frame, h)
             in_camera = in_camera + brake
-            self.braking = speed >= manual_control.BRAKED_M_S
+            self.braking = speed >= control_laws.BRAKED_M_S
         if self.aborting:
             in_lvlh = in_lvlh + self._retreat(chaser, frame, h)
         elif self.guided is not None:
@@ -286,13 +284,11 @@ class Steering:
 
     def _by_hand(self, h: float) -> FloatArray:
         """Keys, stick and pulses: right, down, forward [m s-2]."""
-        push = (
-            manual_control.ACCELERATION_M_S2 * manual_control.gain(self._held) * np.array(self.stick_thrust)
-        )
+        push = control_laws.ACCELERATION_M_S2 * control_laws.gain(self._held) * np.array(self.stick_thrust)
         if self.thrust == "continuous":
-            push = push + manual_control.thrust_camera_m_s2(self._held)
+            push = push + control_laws.thrust_camera_m_s2(self._held)
         if self._pulse_m_s.any():
-            most = manual_control.ACCELERATION_M_S2 * h
+            most = control_laws.ACCELERATION_M_S2 * h
             given = np.clip(self._pulse_m_s, -most, most)
             self._pulse_m_s = self._pulse_m_s - given
             self._pulse_m_s[np.abs(self._pulse_m_s) < 1e-12] = 0.0
@@ -325,17 +321,17 @@ class Steering:
             goal = None if point is None else point.axial_m
             self._pilot_keys = pilot.keys(figures, goal, PILOT_S)
             self._pilot_until_s = chaser.t_s + PILOT_S
-        return manual_control.thrust_camera_m_s2(self._pilot_keys)
+        return control_laws.thrust_camera_m_s2(self._pilot_keys)
 
     # --- turns
 
     def _turn(self, chaser: ChaserState, flight: Flight, frame: Lvlh, h: float) -> FloatArray:
         """(3,) rate relative to ECI that is wanted, camera axes [rad s-1]."""
-        asked = manual_control.RATE_RAD_S * manual_control.gain(self._held) * np.array(self.stick_turn)
+        asked = control_laws.RATE_RAD_S * control_laws.gain(self._held) * np.array(self.stick_turn)
         if self.thrust == "continuous":
-            asked = asked + manual_control.turn_camera_rad_s(self._held)
+            asked = asked + control_laws.turn_camera_rad_s(self._held)
         if self._pulse_rad.any():
-            most = manual_control.PULSE_RAD_S * h
+            most = control_laws.PULSE_RAD_S * h
             given = np.clip(self._pulse_rad, -most, most)
             self._pulse_rad = self._pulse_rad - given
             self._pulse_rad[np.abs(self._pulse_rad) < 1e-12] = 0.0
@@ -343,12 +339,12 @@ class Steering:
         match self.attitude:
             case "rate":
                 # as a joystick commands a wheel: the rate stays until it is pushed back
-                return np.array(chaser.omega_camera_rad_s) + asked * (h / manual_control.RATE_TIME_S)
+                return np.array(chaser.omega_camera_rad_s) + asked * (h / control_laws.RATE_TIME_S)
             case "target":
-                self.aim = manual_control.turned_aim(self.aim, asked, h)
-                return asked + manual_control.tracking_rate_rad_s(chaser, self.aim, h)
+                self.aim = control_laws.turned_aim(self.aim, asked, h)
+                return asked + control_laws.tracking_rate_rad_s(chaser, self.aim, h)
             case "dock":
-                return asked + manual_control.docked_rate_rad_s(
+                return asked + control_laws.docked_rate_rad_s(
                     chaser, flight.attitude(chaser.t_s), self.docking.port, h
                 )
             case "hold":

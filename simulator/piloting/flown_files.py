@@ -14,7 +14,7 @@ from flyaround.simulator.world.flight.recording import Recording, state_row
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flyaround.gui.flight.session import Session
+    from flyaround.simulator.piloting.session import Session
 
 RECORDING, REPLAY = "flight.npz", "replay.toml"
 MOST_FOLDERS = 10_000

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flyaround.gui.flight.trail import EVERY_S, MOST_POINTS, Trail
+from flyaround.simulator.piloting.trail import EVERY_S, MOST_POINTS, Trail
 
 
 def test_a_long_flight_is_thinned_and_stays_whole() -> None:

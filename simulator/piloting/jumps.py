@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from flyaround.gui.flight.open_end import orbit_ahead
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.open_end import orbit_ahead
 from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
 from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from flyaround.simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m

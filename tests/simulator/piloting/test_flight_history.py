@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.recorder import FlightRecorder
-from flyaround.gui.flight.session import Session
-from flyaround.gui.flight.timeline import EVERY_S, MOST_BOOKMARKS, Timeline
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.flight_history import EVERY_S, MOST_BOOKMARKS, Timeline
+from flyaround.simulator.piloting.recorder import FlightRecorder
+from flyaround.simulator.piloting.session import Session
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.guidance.manual_control import ChaserState
 
@@ -170,7 +170,7 @@ def test_nothing_to_look_back_at_and_no_future_left(session: Session) -> None:
 
 
 def test_a_very_long_flight_is_kept_at_half_the_density(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flyaround.gui.flight.timeline.MOST_SAMPLES", 100)
+    monkeypatch.setattr("flyaround.simulator.piloting.flight_history.MOST_SAMPLES", 100)
     timeline = Timeline()
     t_s = 0.0
     for _ in range(400):
