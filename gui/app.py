@@ -32,9 +32,8 @@ from flyaround.simulator.dataset.single_frames import save_picture
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import open_frames
-from flyaround.simulator.piloting.cautions import CautionWatch
 from flyaround.simulator.piloting.recorder import FlightRecorder
-from flyaround.simulator.piloting.session import Session
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
 from flyaround.simulator.scenario.load import load_scenario
 
@@ -117,7 +116,7 @@ def run(request: Request) -> dict[str, Any]:
         # said now, and not after the flight
         empty_folder(request.record, option="--record")
     recorder = FlightRecorder()
-    session = Session.of(
+    session = FlightSession.of(
         load_scenario(request.scenario),
         seed=request.seed,
         recorder=None if request.record is None else recorder,
@@ -166,7 +165,7 @@ def run(request: Request) -> dict[str, Any]:
     return state
 
 
-def options_of(session: Session, overlays: tuple[str, ...] = ()) -> Options:
+def options_of(session: FlightSession, overlays: tuple[str, ...] = ()) -> Options:
     """The first settings of a flight's view.
 
     Raises
@@ -175,7 +174,7 @@ def options_of(session: Session, overlays: tuple[str, ...] = ()) -> Options:
         If there is no such overlay.
     """
     options = Options(ViewSettings(bands=session.plan.bands, environment=session.scene().environment))
-    options.orbit.reset(session.moment.world.range_m)
+    options.orbit.reset(session.craft.world.range_m)
     for name in overlays:
         if not hasattr(options.overlays, name):
             known = ", ".join(vars(options.overlays))
@@ -191,7 +190,6 @@ class ConsoleLoop:
         self._window = window
         self._console = console
         self._request = request
-        self._cautions = CautionWatch()
         self._layout_file = layout_file()
         saved = read_layout(self._layout_file)
         window.font_scale = saved.font_scale
@@ -223,7 +221,7 @@ class ConsoleLoop:
         while window.open and not console.wants_close:
             least_s = max(1 / hz, min(1e-3 * self._window_ms / SHARE, 1 / STILL_HZ))
             # while time runs maps and figures move, whether a picture has come or not
-            changed |= not console.session.paused
+            changed |= not console.session.clock.paused
             due = drawn + (least_s if changed else 1 / STILL_HZ)
             changed |= window.wait(min(max(due - window.seconds, 0.0), SLICE_S))
             now = window.seconds
@@ -280,13 +278,13 @@ class ConsoleLoop:
         screenshot, console.wants_screenshot = console.wants_screenshot, None
         window.capture = screenshot is not None
         with window.frame():
-            if window.keys.typing and console.hand_control:
+            if window.keys.typing and console.hand.armed:
                 console.do("steer.arm", False)
             hit = console.table.pressed(window.keys.hit(self._keys), ctrl=window.keys.ctrl)
             # before its first picture nothing flies
             console.press([c for c in hit if console.feed.newest is not None or c.group not in FLIGHT_GROUPS])
             self._held, self._pressed = window.keys.held(self._keys), window.keys.hit(self._keys)
-            window.keys.set_urgent(URGENT_ARMED if console.hand_control else URGENT)
+            window.keys.set_urgent(URGENT_ARMED if console.hand.armed else URGENT)
             self._save_finished()
             self._layout.draw(console)
         window.capture = False
@@ -350,7 +348,7 @@ class ConsoleLoop:
 
     def _tell_troubles(self) -> None:
         """What goes wrong meanwhile, once: the flight goes on."""
-        recorder = self._console.session.recorder
+        recorder = self._console.session.look_back.recorder
         for trouble in (
             self._console.feed.take_trouble(),
             *(feed.take_trouble() for feed in self._console.feeds.values()),
@@ -358,26 +356,26 @@ class ConsoleLoop:
         ):
             if trouble is not None:
                 self._console.say(trouble, "warning")
-        for level, text in self._cautions.news(self._console.session):
-            self._console.say(text, level)
 
     def _last_state(self) -> dict[str, Any]:
         console = self._console
         session, feed = console.session, console.feed
-        world, scene = session.moment.world, session.scene()
+        world, scene = session.craft.world, session.scene()
         return {
             "scenario": session.plan.scenario.name,
-            "mode": session.mode,
-            "tracking": session.tracking,
-            "paused": session.paused,
-            "rate": session.rate,
+            "mode": session.craft.mode,
+            "tracking": session.craft.tracking,
+            "paused": session.clock.paused,
+            "rate": session.clock.rate,
             **telemetry_of(world, scene).document(),
             "q_camera_from_target_wxyz": scene.q_camera_from_target_wxyz,
             "t_camera_from_target_m": scene.t_camera_from_target_m,
             "q_camera_from_eci_wxyz": scene.q_camera_from_eci_wxyz,
-            "delta_v_m_s": session.steering.propellant.delta_v_m_s,
-            "propellant_kg": session.steering.propellant.used_kg,
-            "docking": None if session.docking.contact is None else session.docking.contact.document(),
+            "delta_v_m_s": session.craft.steering.propellant.delta_v_m_s,
+            "propellant_kg": session.craft.steering.propellant.used_kg,
+            "docking": None
+            if session.craft.docking.contact is None
+            else session.craft.docking.contact.document(),
             "operator_s": console.clock_ms / 1000,
             "commands": len(console.log.lines),
             "pictures": feed.finished,

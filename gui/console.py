@@ -8,6 +8,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from flyaround.gui.hand_control import STEERING, HandControl
 from flyaround.gui.jobs.capture_job import CaptureJob
 from flyaround.gui.jobs.hil_session import HilSession
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
@@ -16,7 +17,6 @@ from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.control_laws import STEERING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from flyaround.gui.picture.feed import Feed, Picture
     from flyaround.gui.picture.video import Film
     from flyaround.gui.picture.view_settings import Options
-    from flyaround.simulator.piloting.session import Session
+    from flyaround.simulator.piloting.orders import Order
+    from flyaround.simulator.piloting.session import FlightSession
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +66,7 @@ class Console:
     window_hz, window_gl : how often the window is drawn, and by what.
     """
 
-    session: Session
+    session: FlightSession
     feed: Feed
     options: Options
     table: CommandTable
@@ -113,8 +114,7 @@ class Console:
     filmed: Picture | None = None
     mesh: MeshImport | None = None
     held: frozenset[str] = frozenset()
-    hand_control: bool = False
-    """True while keys fly the chaser. Commands, buttons, scripts, sticks and the key of abort always do."""
+    hand: HandControl = field(default_factory=HandControl)
     on_pass_time: list[Callable[[Console], None]] = field(default_factory=list)
     """What else is to be kept up to date, once a turn of the loop."""
     _player: Player | None = None
@@ -167,10 +167,16 @@ class Console:
             return
         self.do(name, *words)
 
+    def order(self, order: Order) -> None:
+        """Give the flight an order, and say what it answers."""
+        if (answer := self.session.order(order)) is not None:
+            level, text = answer
+            self.say(text, level)
+
     def press(self, commands: Sequence[Command]) -> None:
         """Do the commands of the keys that went down; those that fly only while hand control is armed."""
         for command in commands:
-            if command.flies and not self.hand_control:
+            if command.flies and not self.hand.armed:
                 self.say(UNARMED)
             elif command.at_once:
                 self.do(command.name)
@@ -206,7 +212,7 @@ class Console:
         ----------
         keys : held commands by the window's keys.
         """
-        if not self.hand_control:
+        if not self.hand.armed:
             if keys & STEERING:
                 self.say(UNARMED)
             keys = frozenset()
@@ -224,8 +230,6 @@ class Console:
                 return
         self._advance(end)
         self.hold(keys)
-        for level, text in self.session.steering.take_news():
-            self.say(text, level)
         self._keep_up()
 
     def stand(self) -> None:
@@ -239,11 +243,14 @@ class Console:
 
     def _advance(self, t_ms: int) -> None:
         try:
-            self.session.advance((t_ms - self.clock_ms) / 1000, self.held)
+            state = self.session.step(self.hand.command(), (t_ms - self.clock_ms) / 1000)
         except UserError as error:
             # an orbit that reaches the ground, for example: what was flown is there to look back at
-            self.session.paused = True
+            self.session.clock.paused = True
             self.say(f"the flight is paused: {error}", "warning")
+        else:
+            for level, text in state.news:
+                self.say(text, level)
         self.clock_ms = t_ms
 
     def _take_opened(self) -> None:
@@ -255,12 +262,13 @@ class Console:
             return
         if session is None:
             return
-        recorder = self.session.recorder
+        recorder = self.session.look_back.recorder
         if recorder is not None:
-            self.session.recorder = None
+            self.session.look_back.recorder = None
             self.say("the recording ends with the scenario that was flown", "caution")
         self.session, self.source = session, self.opener.source
-        self.hand_control = False
+        self.hand.armed = False
+        self.hand.centre_sticks()
         # nothing of the flight before may look as if it were of this one
         self.estimates.forget()
         self.acknowledge()

@@ -380,7 +380,7 @@ class Layout:
     def _hand_control(self, console: Console) -> None:
         """Show whether keys fly the chaser; a click arms or disarms them."""
         imgui, w = self._window.imgui, self._w
-        on = console.hand_control
+        on = console.hand.armed
         imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(style.WARN if on else style.EDGE)))
         w.coloured(style.GROUND if on else style.QUIET)
         if imgui.small_button("HAND ON##hand" if on else "HAND OFF##hand"):

@@ -6,8 +6,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, Command
+from flyaround.simulator.piloting.clock import RATES
 from flyaround.simulator.piloting.jumps import EVENTS
-from flyaround.simulator.piloting.session import RATES
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -15,27 +15,28 @@ if TYPE_CHECKING:
 
 
 def _pause(console: Console) -> None:
-    console.session.toggle_pause()
+    console.session.clock.toggle_pause()
 
 
 def _step(console: Console) -> None:
-    console.session.step_once()
+    console.session.step_frame()
 
 
 def _faster(console: Console) -> None:
-    console.session.faster()
+    console.session.clock.shift_rate(1)
 
 
 def _slower(console: Console) -> None:
-    console.session.slower()
+    console.session.clock.shift_rate(-1)
 
 
 def _rate(console: Console, rate: str) -> None:
-    console.session.set_rate(float(rate))
+    console.session.clock.set_rate(float(rate))
 
 
 def _restart(console: Console) -> None:
     console.session.restart()
+    console.hand.centre_sticks()
 
 
 def _jump(event: Event, console: Console) -> None:
@@ -45,7 +46,7 @@ def _jump(event: Event, console: Console) -> None:
 
 def _jump_to_hold_point(console: Console) -> None:
     console.session.jump_to_hold_point()
-    point = console.session.docking.hold_points.next
+    point = console.session.craft.docking.hold_points.next
     console.say("on the way to " + ("the port" if point is None else f"{point.name}, {point.axial_m:g} m"))
 
 
@@ -57,7 +58,7 @@ COMMANDS = (
         _pause,
         ("space",),
         "Space",
-        state=lambda console: console.session.paused,
+        state=lambda console: console.session.clock.paused,
     ),
     Command("time.step", "One frame", "one frame, then paused", _step, ("period",), "."),
     Command(

@@ -25,7 +25,7 @@ FRAMES = 50
 
 
 def _seek(console: Console, t_s: float) -> None:
-    console.session.paused = True
+    console.session.clock.paused = True
     console.session.look_back.seek(t_s)
 
 
@@ -42,7 +42,7 @@ def _forward(console: Console) -> None:
 
 
 def _step_back(console: Console) -> None:
-    console.session.paused = True
+    console.session.clock.paused = True
     console.session.look_back.step(-1)
 
 
@@ -56,12 +56,12 @@ def _fly_on(console: Console) -> None:
     if not session.look_back.active:
         raise UserError("this is the end of what was flown: Space flies on")
     session.look_back.fly_on()
-    session.paused = False
+    session.clock.paused = False
     console.say(f"flies on from {clock(session.t_s)}; timeline.other-future brings the other future back")
 
 
 def _other_future(console: Console) -> None:
-    console.session.paused = True
+    console.session.clock.paused = True
     parts_s = console.session.look_back.swap_future()
     console.say(f"the other future is back; the two part at {clock(parts_s)}")
 

@@ -34,7 +34,7 @@ def _turn(console: Console, azimuth_deg: float, elevation_deg: float, distance_m
 
 
 def _first_turn(console: Console) -> None:
-    console.options.orbit.reset(console.session.moment.world.range_m)
+    console.options.orbit.reset(console.session.craft.world.range_m)
 
 
 def _metres(name: str, of: str) -> Argument:

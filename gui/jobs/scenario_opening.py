@@ -6,7 +6,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.session import Session
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ class ScenarioOpener:
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="scenario")
-        self._pending: Future[Session] | None = None
+        self._pending: Future[FlightSession] | None = None
         self.name = ""
         self.source = ""
         """Built-in name or file of what was opened last; empty for a scenario that is in no file."""
@@ -41,7 +41,7 @@ class ScenarioOpener:
         self.source = scenario if isinstance(scenario, str) else ""
         self._pending = self._pool.submit(_open, scenario)
 
-    def take(self) -> Session | None:
+    def take(self) -> FlightSession | None:
         """The flight that was opened, once.
 
         Raises
@@ -58,5 +58,5 @@ class ScenarioOpener:
             raise UserError(f"{self.name} could not be opened: {error}") from error
 
 
-def _open(scenario: str | Scenario) -> Session:
-    return Session.of(load_scenario(scenario) if isinstance(scenario, str) else scenario)
+def _open(scenario: str | Scenario) -> FlightSession:
+    return FlightSession.of(load_scenario(scenario) if isinstance(scenario, str) else scenario)

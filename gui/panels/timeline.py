@@ -41,7 +41,7 @@ class TimelinePanel:
         labels = {
             "back": "- 10 s",
             "step-back": "- 0.1 s",
-            "play": "Play" if session.paused else "Pause",
+            "play": "Play" if session.clock.paused else "Pause",
             "step": "+ 0.1 s",
             "forward": "+ 10 s",
             "end": "End",

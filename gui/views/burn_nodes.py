@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.picture.relative_map import MapPort, Plane
     from flyaround.simulator.piloting.planned_burns import PredictedPath
-    from flyaround.simulator.piloting.session import Session
+    from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
 
 COLOUR = style.PURPLE
@@ -62,7 +62,7 @@ class BurnNodes:
         pressed : whether the left button went down on the map, is down, and whether the right one went down on it.
         """
         session = console.session
-        self._refresh(session, session.steering.burns if self._grip is None else self._plan)
+        self._refresh(session, session.craft.steering.burns if self._grip is None else self._plan)
         clicked, down, other = pressed
         port = next((p for p in ports if p.inside(*mouse)), None)
         if self._grip is not None:
@@ -75,7 +75,7 @@ class BurnNodes:
             return False
         grip = self._found(port, mouse)
         if clicked and grip is not None:
-            self._grip, self._plan = grip, session.steering.burns
+            self._grip, self._plan = grip, session.craft.steering.burns
             return True
         if other and grip is not None:
             console.do("burn.cancel", grip.burn.t_s)
@@ -116,15 +116,15 @@ class BurnNodes:
 
     # --- inside
 
-    def _refresh(self, session: Session, plan: BurnPlan) -> None:
-        key = (session, plan, int(session.t_s / (EVERY_S * max(session.rate, 1.0))))
+    def _refresh(self, session: FlightSession, plan: BurnPlan) -> None:
+        key = (session, plan, int(session.t_s / (EVERY_S * max(session.clock.rate, 1.0))))
         if key == self._of:
             return
         self._of, self._plan = key, plan
         # a burn that has begun has no node any more
         ahead = BurnPlan(tuple(b for b in plan.burns if b.t_s >= session.t_s))
         self._plan = ahead
-        self._path = session.predicted_burns(ahead, samples=SAMPLES) if ahead.burns else None
+        self._path = session.craft.predicted_burns(ahead, samples=SAMPLES) if ahead.burns else None
 
     def _found(self, port: MapPort, mouse: Point) -> Grip | None:
         if self._path is None:
@@ -136,7 +136,7 @@ class BurnNodes:
                     return Grip(burn, "handle" if what == "handle" else "node", port)
         return None
 
-    def _drag(self, session: Session, mouse: Point) -> None:
+    def _drag(self, session: FlightSession, mouse: Point) -> None:
         grip = self._grip
         if grip is None or self._path is None:
             return
@@ -158,7 +158,7 @@ class BurnNodes:
         grip, self._grip = self._grip, None
         if grip is None:
             return
-        planned = console.session.steering.burns.burns
+        planned = console.session.craft.steering.burns.burns
         # a node that was moved along the path is another time: the old one goes
         gone = [b for b in planned if b.t_s not in {p.t_s for p in self._plan.burns}]
         for burn in gone:
@@ -167,12 +167,12 @@ class BurnNodes:
             console.do("burn.plan", grip.burn.t_s, *grip.burn.delta_v_lvlh_m_s)
         self._of = ()
 
-    def _time_at(self, session: Session, port: MapPort, mouse: Point) -> float:
+    def _time_at(self, session: FlightSession, port: MapPort, mouse: Point) -> float:
         """When the chaser is nearest to the pointer, of what is foretold; not in the next seconds."""
         path = self._path
         if path is None:
-            session.take_over()
-            path = session.predicted_burns(BurnPlan(), samples=SAMPLES)
+            session.craft.take_over()
+            path = session.craft.predicted_burns(BurnPlan(), samples=SAMPLES)
         way = port.at(path.points_lvlh_m) - np.array(mouse)
         ahead = path.times_s > session.t_s + 5.0
         k = int(np.argmin(np.where(ahead, np.hypot(way[:, 0], way[:, 1]), np.inf)))

@@ -66,11 +66,11 @@ class DockingHud:
     def draw(self, box: Letterbox, console: Console, picture: Picture) -> None:
         """Draw over a picture; all figures are of the picture's own moment."""
         session = console.session
-        if picture.moment.target is not session.plan.target:
+        if picture.target is not session.plan.target:
             # the last picture of another scenario
             return
-        docking = session.docking
-        figures = docking.figures(picture.moment.chaser, session.flight)
+        docking = session.craft.docking
+        figures = docking.figures(picture.state.chaser, session.flight)
         rows = {r.name: r for r in judge(figures, docking.limits, docking.corridor_deg)}
         canvas, camera = Canvas(self._window), picture.frame.scene.camera
         self._corridor(canvas, box, camera, figures, docking)
@@ -215,7 +215,7 @@ class DockingHud:
     def _status(self, canvas: Canvas, box: Letterbox, centre: Point, radius: float, console: Console) -> None:
         """What flies, and what the operator is waited for: where the view's other letters leave room."""
         text, colour = status(console)
-        if console.session.steering.plume:
+        if console.session.craft.steering.plume:
             text, colour = f"{text}   PLUME ON TARGET".strip(), style.OUTSIDE
         line = self._w.line
         x, y = box.x + box.width / 2, box.y + 0.6 * line
@@ -241,7 +241,7 @@ _CROSS = (
 def status(console: Console) -> tuple[str, style.Rgba]:
     """A line on how the approach stands, and its colour."""
     session = console.session
-    docking, steering = session.docking, session.steering
+    docking, steering = session.craft.docking, session.craft.steering
     contact = docking.contact
     if docking.docked and contact is not None:
         return f"DOCKED   score {contact.score}", style.WITHIN
@@ -255,7 +255,7 @@ def status(console: Console) -> tuple[str, style.Rgba]:
         return f"by hand   next: {goal}", style.INK
     if point is None:
         return "AUTOPILOT to the port", style.ACCENT
-    waits = not docking.not_ready(session.moment.chaser, session.flight)
+    waits = not docking.not_ready(session.craft.chaser, session.flight)
     if point.decision == "no-go":
         return f"NO-GO at {goal}", style.NEAR
     return (f"{goal}: GO? (Enter)", style.NEAR) if waits else (f"AUTOPILOT to {goal}", style.ACCENT)

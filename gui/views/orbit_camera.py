@@ -82,12 +82,12 @@ class OrbitCameraView:
 
     def _marks_for(self, console: Console, picture: Picture) -> ChaserMarks:
         if self._marks is None or self._marks_of is not picture:
-            session, moment = console.session, picture.moment
-            trail = np.vstack([*session.trail[-4000:], moment.world.position_lvlh_m])
+            session, world = console.session, picture.state.world
+            trail = np.vstack([*session.look_back.trail.points[-4000:], world.position_lvlh_m])
             trail = trail[:: max(1, len(trail) // TRAIL_POINTS)]
-            frame = session.flight.lvlh(moment.world.t_s)
+            frame = session.flight.lvlh(world.t_s)
             camera = session.plan.camera
-            self._marks = chaser_marks(picture.frame.scene, moment, camera, frame, trail)
+            self._marks = chaser_marks(picture.frame.scene, world, camera, frame, trail)
             self._marks_of = picture
         return self._marks
 

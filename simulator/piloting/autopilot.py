@@ -1,4 +1,4 @@
-"""A pilot that docks by the keys of translation alone: reads the docking figures, says which keys to hold."""
+"""A pilot that docks by switches of translation alone, from the docking figures."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2, COARSE, COARSE_GAIN, FINE, FINE_GAIN
+from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2, COARSE_GAIN, FINE_GAIN, Demand
 from flyaround.simulator.piloting.docking_figures import PROBE_M
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
+    from flyaround.simulator.piloting.control_laws import Switch
     from flyaround.simulator.piloting.docking_figures import DockingFigures, DockingLimits
     from flyaround.simulator.piloting.docking_port import DockingPort
     from flyaround.simulator.runtime.arrays import FloatArray
 
-PUSHES = (("steer.right", "steer.left"), ("steer.down", "steer.up"), ("steer.forward", "steer.back"))
-"""Along each camera axis: the command of the positive and of the negative direction."""
+PUSHES: tuple[tuple[Switch, Switch], ...] = (("right", "left"), ("down", "up"), ("forward", "back"))
+"""Switches of the positive and of the negative direction along each camera axis."""
 
 ROUND_ABOVE_DEG = 25.0
 """Farther off the axis than this the chaser goes round the target first."""
@@ -33,16 +34,16 @@ BRAKE_M_S2 = 0.012
 ACROSS_GAIN_1_S, ALONG_GAIN_1_S = 0.12, 0.1
 ACROSS_M_S = 0.3
 DEAD_M_S, DEAD_PER_M = 0.002, 5e-5
-"""What is missing below this, and so much more for each metre of distance, is let be: keys that chatter cost most."""
+"""Dead band, and its growth with the distance: switches that chatter cost most."""
 COARSE_ABOVE_M_S = 0.3
-"""What is missing beyond this is given coarsely."""
+"""Velocity errors beyond this are corrected with `COARSE_GAIN`."""
 
 
 class Autopilot:
     """Flies the docking point to a distance before the port, or into it.
 
-    It sees what the operator sees, the docking figures, and holds the keys that an operator holds. The attitude it
-    leaves to the mode that keeps the docked one.
+    It sees what the pilot sees, the docking figures, and closes the switches that a pilot closes. Attitude is left to
+    the mode that keeps the docked one.
 
     Parameters
     ----------
@@ -56,30 +57,35 @@ class Autopilot:
         self._round_m = target_radius_m + CLEAR_M + PROBE_M[2]
         self._limits = limits
 
-    def keys(self, figures: DockingFigures, goal_m: float | None, held_s: float) -> frozenset[str]:
-        """The held commands for the next ``held_s``.
+    def demand(self, figures: DockingFigures, goal_m: float | None, held_s: float) -> Demand:
+        """Return the demand for the next ``held_s``.
 
         Parameters
         ----------
-        figures : now. goal_m : distance before the port to come to rest at, or None to dock.
+        figures : DockingFigures
+            Now.
+        goal_m : float or None
+            Distance before the port to come to rest at, or None to dock [m].
+        held_s : float
+            Period of control [s].
         """
         f = figures
         velocity = np.array([f.right_m_s, f.down_m_s, f.closing_m_s])
         missing = f.R_port_from_camera.T @ (self.wanted_velocity(f, goal_m) - velocity)
         most = float(np.abs(missing).max())
-        step = ACCELERATION_M_S2 * held_s
-        gain: tuple[str, ...] = ()
+        step, gain = ACCELERATION_M_S2 * held_s, 1.0
         if most < step:
-            gain, step = (FINE,), step * FINE_GAIN
+            gain = FINE_GAIN
         elif most > COARSE_ABOVE_M_S:
-            gain, step = (COARSE,), step * COARSE_GAIN
+            gain = COARSE_GAIN
+        step *= gain
         least = max(0.6 * step, DEAD_M_S + DEAD_PER_M * max(f.axial_m, 0.0))
-        pushes = [
+        closed = [
             positive if x > 0 else negative
             for x, (positive, negative) in zip(missing, PUSHES, strict=True)
             if abs(x) > least
         ]
-        return frozenset((*pushes, *gain)) if pushes else frozenset()
+        return Demand(switches=frozenset(closed), gain=gain) if closed else Demand()
 
     def wanted_velocity(self, figures: DockingFigures, goal_m: float | None) -> FloatArray:
         """(3,) velocity along the port's axes, right, down, in, that the pilot wants [m s-1]."""

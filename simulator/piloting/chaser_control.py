@@ -1,4 +1,4 @@
-"""Steering: what of keys, sticks, modes, planned burns and autopilot pushes and turns the chaser at each step."""
+"""Steering: thrust and turn of the chaser at each step, from demands by hand, modes, planned burns and autopilot."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from flyaround.simulator.piloting import control_laws
 from flyaround.simulator.piloting.autopilot import Autopilot
-from flyaround.simulator.piloting.control_laws import STEERING, THRUST, TURN
+from flyaround.simulator.piloting.control_laws import STILL, THRUST, TURN, Demand
 from flyaround.simulator.piloting.guidance_modes import CONTROL_S
 from flyaround.simulator.piloting.planned_burns import BurnPlan
 from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
@@ -20,8 +20,7 @@ from flyaround.simulator.world.guidance.manual_control import guarded_command
 from flyaround.simulator.world.guidance.thruster_control import retreat_impulse
 
 if TYPE_CHECKING:
-    from collections.abc import Set as AbstractSet
-
+    from flyaround.simulator.piloting.control_laws import Switch
     from flyaround.simulator.piloting.docking_watch import Docking, News
     from flyaround.simulator.piloting.guidance_modes import Guided
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -39,7 +38,7 @@ ATTITUDE_MODES: tuple[AttitudeMode, ...] = get_args(AttitudeMode)
 
 BORESIGHT: Vec3 = (0.0, 0.0, 1.0)
 ACTIVE_STEP_S = 0.2
-"""Longest step while keys, brake or autopilot push, or contact is possible."""
+"""Longest step while hand, brake or autopilot push, or contact is possible."""
 PILOT_S = 0.1
 """The autopilot looks at the figures so often."""
 COAST_STEP_S = 20.0
@@ -47,11 +46,11 @@ ABORT_M_S2 = 0.25
 """With which an abort turns the chaser round."""
 PLUME_AGAIN_S = 300.0
 """Between two cautions of it."""
-# radial, along-track, cross-track of the keys right, down, forward: R is up, W along the flight, D to its right
-LVLH_OF_KEYS = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
+# radial, along-track, cross-track of thrust to the right, down, forward: up is radial, forward along the flight
+LVLH_FROM_DEMAND = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 
-NOT_KEPT = frozenset({"docking", "keep_out", "news", "_held", "_spent", "stick_thrust", "stick_turn"})
-"""Of a place of the flight: the rest of the world, what was told, and what hands hold now."""
+NOT_KEPT = frozenset({"docking", "keep_out", "news", "_demand"})
+"""Attributes that a seek does not restore: the rest of the world, news, and the demand by hand."""
 
 
 class Steering:
@@ -60,7 +59,7 @@ class Steering:
     Parameters
     ----------
     docking : whose figures the autopilot flies by. thrusters : for what it costs.
-    keep_out : what the keys must not enter.
+    keep_out : what the pilot must not enter.
     """
 
     def __init__(self, docking: Docking, thrusters: Thrusters, keep_out: KeepOut | None) -> None:
@@ -71,8 +70,7 @@ class Steering:
         self.burns = BurnPlan()
         self.propellant = Propellant(thrusters)
         self.news: list[News] = []
-        self._held: frozenset[str] = frozenset()
-        self._spent: frozenset[str] = frozenset()
+        self._demand = Demand()
         self.let_go()
 
     def let_go(self) -> None:
@@ -86,13 +84,12 @@ class Steering:
         self.guided: Guided | None = None
         self.aborting = False
         self.autopilot = False
-        self.stick_thrust: Vec3 = (0.0, 0.0, 0.0)
-        self.stick_turn: Vec3 = (0.0, 0.0, 0.0)
+        self._demand = replace(self._demand, thrust=STILL, turn=STILL)
         self._pulse_m_s = np.zeros(3)
         self._pulse_rad = np.zeros(3)
         self._guided_m_s2 = np.zeros(3)
         self._guided_until_s = -np.inf
-        self._pilot_keys: frozenset[str] = frozenset()
+        self._pilot_demand = Demand()
         self._pilot_until_s = -np.inf
 
     def kept(self) -> dict[str, Any]:
@@ -103,60 +100,51 @@ class Steering:
         """Be as it was when `kept` was asked."""
         vars(self).update(kept)
 
-    # --- what the operator asks for
+    # --- the pilot's demand
 
-    def hold(self, held: AbstractSet[str]) -> None:
-        """Commands that are held from now on; in pulses each gives a fixed push when it begins."""
-        self._spent &= frozenset(held)
-        held = frozenset(held) - self._spent
-        begun = held - self._held
-        self._held = held
+    def hold(self, demand: Demand) -> None:
+        """Hold a demand from now on; in pulses each switch that closes gives one pulse."""
         if self.thrust == "pulse":
-            gain = control_laws.gain(held)
-            self._pulse_m_s = self._pulse_m_s + control_laws.PULSE_M_S * gain * control_laws.direction(
-                THRUST, begun
-            )
-            self._pulse_rad = self._pulse_rad + control_laws.PULSE_RAD * gain * control_laws.direction(
-                TURN, begun
-            )
-        if self.pushed_by_hand:
-            self._by_hand_from_now()
+            closed = demand.switches - self._demand.switches
+            self._add_pulse(closed, demand.gain)
+        self._demand = demand
+        if demand.pushes:
+            self._end_for_hand()
 
-    def _let_hands_go(self) -> None:
-        """Let keys and sticks push no more until they are released and used again."""
-        # also those that were pressed since the last step
-        self._spent = STEERING
-        self._held -= STEERING
-        self.stick_thrust = self.stick_turn = (0.0, 0.0, 0.0)
+    def _add_pulse(self, switches: frozenset[Switch], gain: float) -> None:
+        self._pulse_m_s = self._pulse_m_s + control_laws.PULSE_M_S * gain * control_laws.direction(
+            THRUST, switches
+        )
+        self._pulse_rad = self._pulse_rad + control_laws.PULSE_RAD * gain * control_laws.direction(
+            TURN, switches
+        )
+
+    def _drop_demand(self) -> None:
+        """Drop what is demanded, until the next `hold`."""
+        self._demand = Demand()
         self._pulse_m_s = np.zeros(3)
 
-    def _by_hand_from_now(self) -> None:
-        if self.doing:
+    def _end_for_hand(self) -> None:
+        if self.doing and not self.docking.docked:
             self.news.append(("note", f"{self.doing} has ended: you push"))
         self.braking = False
         self._end_modes()
 
-    def pulse(self, name: str) -> None:
-        """One push of a held command's direction, however thrust is given."""
-        self._pulse_m_s = self._pulse_m_s + control_laws.PULSE_M_S * control_laws.direction(THRUST, {name})
-        self._pulse_rad = self._pulse_rad + control_laws.PULSE_RAD * control_laws.direction(TURN, {name})
-        if name in THRUST:
-            self._by_hand_from_now()
-
-    @property
-    def pushed_by_hand(self) -> bool:
-        """Whether keys or a stick push."""
-        return bool(self._held & frozenset(THRUST)) or any(self.stick_thrust)
+    def pulse(self, switch: Switch) -> None:
+        """Give one pulse of a switch's direction, however thrust is given."""
+        self._add_pulse(frozenset({switch}), 1.0)
+        if switch in THRUST:
+            self._end_for_hand()
 
     @property
     def takes_over(self) -> bool:
-        """Whether something is asked for that the scenario's guidance cannot give."""
-        return bool(self._held & STEERING) or any(self.stick_thrust) or any(self.stick_turn)
+        """True if something is demanded that the scenario's guidance cannot give."""
+        return not self._demand.idle
 
     def brake(self) -> None:
         """To rest beside the target."""
         self._end_modes()
-        self._let_hands_go()
+        self._drop_demand()
         self.braking = True
 
     def guide(self, guided: Guided | None) -> None:
@@ -177,18 +165,18 @@ class Steering:
         self._end_modes()
         self.braking = False
         self.burns = BurnPlan()
-        self._let_hands_go()
+        self._drop_demand()
         self.docking.docked = False
         self.aborting = True
 
     def _end_modes(self) -> None:
         self.guided, self.autopilot, self.aborting = None, False, False
         self._guided_until_s = self._pilot_until_s = -np.inf
-        self._pilot_keys = frozenset()
+        self._pilot_demand = Demand()
 
     @property
     def doing(self) -> str:
-        """What flies the chaser, for people; nothing where it coasts by the keys alone."""
+        """What flies the chaser, for people; nothing where it coasts by hand."""
         if self.docking.docked:
             return "docked"
         if self.aborting:
@@ -267,7 +255,7 @@ class Steering:
         in_lvlh = self.burns.acceleration_lvlh_m_s2(chaser.t_s, chaser.t_s + h)
         by_hand = self._by_hand(h)
         if self.axes == "lvlh":
-            in_camera, in_lvlh = np.zeros(3), in_lvlh + LVLH_OF_KEYS @ by_hand
+            in_camera, in_lvlh = np.zeros(3), in_lvlh + LVLH_FROM_DEMAND @ by_hand
         else:
             in_camera = by_hand
         if self.braking:
@@ -283,10 +271,11 @@ class Steering:
         return in_camera, in_lvlh
 
     def _by_hand(self, h: float) -> FloatArray:
-        """Keys, stick and pulses: right, down, forward [m s-2]."""
-        push = control_laws.ACCELERATION_M_S2 * control_laws.gain(self._held) * np.array(self.stick_thrust)
+        """(3,) demanded thrust and pulses: right, down, forward [m s-2]."""
+        demand = self._demand
+        push = control_laws.ACCELERATION_M_S2 * demand.gain * np.array(demand.thrust)
         if self.thrust == "continuous":
-            push = push + control_laws.thrust_camera_m_s2(self._held)
+            push = push + demand.switched_thrust_m_s2()
         if self._pulse_m_s.any():
             most = control_laws.ACCELERATION_M_S2 * h
             given = np.clip(self._pulse_m_s, -most, most)
@@ -319,17 +308,18 @@ class Steering:
             point = docking.hold_points.next
             figures = docking.figures(chaser, flight)
             goal = None if point is None else point.axial_m
-            self._pilot_keys = pilot.keys(figures, goal, PILOT_S)
+            self._pilot_demand = pilot.demand(figures, goal, PILOT_S)
             self._pilot_until_s = chaser.t_s + PILOT_S
-        return control_laws.thrust_camera_m_s2(self._pilot_keys)
+        return self._pilot_demand.switched_thrust_m_s2()
 
     # --- turns
 
     def _turn(self, chaser: ChaserState, flight: Flight, frame: Lvlh, h: float) -> FloatArray:
         """(3,) rate relative to ECI that is wanted, camera axes [rad s-1]."""
-        asked = control_laws.RATE_RAD_S * control_laws.gain(self._held) * np.array(self.stick_turn)
+        demand = self._demand
+        asked = control_laws.RATE_RAD_S * demand.gain * np.array(demand.turn)
         if self.thrust == "continuous":
-            asked = asked + control_laws.turn_camera_rad_s(self._held)
+            asked = asked + demand.switched_turn_rad_s()
         if self._pulse_rad.any():
             most = control_laws.PULSE_RAD_S * h
             given = np.clip(self._pulse_rad, -most, most)

@@ -1,8 +1,9 @@
-"""From held commands to a thrust and a turn rate: gains, rate slew, brake, and keeping the target in view."""
+"""Control laws: demands of thrust and turn, rate slew, brake, and keeping the target in view."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -22,30 +23,43 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.frames.lvlh import Lvlh
 
+Switch = Literal[
+    "forward",
+    "back",
+    "left",
+    "right",
+    "up",
+    "down",
+    "pitch-up",
+    "pitch-down",
+    "yaw-left",
+    "yaw-right",
+    "roll-left",
+    "roll-right",
+]
 # Directions along camera axes: x right, y down, z forward.
-THRUST: dict[str, Vec3] = {
-    "steer.forward": (0.0, 0.0, 1.0),
-    "steer.back": (0.0, 0.0, -1.0),
-    "steer.left": (-1.0, 0.0, 0.0),
-    "steer.right": (1.0, 0.0, 0.0),
-    "steer.up": (0.0, -1.0, 0.0),
-    "steer.down": (0.0, 1.0, 0.0),
+THRUST: dict[Switch, Vec3] = {
+    "forward": (0.0, 0.0, 1.0),
+    "back": (0.0, 0.0, -1.0),
+    "left": (-1.0, 0.0, 0.0),
+    "right": (1.0, 0.0, 0.0),
+    "up": (0.0, -1.0, 0.0),
+    "down": (0.0, 1.0, 0.0),
 }
 # Right-handed turns of the camera about its axes: about +x the nose goes up, about +y it goes right.
-TURN: dict[str, Vec3] = {
-    "steer.pitch-up": (1.0, 0.0, 0.0),
-    "steer.pitch-down": (-1.0, 0.0, 0.0),
-    "steer.yaw-left": (0.0, -1.0, 0.0),
-    "steer.yaw-right": (0.0, 1.0, 0.0),
-    "steer.roll-left": (0.0, 0.0, -1.0),
-    "steer.roll-right": (0.0, 0.0, 1.0),
+TURN: dict[Switch, Vec3] = {
+    "pitch-up": (1.0, 0.0, 0.0),
+    "pitch-down": (-1.0, 0.0, 0.0),
+    "yaw-left": (0.0, -1.0, 0.0),
+    "yaw-right": (0.0, 1.0, 0.0),
+    "roll-left": (0.0, 0.0, -1.0),
+    "roll-right": (0.0, 0.0, 1.0),
 }
-COARSE, FINE = "steer.coarse", "steer.fine"
-STEERING = frozenset(THRUST) | frozenset(TURN)
-HELD = STEERING | {COARSE, FINE}
+SWITCHES: tuple[Switch, ...] = (*THRUST, *TURN)
+STILL: Vec3 = (0.0, 0.0, 0.0)
 
 ACCELERATION_M_S2 = 0.05
-"""Thrust per mass of one key: two seconds of it make 0.1 m/s, an inspection's pace."""
+"""Whole thrust per mass: two seconds of it make 0.1 m/s, an inspection's pace."""
 RATE_RAD_S = np.radians(2.0)
 SLEW_RAD_S2 = np.radians(10.0)
 """How quickly the attitude control reaches a commanded rate, so that pictures do not jerk."""
@@ -53,13 +67,13 @@ BRAKE_M_S2 = 0.1
 TRACK_GAIN_1_S = 1.0
 COARSE_GAIN, FINE_GAIN = 5.0, 0.2
 PULSE_M_S = 0.01
-"""Delta-v of one press of a key in pulses."""
+"""Delta-v of one pulse."""
 PULSE_RAD = np.radians(0.2)
-"""Turn of one press."""
+"""Turn of one pulse."""
 PULSE_RAD_S = np.radians(0.2)
-"""With which it is made: a rate that the slew reaches in a step."""
+"""Rate of a turn by pulses, which the slew reaches in a step."""
 RATE_TIME_S = 1.0
-"""Where the rate is held, a key makes its own rate in this time."""
+"""Where the rate is held, a turn reaches the demanded rate in this time."""
 ALIGN_RAD_S = np.radians(5.0)
 """Largest rate with which the docked attitude is taken."""
 AT_REST_M_S = 1e-6
@@ -67,19 +81,57 @@ BRAKED_M_S = 1e-4
 """Below this the brake has done its work and lets go."""
 
 
-def gain(held: AbstractSet[str]) -> float:
-    """Factor of the held modifier keys."""
-    return (COARSE_GAIN if COARSE in held else 1.0) * (FINE_GAIN if FINE in held else 1.0)
+@dataclass(frozen=True, kw_only=True)
+class Demand:
+    """Thrust and turn that a pilot demands by hand.
 
+    Parameters
+    ----------
+    thrust : tuple of float
+        Thrust to the right, down and forward, each -1 to 1 of `ACCELERATION_M_S2`.
+    turn : tuple of float
+        Turn up, right and clockwise, each -1 to 1 of `RATE_RAD_S`.
+    switches : frozenset of str
+        On-off controllers that are closed, each for the whole thrust or turn of its direction. While thrust is given in
+        pulses, each gives one pulse when it closes.
+    gain : float
+        Factor of all of them, at most `COARSE_GAIN`.
 
-def thrust_camera_m_s2(held: AbstractSet[str]) -> FloatArray:
-    """(3,) acceleration that the held keys ask for, camera axes [m s-2]."""
-    return ACCELERATION_M_S2 * gain(held) * direction(THRUST, held)
+    Raises
+    ------
+    ValueError
+        If a value is out of its range, or a switch does not exist.
+    """
 
+    thrust: Vec3 = STILL
+    turn: Vec3 = STILL
+    switches: frozenset[Switch] = frozenset()
+    gain: float = 1.0
 
-def turn_camera_rad_s(held: AbstractSet[str]) -> FloatArray:
-    """(3,) rate relative to ECI that the held keys ask for, camera axes [rad s-1]."""
-    return RATE_RAD_S * gain(held) * direction(TURN, held)
+    def __post_init__(self) -> None:
+        for axes in (self.thrust, self.turn):
+            if len(axes) != 3 or not all(-1.0 <= share <= 1.0 for share in axes):
+                raise ValueError(f"a demand of {axes} is not three shares from -1 to 1")
+        if not 0.0 < self.gain <= COARSE_GAIN or not self.switches <= set(SWITCHES):
+            raise ValueError(f"gain {self.gain} or one of {sorted(self.switches)} cannot be demanded")
+
+    @property
+    def pushes(self) -> bool:
+        """True if thrust is demanded."""
+        return any(switch in THRUST for switch in self.switches) or any(self.thrust)
+
+    @property
+    def idle(self) -> bool:
+        """True if neither thrust nor turn is demanded."""
+        return not self.switches and not any(self.thrust) and not any(self.turn)
+
+    def switched_thrust_m_s2(self) -> FloatArray:
+        """(3,) acceleration that the switches demand, camera axes [m s-2]."""
+        return ACCELERATION_M_S2 * self.gain * direction(THRUST, self.switches)
+
+    def switched_turn_rad_s(self) -> FloatArray:
+        """(3,) rate relative to ECI that the switches demand, camera axes [rad s-1]."""
+        return RATE_RAD_S * self.gain * direction(TURN, self.switches)
 
 
 def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3, dt_s: float) -> FloatArray:
@@ -153,6 +205,6 @@ def command(
     )
 
 
-def direction(directions: dict[str, Vec3], held: AbstractSet[str]) -> FloatArray:
-    """(3,) sum of the directions of what is held."""
-    return np.sum([directions[a] for a in directions if a in held] or [(0.0, 0.0, 0.0)], axis=0)
+def direction(directions: dict[Switch, Vec3], switches: AbstractSet[Switch]) -> FloatArray:
+    """(3,) sum of the directions of the closed switches."""
+    return np.sum([directions[s] for s in directions if s in switches] or [STILL], axis=0)

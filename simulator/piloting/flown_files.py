@@ -7,6 +7,7 @@ from array import array
 from typing import TYPE_CHECKING
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.recorder import REPLAY, WHOLE
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
 from flyaround.simulator.scenario.write import replay_scenario
 from flyaround.simulator.world.flight.recording import Recording, state_row
@@ -14,9 +15,8 @@ from flyaround.simulator.world.flight.recording import Recording, state_row
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flyaround.simulator.piloting.session import Session
+    from flyaround.simulator.piloting.session import FlightSession
 
-RECORDING, REPLAY = "flight.npz", "replay.toml"
 MOST_FOLDERS = 10_000
 
 
@@ -33,8 +33,8 @@ class FlownFiles:
         If nothing was flown yet, or the folder is not empty or cannot be written.
     """
 
-    def __init__(self, session: Session, folder: Path) -> None:
-        session.look_back.keep(always=True)
+    def __init__(self, session: FlightSession, folder: Path) -> None:
+        session.look_back.keep_end()
         self._timeline = session.look_back.timeline
         self._flight, self._scenario = session.flight, session.plan.scenario
         self._count = len(self._timeline)
@@ -66,9 +66,9 @@ class FlownFiles:
             if time.perf_counter() >= until:
                 return None
         recording = Recording.of_rows(self._rows)
-        write_atomic(self.folder / RECORDING, recording.to_bytes())
+        write_atomic(self.folder / WHOLE, recording.to_bytes())
         replay = self.folder / REPLAY
-        write_atomic(replay, replay_scenario(self._scenario, RECORDING, recording.duration_s).encode())
+        write_atomic(replay, replay_scenario(self._scenario, WHOLE, recording.duration_s).encode())
         return replay
 
 

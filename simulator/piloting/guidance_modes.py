@@ -1,4 +1,4 @@
-"""The world's guidance modes from where the chaser is: a path that joins the mode's, then the mode's own."""
+"""Flying a guidance mode from where the chaser is: a path to the mode's start, then the mode's own."""
 
 from __future__ import annotations
 
@@ -7,16 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.errors import UserError
-from flyaround.simulator.world.guidance.free_flight import NaturalCircumnavigation, RangeKeeping, SafeEllipse
-from flyaround.simulator.world.guidance.paths import (
-    ForcedFlyaround,
-    Glideslope,
-    Hold,
-    RbarApproach,
-    VbarApproach,
-    Waypoints,
-)
 from flyaround.simulator.world.guidance.thruster_control import path_impulse
 from flyaround.simulator.world.orbit.propagation import elements_from_state
 from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
@@ -36,8 +26,6 @@ LARGEST_M_S2 = 0.05
 JOIN_M_S = 0.2
 """Mean speed of the way to where a mode begins."""
 LEAST_JOIN_S = 10.0
-CLEAR_RADII = 1.5
-"""No mode may lead nearer to the centre of mass than so many radii of the target."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -122,136 +110,6 @@ def begin_mode(
     )
 
 
-def hold_here(state: LvlhState) -> Hold:
-    """Station keeping where the chaser is."""
-    return Hold(position_lvlh_m=_triple(state[0]))
-
-
-def hold_at(place_lvlh_m: tuple[float, float, float], radius_m: float) -> Hold:
-    """Station keeping at a point.
-
-    Raises
-    ------
-    UserError
-        If the point is in the target or next to it.
-    """
-    _check_clear(float(np.linalg.norm(place_lvlh_m)), radius_m, "the point")
-    return Hold(position_lvlh_m=place_lvlh_m)
-
-
-def vbar(state: LvlhState, hold_m: float, speed_m_s: float, radius_m: float) -> VbarApproach:
-    """Along the velocity axis to ``hold_m`` before or behind, whichever side the chaser is on."""
-    _check_clear(hold_m, radius_m, "the hold point")
-    side = -1.0 if state[0][1] < 0 else 1.0
-    away = max(float(np.linalg.norm(state[0])), hold_m)
-    return VbarApproach(start_m=side * away, hold_m=side * hold_m, speed_m_s=speed_m_s)
-
-
-def rbar(state: LvlhState, hold_m: float, speed_m_s: float, radius_m: float) -> RbarApproach:
-    """Along the radius to ``hold_m`` above or below, whichever side the chaser is on."""
-    _check_clear(hold_m, radius_m, "the hold point")
-    side = -1.0 if state[0][0] < 0 else 1.0
-    away = max(float(np.linalg.norm(state[0])), hold_m)
-    return RbarApproach(start_m=side * away, hold_m=side * hold_m, speed_m_s=speed_m_s)
-
-
-def glideslope(state: LvlhState, end_m: float, radius_m: float) -> Glideslope:
-    """Straight in to ``end_m`` from the centre of mass; a hundredth of the distance a second, at last 1 cm/s."""
-    _check_clear(end_m, radius_m, "the end of the glideslope")
-    p = state[0]
-    away = float(np.linalg.norm(p))
-    if away <= end_m:
-        raise UserError(f"the chaser is {away:.1f} m from the target, inside {end_m:g} m; name a nearer end")
-    return Glideslope(
-        start_lvlh_m=_triple(p),
-        end_lvlh_m=_triple(p * (end_m / away)),
-        start_m_s=max(0.01 * (away - end_m), 0.0101),
-        end_m_s=0.01,
-    )
-
-
-def waypoint(
-    state: LvlhState, place_lvlh_m: tuple[float, float, float], speed_m_s: float, radius_m: float
-) -> Waypoints:
-    """Along a straight line to a point, and hold there.
-
-    Raises
-    ------
-    UserError
-        If the line leads into the target.
-    """
-    a, b = state[0], np.array(place_lvlh_m, float)
-    along = b - a
-    share = float(np.clip(-(a @ along) / max(float(along @ along), 1e-12), 0.0, 1.0))
-    _check_clear(float(np.linalg.norm(a + share * along)), radius_m, "the straight line to that point")
-    return Waypoints(points_lvlh_m=[_triple(a), _triple(b)], speed_m_s=speed_m_s)
-
-
-def flyaround(state: LvlhState, radius_m: float, period_s: float, target_radius_m: float) -> ForcedFlyaround:
-    """A forced circle through the chaser's direction, in the plane of the orbit or the one nearest to it."""
-    _check_clear(radius_m, target_radius_m, "the circle")
-    p = state[0]
-    in_plane = float(np.hypot(p[0], p[1]))
-    # the node where the chaser is, and the plane raised until it holds the chaser a quarter turn before
-    phase = float(np.degrees(np.arctan2(p[1], p[0])))
-    tilt = float(np.degrees(np.arctan2(abs(p[2]), in_plane)))
-    node = phase - 90.0 if p[2] >= 0 else phase + 90.0
-    return ForcedFlyaround(
-        radius_m=radius_m,
-        period_s=period_s,
-        inclination_deg=tilt,
-        node_deg=(node + 360.0) % 360.0,
-        phase_deg=90.0 if p[2] >= 0 else 270.0,
-    )
-
-
-def circumnavigation(
-    state: LvlhState, radial_m: float | None, target_radius_m: float
-) -> NaturalCircumnavigation:
-    """The natural 2:1 ellipse about the target, through the chaser's place unless a size is given."""
-    size, phase_deg = _ellipse(state, radial_m)
-    _check_clear(size, target_radius_m, "the ellipse")
-    return NaturalCircumnavigation(radial_m=size, phase_deg=phase_deg)
-
-
-def safe_ellipse(state: LvlhState, radial_m: float | None, target_radius_m: float) -> SafeEllipse:
-    """As the natural ellipse, with an equal swing out of plane that keeps clear of the velocity axis."""
-    size, phase_deg = _ellipse(state, radial_m)
-    _check_clear(size, target_radius_m, "the ellipse")
-    return SafeEllipse(radial_m=size, cross_track_m=size, phase_deg=phase_deg)
-
-
-def keep_range(state: LvlhState, near_m: float, far_m: float, target_radius_m: float) -> RangeKeeping:
-    """Drift that is turned back at two distances.
-
-    Raises
-    ------
-    UserError
-        If the chaser is not between them, or they are less than four metres apart.
-    """
-    _check_clear(near_m, target_radius_m, "the nearer distance")
-    away = float(np.linalg.norm(state[0]))
-    if not near_m <= away <= far_m or far_m - near_m < 4:
-        raise UserError(
-            f"the chaser is {away:.1f} m away; name two distances, at least 4 m apart, that it is between"
-        )
-    return RangeKeeping(position_lvlh_m=_triple(state[0]), near_m=near_m, far_m=far_m)
-
-
-def _ellipse(state: LvlhState, radial_m: float | None) -> tuple[float, float]:
-    x, y = float(state[0][0]), float(state[0][1])
-    size = float(np.hypot(x, y / 2)) if radial_m is None else radial_m
-    return size, float(np.degrees(np.arctan2(-y / 2, x)))
-
-
-def _check_clear(away_m: float, radius_m: float, what: str) -> None:
-    least = CLEAR_RADII * radius_m
-    if away_m < least:
-        raise UserError(
-            f"{what} comes within {away_m:.1f} m of the target's centre of mass; allowed: at least {least:.1f} m"
-        )
-
-
 def _join_s(start: LvlhState, end: LvlhState) -> float:
     """Long enough for the speed and for half the thrust there is."""
     way = float(np.linalg.norm(end[0] - start[0]))
@@ -277,7 +135,3 @@ def cubic_between(start: LvlhState, end: LvlhState, duration_s: float, t_s: floa
     )
     v = 6 * x * (1 - x) / T * (p1 - p0) + (1 - x) * (1 - 3 * x) * v0 + x * (3 * x - 2) * v1
     return p, v
-
-
-def _triple(p: FloatArray) -> tuple[float, float, float]:
-    return (float(p[0]), float(p[1]), float(p[2]))

@@ -10,7 +10,7 @@ from flyaround.gui.console import Console
 from flyaround.gui.gamepad import BUTTONS, Gamepad, share, sticks
 from flyaround.gui.picture.feed import Feed
 from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2
-from flyaround.simulator.piloting.session import Session
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.no_renderer import NoRenderer
 
@@ -70,7 +70,7 @@ def test_every_button_is_a_command_that_there_is() -> None:
 
 
 def test_unplugged_while_it_pushes_the_thrust_stops_and_a_warning_is_given() -> None:
-    session = Session.of(load_scenario("tango-flyaround"))
+    session = FlightSession.of(load_scenario("tango-flyaround"))
     console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
     pad = Gamepad()
 
@@ -81,22 +81,22 @@ def test_unplugged_while_it_pushes_the_thrust_stops_and_a_warning_is_given() -> 
             console.pass_time(TICK_MS)
 
     turn(("pad", axes(right_trigger=1.0), UP), 50)
-    assert session.mode == "steer"
-    spent = session.steering.propellant.delta_v_m_s
+    assert session.craft.mode == "steer"
+    spent = session.craft.steering.propellant.delta_v_m_s
     assert spent == pytest.approx(ACCELERATION_M_S2 * 1.0, rel=0.05)
     turn(None, 1)
-    spent = session.steering.propellant.delta_v_m_s
+    spent = session.craft.steering.propellant.delta_v_m_s
     turn(None, 50)
-    assert session.steering.propellant.delta_v_m_s == spent
+    assert session.craft.steering.propellant.delta_v_m_s == spent
     assert console.messages[-1].level == "warning"
     assert "gamepad is gone" in console.messages[-1].text
     # the log has it too, so that a script flies the same flight
     assert [line.name for line in console.log.lines][-1] == "steer.stick-lost"
-    assert np.isfinite(session.moment.world.range_m)
+    assert np.isfinite(session.craft.world.range_m)
 
 
 def test_a_gamepad_that_rests_is_missed_without_alarm() -> None:
-    session = Session.of(load_scenario("tango-flyaround"))
+    session = FlightSession.of(load_scenario("tango-flyaround"))
     console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
     pad = Gamepad()
     for state in (("pad", FREE, UP), None, None):

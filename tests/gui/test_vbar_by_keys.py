@@ -13,7 +13,7 @@ from flyaround.gui.console import Console
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.script import Script
 from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2
-from flyaround.simulator.piloting.session import Session
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scenario.scenario import Scenario
@@ -50,14 +50,14 @@ def script() -> str:
 
 @pytest.mark.parametrize("tick_ms", [20, 140])
 def test_five_metres_along_the_v_bar_are_the_worlds_own_propagation(tmp_path: Path, tick_ms: int) -> None:
-    session, table = Session.of(beside()), command_table()
+    session, table = FlightSession.of(beside()), command_table()
     console = Console(session, Feed(NoRenderer()), options_of(session), table)
     (tmp_path / "vbar.script").write_text(script())
     console.play(Script.read(tmp_path / "vbar.script", table))
     while console.clock_ms < 1000 * END_S:
         console.pass_time(tick_ms)
     assert not console.playing
-    flown = session.moment.world
+    flown = session.craft.world
 
     # the same pushes as burns of a scenario, by the propagator that flies it
     burns = tuple(
@@ -79,6 +79,6 @@ def test_five_metres_along_the_v_bar_are_the_worlds_own_propagation(tmp_path: Pa
     assert abs(flown.position_lvlh_m[0]) < 0.05
     assert abs(flown.position_lvlh_m[2]) < 1e-3
     assert np.linalg.norm(flown.velocity_lvlh_m_s) < 5e-3
-    assert session.steering.propellant.delta_v_m_s == pytest.approx(
+    assert session.craft.steering.propellant.delta_v_m_s == pytest.approx(
         sum(strength * ACCELERATION_M_S2 * lasts_s for _, lasts_s, _, _, strength in PUSHES), rel=1e-3
     )

@@ -14,14 +14,14 @@ from flyaround.gui.picture.feed import Feed
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import Script
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.session import Session
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.no_renderer import NoRenderer
 
 
 @pytest.fixture
 def console() -> Console:
-    session = Session.of(load_scenario("tango-flyaround"))
+    session = FlightSession.of(load_scenario("tango-flyaround"))
     return Console(session, Feed(NoRenderer()), options_of(session), command_table())
 
 
@@ -66,14 +66,14 @@ def test_a_flight_that_cannot_go_on_is_paused_with_a_message() -> None:
     orbit = msgspec.structs.replace(
         scenario.orbit, altitude_km=300.0, eccentricity=0.05, true_anomaly_deg=250.0
     )
-    session = Session.of(msgspec.structs.replace(scenario, orbit=orbit, duration_s=300.0))
+    session = FlightSession.of(msgspec.structs.replace(scenario, orbit=orbit, duration_s=300.0))
     console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
     console.do("time.rate", "100")
     for _ in range(220):
         console.pass_time(70)
         # what is shown is where it got to, at its last step too
-        assert session.moment.world.t_s == session.t_s
-    assert console.session.paused
+        assert session.craft.world.t_s == session.t_s
+    assert console.session.clock.paused
     reached = session.t_s
     # beyond its own duration, nearly to the ground
     assert 1100.0 < reached < 1303.0
@@ -86,7 +86,7 @@ def test_a_flight_that_cannot_go_on_is_paused_with_a_message() -> None:
     console.do("steer.arm", True)
     for _ in range(20):
         console.pass_time(100, frozenset({"steer.up"}))
-    assert session.steering.propellant.delta_v_m_s > 0.0
+    assert session.craft.steering.propellant.delta_v_m_s > 0.0
     assert session.t_s < reached + 10.0
 
 
@@ -100,7 +100,7 @@ def test_a_script_that_opens_a_scenario_flies_the_same_again(console: Console) -
             console.pass_time(min(turn_ms, 700 - console.clock_ms))
             if console.opener.is_busy():
                 wait(console)
-        worlds.append(console.session.moment.world)
+        worlds.append(console.session.craft.world)
     assert worlds[0] == worlds[1]
 
 

@@ -16,19 +16,19 @@ from flyaround.gui.picture.ground_track import (
     terminator_deg,
     unbroken,
 )
-from flyaround.simulator.piloting.session import Session
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.viewpoint import place_itrs_m
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 
 @pytest.fixture(scope="module")
-def session() -> Session:
-    return Session.of(load_scenario("tango-eclipse-pass"))
+def session() -> FlightSession:
+    return FlightSession.of(load_scenario("tango-eclipse-pass"))
 
 
 @pytest.fixture(scope="module")
-def track(session: Session) -> GroundTrack:
+def track(session: FlightSession) -> GroundTrack:
     return ground_track(session.flight, 0.0)
 
 
@@ -40,7 +40,9 @@ def test_a_place_is_found_again(latitude: float, longitude: float, altitude_km: 
     assert found[1] == pytest.approx(longitude, abs=1e-9)
 
 
-def test_the_next_orbit_is_that_of_the_worlds_own_propagation(session: Session, track: GroundTrack) -> None:
+def test_the_next_orbit_is_that_of_the_worlds_own_propagation(
+    session: FlightSession, track: GroundTrack
+) -> None:
     for t in (600.0, 2400.0, 5400.0):
         state = session.flight.state(t)
         fixed = matrix_from_quat(state.q_itrs_from_eci_wxyz) @ np.array(state.r_target_eci_m)
@@ -52,7 +54,7 @@ def test_the_next_orbit_is_that_of_the_worlds_own_propagation(session: Session, 
         )
 
 
-def test_shadow_comes_and_goes_when_it_does(session: Session, track: GroundTrack) -> None:
+def test_shadow_comes_and_goes_when_it_does(session: FlightSession, track: GroundTrack) -> None:
     assert track.enters_s is not None
     assert track.leaves_s is not None
     seen = [
@@ -68,7 +70,7 @@ def test_shadow_comes_and_goes_when_it_does(session: Session, track: GroundTrack
 
 
 def test_an_orbit_in_sunlight_has_no_shadow_to_come() -> None:
-    flight = Session.of(load_scenario("geo-inspection")).flight
+    flight = FlightSession.of(load_scenario("geo-inspection")).flight
     track = ground_track(flight, 0.0)
     assert (track.enters_s, track.leaves_s) == (None, None)
     # it stands over one place
@@ -77,7 +79,7 @@ def test_an_orbit_in_sunlight_has_no_shadow_to_come() -> None:
 
 
 def test_about_the_moon_the_ground_is_the_moons() -> None:
-    flight = Session.of(load_scenario("lunar-orbit")).flight
+    flight = FlightSession.of(load_scenario("lunar-orbit")).flight
     track = ground_track(flight, 0.0)
     assert track.body == "moon"
     assert track.times_s[-1] == pytest.approx(7000.0, rel=0.2)

@@ -21,7 +21,7 @@ from flyaround.gui.picture.relative_map import (
     target_edges_lvlh_m,
 )
 from flyaround.gui.views.lvlh_map import planned_burns_lvlh_m, zoomed
-from flyaround.simulator.piloting.session import Session
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.guidance.keep_out import KeepOut
 
@@ -130,9 +130,9 @@ def test_the_scale_bar_has_a_round_length(length: float, step: float, text: str)
 
 
 def test_target_and_sun_lie_as_in_the_camera() -> None:
-    session = Session.of(load_scenario("tango-vbar-approach"))
-    world, frame = session.moment.world, session.flight.lvlh(0.0)
-    edges = target_edges_lvlh_m(session.moment.target, world, frame)
+    session = FlightSession.of(load_scenario("tango-vbar-approach"))
+    world, frame = session.craft.world, session.flight.lvlh(0.0)
+    edges = target_edges_lvlh_m(session.plan.target, world, frame)
     # a craft a metre across about its centre of mass
     assert 0.3 < np.linalg.norm(edges.reshape(-1, 3), axis=1).max() < 2.0
     sun = sun_lvlh(world, frame)
@@ -146,4 +146,4 @@ def test_target_and_sun_lie_as_in_the_camera() -> None:
 
 
 def test_burns_of_the_scenario_are_where_the_chaser_is_then() -> None:
-    assert len(planned_burns_lvlh_m(Session.of(load_scenario("tango-flyaround")))) == 0
+    assert len(planned_burns_lvlh_m(FlightSession.of(load_scenario("tango-flyaround")))) == 0

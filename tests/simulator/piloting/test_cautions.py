@@ -6,48 +6,45 @@ from dataclasses import replace
 
 import msgspec
 
-from flyaround.simulator.piloting.cautions import CautionWatch
-from flyaround.simulator.piloting.session import Session
+from flyaround.simulator.piloting.orders import Centre
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.guidance.keep_out import KeepOut
+from tests.harness.pilot import fly
 
 
-def fly(session: Session, watch: CautionWatch, seconds: float, *held: str) -> list[str]:
-    told: list[str] = []
-    for _ in range(round(seconds / 0.02)):
-        session.advance(0.02, set(held))
-        told += [text for _, text in watch.news(session)]
-    return told
+def told(session: FlightSession, seconds: float, *held: str) -> list[str]:
+    return [text for _, text in fly(session, seconds, *held) if not text.startswith("the plume")]
 
 
 def test_a_keep_out_sphere_that_overrules_is_told_once() -> None:
     scenario = load_scenario("tango-flyaround")
     chaser = msgspec.structs.replace(scenario.chaser, keep_out=KeepOut(radius_m=7.0))
-    session, watch = Session.of(msgspec.structs.replace(scenario, chaser=chaser)), CautionWatch()
-    session.centre()
-    told = fly(session, watch, 20.0, "steer.forward", "steer.coarse")
-    assert sum("keep-out sphere" in text for text in told) == 1
+    session = FlightSession.of(msgspec.structs.replace(scenario, chaser=chaser))
+    session.order(Centre())
+    news = told(session, 20.0, "forward", "coarse")
+    assert sum("keep-out sphere" in text for text in news) == 1
 
 
 def test_an_eclipse_is_told_as_it_begins_and_ends() -> None:
-    session, watch = Session.of(load_scenario("tango-flyaround")), CautionWatch()
-    session.set_rate(100.0)
-    told = fly(session, watch, 60.0)
-    assert [text.split(":")[0] for text in told[:2]] in (
+    session = FlightSession.of(load_scenario("tango-flyaround"))
+    session.clock.set_rate(100.0)
+    news = told(session, 60.0)
+    assert [text.split(":")[0] for text in news[:2]] in (
         ["eclipse", "the target is in sunlight again"],
         ["the target is in sunlight again", "eclipse"],
     )
     # looking back tells nothing again
     session.look_back.seek(0.0)
-    session.paused = False
-    assert fly(session, watch, 5.0) == []
+    session.clock.paused = False
+    assert told(session, 5.0) == []
 
 
 def test_low_fuel_is_told_once() -> None:
-    session, watch = Session.of(load_scenario("tango-flyaround")), CautionWatch()
-    session.take_over()
-    fly(session, watch, 0.1)
-    spent = replace(session.steering.propellant, used_kg=3.99)
-    session.steering.propellant = spent
-    told = fly(session, watch, 3.0, "steer.forward", "steer.coarse")
-    assert [text.split(":")[0] for text in told] == ["fuel is low"]
+    session = FlightSession.of(load_scenario("tango-flyaround"))
+    session.craft.take_over()
+    told(session, 0.1)
+    spent = replace(session.craft.steering.propellant, used_kg=3.99)
+    session.craft.steering.propellant = spent
+    news = told(session, 3.0, "forward", "coarse")
+    assert [text.split(":")[0] for text in news] == ["fuel is low"]

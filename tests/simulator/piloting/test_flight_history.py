@@ -11,22 +11,17 @@ import pytest
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.flight_history import EVERY_S, MOST_BOOKMARKS, Timeline
+from flyaround.simulator.piloting.orders import Stop
 from flyaround.simulator.piloting.recorder import FlightRecorder
-from flyaround.simulator.piloting.session import Session
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.guidance.manual_control import ChaserState
-
-TICK_S = 1 / 50
+from tests.harness.pilot import TICK_S, fly
 
 
 @pytest.fixture
-def session() -> Session:
-    return Session.of(load_scenario("tango-flyaround"))
-
-
-def fly(session: Session, seconds: float, *held: str) -> None:
-    for _ in range(round(seconds / TICK_S)):
-        session.advance(TICK_S, set(held))
+def session() -> FlightSession:
+    return FlightSession.of(load_scenario("tango-flyaround"))
 
 
 def chaser(t_s: float) -> ChaserState:
@@ -55,56 +50,56 @@ def test_an_hour_takes_a_few_megabytes_and_any_place_of_it_a_moment() -> None:
     assert np.median(took) < 0.01
 
 
-def test_a_place_is_what_was_flown_to_the_last_bit(session: Session) -> None:
+def test_a_place_is_what_was_flown_to_the_last_bit(session: FlightSession) -> None:
     fly(session, 1.0)
-    fly(session, 1.0, "steer.forward", "steer.yaw-left")
-    was = session.t_s, session.steered, pickle.dumps(session.controls()), session.scene()
-    fly(session, 2.0, "steer.left")
+    fly(session, 1.0, "forward", "yaw-left")
+    was = session.t_s, session.craft.steered, pickle.dumps(session.craft.controls()), session.scene()
+    fly(session, 2.0, "left")
     end = session.scene()
     assert session.look_back.seek(was[0]) == pytest.approx(2.0)
     assert session.look_back.active
-    now = session.t_s, session.steered, pickle.dumps(session.controls()), session.scene()
+    now = session.t_s, session.craft.steered, pickle.dumps(session.craft.controls()), session.scene()
     assert now == was
     session.look_back.seek(1e9)
     assert not session.look_back.active
     assert session.scene() == end
     session.look_back.seek(0.5)
-    assert session.mode == "guidance"
+    assert session.craft.mode == "guidance"
     assert session.scene().t_s == pytest.approx(0.5)
 
 
-def test_playing_shows_what_was_flown_and_stops_at_its_end(session: Session) -> None:
-    fly(session, 1.0, "steer.forward")
+def test_playing_shows_what_was_flown_and_stops_at_its_end(session: FlightSession) -> None:
+    fly(session, 1.0, "forward")
     fly(session, 1.0)
     end = session.scene()
     ranges = {}
     session.look_back.seek(0.0)
     for _ in range(99):
         fly(session, TICK_S)
-        ranges[session.t_s] = session.moment.world.range_m
+        ranges[session.t_s] = session.craft.world.range_m
     assert session.look_back.active
     # a cubic between samples: the flight itself, to a hundredth of a millimetre
-    again = Session.of(load_scenario("tango-flyaround"))
+    again = FlightSession.of(load_scenario("tango-flyaround"))
     for k in range(99):
-        fly(again, TICK_S, *(("steer.forward",) if k < 50 else ()))
+        fly(again, TICK_S, *(("forward",) if k < 50 else ()))
         t_s = min(ranges, key=lambda t: abs(t - again.t_s))
-        assert ranges[t_s] == pytest.approx(again.moment.world.range_m, abs=1e-5)
+        assert ranges[t_s] == pytest.approx(again.craft.world.range_m, abs=1e-5)
     fly(session, 1.0)
-    assert session.paused
+    assert session.clock.paused
     assert not session.look_back.active
     assert session.scene() == end
 
 
-def test_steering_flies_on_from_the_place_and_the_old_future_comes_back(session: Session) -> None:
-    fly(session, 1.0, "steer.forward")
+def test_steering_flies_on_from_the_place_and_the_old_future_comes_back(session: FlightSession) -> None:
+    fly(session, 1.0, "forward")
     fly(session, 2.0)
     end = session.scene()
-    trail = len(session.trail)
+    trail = len(session.look_back.trail.points)
     session.look_back.seek(1.0)
-    fly(session, 1.0, "steer.back")
+    fly(session, 1.0, "back")
     assert not session.look_back.active
     assert session.look_back.timeline.end_s == pytest.approx(2.0, abs=0.11)
-    assert len(session.trail) < trail
+    assert len(session.look_back.trail.points) < trail
     other = session.scene()
     assert session.look_back.timeline.left_s == pytest.approx((1.0, 3.0))
     assert session.look_back.swap_future() == pytest.approx(1.0)
@@ -115,18 +110,18 @@ def test_steering_flies_on_from_the_place_and_the_old_future_comes_back(session:
     assert session.scene() == other
 
 
-def test_a_command_that_changes_who_flies_takes_the_flight_up(session: Session) -> None:
+def test_a_command_that_changes_who_flies_takes_the_flight_up(session: FlightSession) -> None:
     fly(session, 2.0)
     session.look_back.seek(1.0)
-    session.stop()
+    session.order(Stop())
     fly(session, 0.5)
     assert not session.look_back.active
-    assert session.braking
+    assert session.craft.steering.braking
     assert session.t_s == pytest.approx(1.5)
 
 
-def test_flying_on_without_a_key_flies_the_same_again(session: Session) -> None:
-    fly(session, 1.0, "steer.forward", "steer.yaw-left")
+def test_flying_on_without_a_key_flies_the_same_again(session: FlightSession) -> None:
+    fly(session, 1.0, "forward", "yaw-left")
     fly(session, 2.0)
     end = session.scene()
     session.look_back.seek(1.5)
@@ -135,11 +130,11 @@ def test_flying_on_without_a_key_flies_the_same_again(session: Session) -> None:
     assert session.scene() == end
 
 
-def test_a_restart_is_a_future_that_was_left(session: Session) -> None:
-    fly(session, 1.0, "steer.forward")
+def test_a_restart_is_a_future_that_was_left(session: FlightSession) -> None:
+    fly(session, 1.0, "forward")
     end = session.scene()
     session.restart()
-    assert session.mode == "guidance"
+    assert session.craft.mode == "guidance"
     fly(session, 0.5)
     session.look_back.swap_future()
     session.look_back.seek(1.0)
@@ -148,11 +143,11 @@ def test_a_restart_is_a_future_that_was_left(session: Session) -> None:
 
 def test_the_recording_follows(tmp_path: Path) -> None:
     recorder = FlightRecorder()
-    session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path, session.plan.scenario)
-    fly(session, 3.0, "steer.forward")
+    fly(session, 3.0, "forward")
     session.look_back.seek(1.0)
-    fly(session, 1.0, "steer.back")
+    fly(session, 1.0, "back")
     times = recorder.recording.arrays["t_s"]
     assert times[-1] == pytest.approx(1.9)
     assert np.all(np.diff(times) > 0)
@@ -161,7 +156,7 @@ def test_the_recording_follows(tmp_path: Path) -> None:
     assert recorder.close() is not None
 
 
-def test_nothing_to_look_back_at_and_no_future_left(session: Session) -> None:
+def test_nothing_to_look_back_at_and_no_future_left(session: FlightSession) -> None:
     with pytest.raises(UserError, match="nothing was flown yet"):
         session.look_back.seek(0.0)
     fly(session, 1.0)

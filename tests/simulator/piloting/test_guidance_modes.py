@@ -7,38 +7,50 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting import guidance_modes as modes
-from flyaround.simulator.piloting.guidance_modes import Guided, begin_mode, cubic_between
+from flyaround.simulator.piloting.clock import JUMP_RATE
+from flyaround.simulator.piloting.guidance_modes import Guided, cubic_between
+from flyaround.simulator.piloting.guidance_orders import (
+    ApproachVbar,
+    Circumnavigate,
+    FlyAround,
+    FlyGlideslope,
+    FlySafeEllipse,
+    FlyTo,
+    GuidanceOrder,
+    KeepRange,
+    KeepStation,
+)
 from flyaround.simulator.piloting.jumps import next_event_s, search_s, sun_fraction, sun_height
 from flyaround.simulator.piloting.open_end import longer_flight
+from flyaround.simulator.piloting.orders import FollowGuidance, PilotCommand
 from flyaround.simulator.piloting.planned_burns import BURN_M_S2, BurnPlan, burn_of
-from flyaround.simulator.piloting.session import JUMP_RATE, Session
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.world.guidance.chaser import Chaser
 from flyaround.simulator.world.guidance.free_flight import FreeDrift
 
 TICK_S = 0.05
 
 
-def session_at(position: tuple[float, float, float]) -> Session:
+def session_at(position: tuple[float, float, float]) -> FlightSession:
     scenario = msgspec.structs.replace(
         load_scenario("tango-flyaround"), chaser=FreeDrift(position_lvlh_m=position)
     )
-    session = Session.of(scenario)
-    session.take_over()
+    session = FlightSession.of(scenario)
+    session.craft.take_over()
     return session
 
 
-def begin(session: Session, mode: Chaser) -> Guided:
-    guided = begin_mode("a mode", mode, session.state_lvlh(), session.flight.n_rad_s, session.t_s)
-    session.steering.guide(guided)
+def begin(session: FlightSession, order: GuidanceOrder) -> Guided:
+    session.order(order)
+    guided = session.craft.steering.guided
+    assert guided is not None
     return guided
 
 
-def fly_to(session: Session, t_s: float, rate: float = 50.0) -> None:
-    session.set_rate(rate)
+def fly_to(session: FlightSession, t_s: float, rate: float = 50.0) -> None:
+    session.clock.set_rate(rate)
     while session.t_s < t_s - 1e-6:
-        session.advance(TICK_S)
+        session.step(PilotCommand(), TICK_S)
 
 
 def test_a_cubic_has_both_states_as_its_ends() -> None:
@@ -52,46 +64,47 @@ def test_a_cubic_has_both_states_as_its_ends() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "end"),
+    ("order", "end"),
     [
-        (lambda s: modes.vbar(s, 8.0, 0.2, 1.0), (0.0, 8.0, 0.0)),
-        (lambda s: modes.waypoint(s, (0.0, 9.0, 5.0), 0.2, 1.0), (0.0, 9.0, 5.0)),
-        (lambda s: modes.glideslope(s, 8.0, 1.0), tuple(8.0 * np.array([2.0, 15.0, -1.0]) / 230**0.5)),
+        (ApproachVbar(8.0, 0.2), (0.0, 8.0, 0.0)),
+        (FlyTo((0.0, 9.0, 5.0), 0.2), (0.0, 9.0, 5.0)),
+        (FlyGlideslope(8.0), tuple(8.0 * np.array([2.0, 15.0, -1.0]) / 230**0.5)),
     ],
 )
-def test_a_path_is_flown_to_its_end(make: object, end: tuple[float, float, float]) -> None:
+def test_a_path_is_flown_to_its_end(order: GuidanceOrder, end: tuple[float, float, float]) -> None:
     session = session_at((2.0, 15.0, -1.0))
-    begin(session, make(session.state_lvlh()))  # type: ignore[operator]
+    begin(session, order)
     fly_to(session, 450.0, 100.0)
-    p, v = session.state_lvlh()
+    p, v = session.craft.state_lvlh()
     np.testing.assert_allclose(p, end, atol=0.05)
     assert np.linalg.norm(v) < 2e-3
 
 
 def test_a_fly_around_goes_through_where_the_chaser_is() -> None:
     session = session_at((2.0, 15.0, -3.0))
-    start = session.state_lvlh()
-    mode = modes.flyaround(start, float(np.linalg.norm(start[0])), 400.0, 1.0)
+    start = session.craft.state_lvlh()
+    order = FlyAround(period_s=400.0)
+    mode = order.mode(start, 1.0)
     np.testing.assert_allclose(mode.state_lvlh(0.0, 1e-3)[0], start[0], atol=1e-9)
-    guided = begin(session, mode)
+    guided = begin(session, order)
     fly_to(session, guided.join_s + 400.0)
-    np.testing.assert_allclose(session.state_lvlh()[0], start[0], atol=0.3)
+    np.testing.assert_allclose(session.craft.state_lvlh()[0], start[0], atol=0.3)
 
 
 def test_a_natural_circumnavigation_needs_no_thrust_once_it_is_begun() -> None:
     session = session_at((5.0, 12.0, 0.0))
-    guided = begin(session, modes.circumnavigation(session.state_lvlh(), None, 1.0))
-    start = session.state_lvlh()[0]
+    guided = begin(session, Circumnavigate())
+    start = session.craft.state_lvlh()[0]
     fly_to(session, guided.coasts_from_s + 2.0)
-    spent = session.steering.propellant.delta_v_m_s
+    spent = session.craft.steering.propellant.delta_v_m_s
     assert 0.005 < spent < 0.3
     period = 2 * np.pi / session.flight.n_rad_s
     turned = []
     while session.t_s < guided.coasts_from_s + period:
         fly_to(session, session.t_s + period / 8, 1000.0)
-        turned.append(float(np.linalg.norm(session.state_lvlh()[0])))
-    assert session.steering.propellant.delta_v_m_s == spent
-    x, y, z = session.state_lvlh()[0]
+        turned.append(float(np.linalg.norm(session.craft.state_lvlh()[0])))
+    assert session.craft.steering.propellant.delta_v_m_s == spent
+    x, y, z = session.craft.state_lvlh()[0]
     assert np.hypot(x, y / 2) == pytest.approx(np.hypot(start[0], start[1] / 2), abs=1.0)
     assert abs(z) < 0.01
     assert min(turned) > 6.0
@@ -99,43 +112,43 @@ def test_a_natural_circumnavigation_needs_no_thrust_once_it_is_begun() -> None:
 
 def test_a_safe_ellipse_keeps_clear_of_the_velocity_axis() -> None:
     session = session_at((5.0, 12.0, 0.0))
-    guided = begin(session, modes.safe_ellipse(session.state_lvlh(), None, 1.0))
+    guided = begin(session, FlySafeEllipse())
     fly_to(session, guided.coasts_from_s + 1.0)
     clear = []
     while session.t_s < guided.coasts_from_s + 2 * np.pi / session.flight.n_rad_s:
         fly_to(session, session.t_s + 100.0, 1000.0)
-        p = session.state_lvlh()[0]
+        p = session.craft.state_lvlh()[0]
         clear.append(float(np.hypot(p[0], p[2])))
     assert min(clear) > 0.9 * np.hypot(5.0, 6.0)
 
 
 def test_range_keeping_turns_back() -> None:
     session = session_at((0.0, 15.0, 0.0))
-    begin(session, modes.keep_range(session.state_lvlh(), 10.0, 20.0, 1.0))
+    begin(session, KeepRange(10.0, 20.0))
     ranges = []
     for _ in range(8):
         fly_to(session, session.t_s + 100.0, 1000.0)
-        ranges.append(float(np.linalg.norm(session.state_lvlh()[0])))
+        ranges.append(float(np.linalg.norm(session.craft.state_lvlh()[0])))
     assert min(ranges) > 9.0
     assert max(ranges) < 21.0
 
 
 @pytest.mark.parametrize(
-    "make",
+    "order",
     [
-        lambda s: modes.vbar(s, 0.5, 0.1, 2.0),
-        lambda s: modes.hold_at((0.0, 1.0, 0.0), 2.0),
-        lambda s: modes.waypoint(s, (-2.0, -15.0, 1.0), 0.1, 2.0),
-        lambda s: modes.glideslope(s, 100.0, 2.0),
-        lambda s: modes.circumnavigation(s, 1.0, 2.0),
-        lambda s: modes.keep_range(s, 20.0, 30.0, 2.0),
-        lambda s: modes.keep_range(s, 15.0, 16.0, 2.0),
+        ApproachVbar(0.5),
+        KeepStation((0.0, 1.0, 0.0)),
+        FlyTo((-2.0, -15.0, 1.0)),
+        FlyGlideslope(100.0),
+        Circumnavigate(1.0),
+        KeepRange(20.0, 30.0),
+        KeepRange(15.0, 16.0),
     ],
 )
-def test_what_leads_into_the_target_or_nowhere_is_refused(make: object) -> None:
-    state = session_at((2.0, 15.0, -1.0)).state_lvlh()
+def test_what_leads_into_the_target_or_nowhere_is_refused(order: GuidanceOrder) -> None:
+    state = session_at((2.0, 15.0, -1.0)).craft.state_lvlh()
     with pytest.raises(UserError):
-        make(state)  # type: ignore[operator]
+        order.mode(state, 2.0)
 
 
 # --- planned burns
@@ -143,10 +156,10 @@ def test_what_leads_into_the_target_or_nowhere_is_refused(make: object) -> None:
 
 def test_a_planned_burn_is_flown_on_time_and_to_where_it_was_foretold() -> None:
     session = session_at((0.0, 50.0, 0.0))
-    steering = session.steering
+    steering = session.craft.steering
     steering.burns = steering.burns.with_burn(burn_of(100.0, 0.02, -0.05, 0.01), 0.0)
     steering.burns = steering.burns.with_burn(burn_of(700.0, 0.0, 0.04, 0.0), 0.0)
-    told = session.predicted_burns(after_s=300.0)
+    told = session.craft.predicted_burns(after_s=300.0)
     assert told.nodes_lvlh_m.shape == (2, 3)
     fly_to(session, 98.0, 20.0)
     assert steering.propellant.delta_v_m_s == 0.0
@@ -157,7 +170,7 @@ def test_a_planned_burn_is_flown_on_time_and_to_where_it_was_foretold() -> None:
         fly_to(session, min(session.t_s + 20.0, 1000.0), 1000.0)
     assert steering.burns.burns == ()
     late = np.array([np.interp(session.t_s, told.times_s, told.points_lvlh_m[:, k]) for k in range(3)])
-    np.testing.assert_allclose(session.state_lvlh()[0], late, atol=0.2)
+    np.testing.assert_allclose(session.craft.state_lvlh()[0], late, atol=0.2)
 
 
 def test_burns_that_cannot_be_flown_are_refused() -> None:
@@ -187,7 +200,7 @@ def test_burns_that_cannot_be_flown_are_refused() -> None:
 
 
 def test_events_of_the_sky_are_where_the_worlds_own_figures_change() -> None:
-    session = Session.of(load_scenario("tango-eclipse-pass"))
+    session = FlightSession.of(load_scenario("tango-eclipse-pass"))
     flight = session.flight
     flight = longer_flight(session.plan, flight, (search_s(flight) + 10.0,), guided=True)
     dark = next_event_s(flight, "eclipse", 0.0)
@@ -205,44 +218,44 @@ def test_events_of_the_sky_are_where_the_worlds_own_figures_change() -> None:
 
 def test_a_jump_ends_at_its_moment_at_1x_and_goes_on() -> None:
     session = session_at((0.0, 100.0, 0.0))
-    session.set_rate(5.0)
+    session.clock.set_rate(5.0)
     when = session.jump_to_event("terminator")
-    while session.jumping:
+    while session.clock.jump:
         before = session.t_s
-        session.advance(TICK_S)
+        session.step(PilotCommand(), TICK_S)
         assert session.t_s - before < 1.5 * TICK_S * JUMP_RATE
     assert session.t_s == pytest.approx(when, abs=0.25)
-    assert (session.rate, session.paused) == (1.0, False)
+    assert (session.clock.rate, session.clock.paused) == (1.0, False)
     assert session.jump_to_event("terminator") > when + 60.0
-    session.set_rate(2.0)
-    assert not session.jumping
-    assert session.rate == 2.0
+    session.clock.set_rate(2.0)
+    assert not session.clock.jump
+    assert session.clock.rate == 2.0
 
 
 def test_a_steered_flight_goes_on_without_its_guidance_and_comes_back_to_it() -> None:
-    session = Session.of(load_scenario("tango-vbar-approach"))
+    session = FlightSession.of(load_scenario("tango-vbar-approach"))
     whole = longer_flight(session.plan, session.flight, (1900.0,), guided=True)
-    session.take_over()
-    session.set_rate(1000.0)
+    session.craft.take_over()
+    session.clock.set_rate(1000.0)
     for _ in range(30):
-        session.advance(TICK_S)
+        session.step(PilotCommand(), TICK_S)
     early = 100.0
     assert session.t_s > 1000.0
     # orbit and attitude of the whole span, the guidance's track as far as it was flown
     np.testing.assert_allclose(session.flight.orbit(1200.0)[0], whole.orbit(1200.0)[0], atol=1e-4)
     np.testing.assert_allclose(session.flight.attitude(1200.0)[0], whole.attitude(1200.0)[0], atol=1e-9)
     assert session.flight.chaser(early).position_eci_m == whole.chaser(early).position_eci_m
-    session.toggle_steering()
+    session.order(FollowGuidance())
     np.testing.assert_allclose(
-        session.chaser.position_eci_m, whole.chaser(session.t_s).position_eci_m, atol=1e-4
+        session.craft.chaser.position_eci_m, whole.chaser(session.t_s).position_eci_m, atol=1e-4
     )
 
 
 def test_an_orbit_without_eclipse_says_so() -> None:
-    session = Session.of(load_scenario("tango-night"))
+    session = FlightSession.of(load_scenario("tango-night"))
     scenario = msgspec.structs.replace(session.plan.scenario, epoch_utc="2026-06-21T00:00:00Z")
     orbit = msgspec.structs.replace(scenario.orbit, raan_deg=180.0, inclination_deg=98.2, altitude_km=1400.0)
-    session = Session.of(msgspec.structs.replace(scenario, orbit=orbit))
+    session = FlightSession.of(msgspec.structs.replace(scenario, orbit=orbit))
     try:
         when = session.jump_to_event("eclipse")
     except UserError as error:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
-from flyaround.gui.picture.telemetry import telemetry_of
-from flyaround.gui.picture.view_settings import ViewSettings, apply_view_settings, reduced_camera
-from flyaround.gui.views.letterbox import Letterbox
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.clock import RATES, STEP_S
 from flyaround.simulator.piloting.control_laws import (
     ACCELERATION_M_S2,
     BRAKE_M_S2,
@@ -23,101 +20,96 @@ from flyaround.simulator.piloting.control_laws import (
     THRUST,
     TURN,
 )
+from flyaround.simulator.piloting.orders import Centre, FollowGuidance, Stop
 from flyaround.simulator.piloting.recorder import FlightRecorder
-from flyaround.simulator.piloting.session import FRAME_STEP_S, RATES, STEP_S, Session
+from flyaround.simulator.piloting.session import FRAME_STEP_S, FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
-from flyaround.simulator.scene.state import SceneState
 from flyaround.simulator.world.flight.recording import Recording, csv_header
-from flyaround.simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.guidance.keep_out import KeepOut
 from flyaround.simulator.world.guidance.thrusters import Thrusters
+from tests.harness.pilot import TICK_S, fly, holding
 from tests.harness.small_disk import small_disk
-
-TICK_S = 1 / 50
 
 
 @pytest.fixture
-def session() -> Session:
-    return Session.of(load_scenario("tango-flyaround"))
+def session() -> FlightSession:
+    return FlightSession.of(load_scenario("tango-flyaround"))
 
 
-def fly(session: Session, seconds: float, *held: str) -> None:
-    for _ in range(round(seconds / TICK_S)):
-        session.advance(TICK_S, set(held))
+def off_boresight_deg(session: FlightSession) -> float:
+    world = session.craft.world
+    x, y, z = -matrix_from_quat(world.q_camera_from_eci_wxyz) @ np.array(world.relative_eci_m)
+    return float(np.degrees(np.arctan2(np.hypot(x, y), z)))
 
 
-def camera_velocity(session: Session) -> np.ndarray:
-    chaser = session.moment.chaser
+def camera_velocity(session: FlightSession) -> np.ndarray:
+    chaser = session.craft.chaser
     return matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ np.array(chaser.velocity_eci_m_s)
 
 
-def test_pause_freezes_time_and_the_picture(session: Session) -> None:
+def test_pause_freezes_time_and_the_picture(session: FlightSession) -> None:
     fly(session, 1.0)
-    session.toggle_pause()
+    session.clock.toggle_pause()
     before = session.scene()
     fly(session, 5.0)
     assert session.scene() == before
-    session.toggle_pause()
+    session.clock.toggle_pause()
     fly(session, 1.0)
     assert session.t_s == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("rate", RATES)
-def test_simulated_time_runs_at_the_rate(session: Session, rate: float) -> None:
-    session.set_rate(rate)
+def test_simulated_time_runs_at_the_rate(session: FlightSession, rate: float) -> None:
+    session.clock.set_rate(rate)
     fly(session, 2.0)
     assert session.t_s == pytest.approx(2.0 * rate, abs=1.01 * STEP_S * rate)
 
 
-def test_faster_and_slower_stop_at_the_ends(session: Session) -> None:
+def test_faster_and_slower_stop_at_the_ends(session: FlightSession) -> None:
     for _ in range(20):
-        session.faster()
-    assert session.rate == RATES[-1]
+        session.clock.shift_rate(1)
+    assert session.clock.rate == RATES[-1]
     for _ in range(20):
-        session.slower()
-    assert session.rate == RATES[0]
+        session.clock.shift_rate(-1)
+    assert session.clock.rate == RATES[0]
 
 
-def test_a_rate_that_is_not_offered_is_refused(session: Session) -> None:
+def test_a_rate_that_is_not_offered_is_refused(session: FlightSession) -> None:
     with pytest.raises(ValueError, match="not one of"):
-        session.set_rate(3.0)
+        session.clock.set_rate(3.0)
 
 
-def test_one_frame_advances_once_and_stays_paused(session: Session) -> None:
-    session.step_once()
-    assert session.paused
+def test_one_frame_advances_once_and_stays_paused(session: FlightSession) -> None:
+    session.step_frame()
+    assert session.clock.paused
     assert session.t_s == pytest.approx(FRAME_STEP_S)
     fly(session, 1.0)
     assert session.t_s == pytest.approx(FRAME_STEP_S)
 
 
-def test_a_stalled_window_does_not_make_time_jump(session: Session) -> None:
-    session.advance(30.0)
-    assert session.t_s < 0.5
-
-
-def test_guidance_is_the_scenarios_own_flight(session: Session) -> None:
+def test_guidance_is_the_scenarios_own_flight(session: FlightSession) -> None:
     fly(session, 3.0)
     expected = session.plan.flight.state(session.t_s)
-    assert session.mode == "guidance"
-    assert session.moment.world == expected
+    assert session.craft.mode == "guidance"
+    assert session.craft.world == expected
 
 
-def test_the_first_key_takes_over_without_a_jump(session: Session) -> None:
+def test_the_first_key_takes_over_without_a_jump(session: FlightSession) -> None:
     fly(session, 2.0)
-    before = session.moment.chaser
-    session.toggle_pause()
-    session.advance(TICK_S, {"steer.forward"})
-    assert session.mode == "steer"
-    assert session.moment.chaser == before
+    before = session.craft.chaser
+    session.clock.toggle_pause()
+    session.step(holding("forward"), TICK_S)
+    assert session.craft.mode == "steer"
+    assert session.craft.chaser == before
 
 
 @pytest.mark.parametrize("action", list(THRUST))
-def test_a_thrust_key_accelerates_along_its_camera_axis(session: Session, action: str) -> None:
-    coasting = Session.of(session.plan.scenario)
+def test_a_thrust_key_accelerates_along_its_camera_axis(session: FlightSession, action: str) -> None:
+    coasting = FlightSession.of(session.plan.scenario)
     for one in (session, coasting):
-        one.take_over()
+        one.craft.take_over()
     seconds = 0.4
     fly(session, seconds, action)
     fly(coasting, seconds)
@@ -129,187 +121,148 @@ def test_a_thrust_key_accelerates_along_its_camera_axis(session: Session, action
 
 
 @pytest.mark.parametrize("action", list(TURN))
-def test_a_turn_key_turns_the_camera_about_its_axis(session: Session, action: str) -> None:
-    session.take_over()
-    session.toggle_tracking()
-    assert not session.tracking
+def test_a_turn_key_turns_the_camera_about_its_axis(session: FlightSession, action: str) -> None:
+    session.craft.take_over()
+    session.craft.set_attitude("hold")
+    assert not session.craft.tracking
     fly(session, 1.0, action)
-    rate = np.array(session.moment.chaser.omega_camera_rad_s)
+    rate = np.array(session.craft.chaser.omega_camera_rad_s)
     np.testing.assert_allclose(rate, RATE_RAD_S * np.array(TURN[action]), atol=1e-12)
 
 
 @pytest.mark.parametrize(
     ("action", "axis", "sign"),
     [
-        ("steer.yaw-right", 0, -1),
-        ("steer.yaw-left", 0, 1),
-        ("steer.pitch-up", 1, 1),
-        ("steer.pitch-down", 1, -1),
+        ("yaw-right", 0, -1),
+        ("yaw-left", 0, 1),
+        ("pitch-up", 1, 1),
+        ("pitch-down", 1, -1),
     ],
 )
 def test_the_target_moves_the_other_way_in_the_picture(
-    session: Session, action: str, axis: int, sign: int
+    session: FlightSession, action: str, axis: int, sign: int
 ) -> None:
     before = np.array(session.scene().t_camera_from_target_m)
     fly(session, 1.5, action)
     moved = np.array(session.scene().t_camera_from_target_m) - before
     # three degrees at nine metres
     assert sign * moved[axis] == pytest.approx(
-        np.tan(1.5 * RATE_RAD_S) * session.moment.world.range_m, rel=0.1
+        np.tan(1.5 * RATE_RAD_S) * session.craft.world.range_m, rel=0.1
     )
     assert abs(moved[1 - axis]) < 0.1
 
 
-def test_coarse_key_is_five_times_as_strong(session: Session) -> None:
-    other = Session.of(session.plan.scenario)
+def test_coarse_key_is_five_times_as_strong(session: FlightSession) -> None:
+    other = FlightSession.of(session.plan.scenario)
     for one in (session, other):
-        one.take_over()
-        one.stop()
+        one.craft.take_over()
+        one.order(Stop())
         fly(one, 6.0)
-    fly(session, 0.2, "steer.back")
-    fly(other, 0.2, "steer.back", "steer.coarse")
-    ratio = np.linalg.norm(other.moment.world.velocity_lvlh_m_s) / np.linalg.norm(
-        session.moment.world.velocity_lvlh_m_s
+    fly(session, 0.2, "back")
+    fly(other, 0.2, "back", "coarse")
+    ratio = np.linalg.norm(other.craft.world.velocity_lvlh_m_s) / np.linalg.norm(
+        session.craft.world.velocity_lvlh_m_s
     )
     assert ratio == pytest.approx(COARSE_GAIN, rel=0.05)
 
 
-def test_stop_brings_the_chaser_to_rest_in_lvlh(session: Session) -> None:
-    speed = np.linalg.norm(session.moment.world.velocity_lvlh_m_s)
-    session.stop()
+def test_stop_brings_the_chaser_to_rest_in_lvlh(session: FlightSession) -> None:
+    speed = np.linalg.norm(session.craft.world.velocity_lvlh_m_s)
+    session.order(Stop())
     fly(session, float(speed) / BRAKE_M_S2 + 1.0)
-    assert not session.braking
-    assert np.linalg.norm(session.moment.world.velocity_lvlh_m_s) < 3e-4
+    assert not session.craft.steering.braking
+    assert np.linalg.norm(session.craft.world.velocity_lvlh_m_s) < 3e-4
 
 
-def test_tracking_keeps_the_target_in_the_middle_while_thrusting(session: Session) -> None:
-    fly(session, 4.0, "steer.right")
-    assert session.tracking
-    assert telemetry_of(session.moment.world, session.scene()).off_boresight_deg < 0.1
+def test_tracking_keeps_the_target_in_the_middle_while_thrusting(session: FlightSession) -> None:
+    fly(session, 4.0, "right")
+    assert session.craft.tracking
+    assert off_boresight_deg(session) < 0.1
 
 
-def test_tracking_brings_a_lost_target_back(session: Session) -> None:
-    fly(session, 2.0, "steer.yaw-right")
-    assert telemetry_of(session.moment.world, session.scene()).off_boresight_deg > 2.0
-    session.centre()
+def test_tracking_brings_a_lost_target_back(session: FlightSession) -> None:
+    fly(session, 2.0, "yaw-right")
+    assert off_boresight_deg(session) > 2.0
+    session.order(Centre())
     fly(session, 8.0)
-    assert telemetry_of(session.moment.world, session.scene()).off_boresight_deg < 0.1
+    assert off_boresight_deg(session) < 0.1
 
 
-def test_the_rate_changes_no_faster_than_the_slew(session: Session) -> None:
-    session.take_over()
-    session.toggle_tracking()
-    before = np.array(session.moment.chaser.omega_camera_rad_s)
-    session.advance(TICK_S, {"steer.yaw-left"})
-    change = np.linalg.norm(np.array(session.moment.chaser.omega_camera_rad_s) - before)
+def test_the_rate_changes_no_faster_than_the_slew(session: FlightSession) -> None:
+    session.craft.take_over()
+    session.craft.set_attitude("hold")
+    before = np.array(session.craft.chaser.omega_camera_rad_s)
+    session.step(holding("yaw-left"), TICK_S)
+    change = np.linalg.norm(np.array(session.craft.chaser.omega_camera_rad_s) - before)
     assert change == pytest.approx(SLEW_RAD_S2 * STEP_S, rel=1e-6)
 
 
-def test_the_flight_does_not_depend_on_how_often_the_window_is_drawn(session: Session) -> None:
-    other = Session.of(session.plan.scenario)
+def test_the_flight_does_not_depend_on_how_often_the_window_is_drawn(session: FlightSession) -> None:
+    other = FlightSession.of(session.plan.scenario)
     for _ in range(100):
-        session.advance(0.02, {"steer.right"})
+        session.step(holding("right"), 0.02)
     for _ in range(20):
-        other.advance(0.1, {"steer.right"})
-    assert other.moment.chaser == session.moment.chaser
+        other.step(holding("right"), 0.1)
+    assert other.craft.chaser == session.craft.chaser
 
 
-def test_restart_gives_the_first_picture_again(session: Session) -> None:
+def test_restart_gives_the_first_picture_again(session: FlightSession) -> None:
     first = session.scene()
-    fly(session, 2.0, "steer.forward", "steer.roll-left")
+    fly(session, 2.0, "forward", "roll-left")
     session.restart()
     assert session.scene() == first
-    assert session.mode == "guidance"
-    assert len(session.trail) == 1
+    assert session.craft.mode == "guidance"
+    assert len(session.look_back.trail.points) == 1
 
 
-def test_reset_puts_the_chaser_back_and_keeps_steering(session: Session) -> None:
-    fly(session, 3.0, "steer.back")
-    session.reset_chaser()
-    assert session.mode == "steer"
-    assert session.moment.world == session.flight.state(session.t_s)
+def test_reset_puts_the_chaser_back_and_keeps_steering(session: FlightSession) -> None:
+    fly(session, 3.0, "back")
+    session.order(FollowGuidance(steered=True))
+    assert session.craft.mode == "steer"
+    assert session.craft.world == session.flight.state(session.t_s)
 
 
-def test_the_flight_goes_on_past_the_scenarios_end(session: Session) -> None:
+def test_the_flight_goes_on_past_the_scenarios_end(session: FlightSession) -> None:
     down = session.flight.pointing
-    session.set_rate(100.0)
-    early = session.moment.world.r_target_eci_m
+    session.clock.set_rate(100.0)
+    early = session.craft.world.r_target_eci_m
     fly(session, 1.0)
     assert session.t_s > session.plan.scenario.duration_s
     assert session.flight.pointing == down
     session.restart()
-    np.testing.assert_allclose(session.moment.world.r_target_eci_m, early, atol=1e-6)
+    np.testing.assert_allclose(session.craft.world.r_target_eci_m, early, atol=1e-6)
 
 
-def test_steered_time_equals_the_clock_at_high_rate(session: Session) -> None:
-    session.set_rate(50.0)
-    fly(session, 2.0, "steer.forward")
+def test_steered_time_equals_the_clock_at_high_rate(session: FlightSession) -> None:
+    session.clock.set_rate(50.0)
+    fly(session, 2.0, "forward")
     assert session.t_s == pytest.approx(100.0, abs=1.1)
-    assert session.moment.world.t_s == session.t_s
+    assert session.craft.world.t_s == session.t_s
 
 
-def test_reduced_camera_sees_the_same_directions(session: Session) -> None:
-    camera = session.plan.camera
-    half = reduced_camera(camera, 2)
-    assert (half.width_px, half.height_px) == (camera.width_px // 2, camera.height_px // 2)
-    # the outer corner of the image, at pixel edges, is the same ray
-    x = (-0.5 - camera.cx_px) / camera.fx_px
-    assert (-0.5 - half.cx_px) / half.fx_px == pytest.approx(x, rel=1e-12)
-
-
-def test_look_changes_only_what_it_says(session: Session) -> None:
-    scene = session.scene()
-    settings = ViewSettings(bands=scene.bands, environment=scene.environment)
-    assert apply_view_settings(scene, settings) == scene
-    darker: SceneState = apply_view_settings(scene, replace(settings, exposure_stops=-1.0))
-    assert darker == replace(scene, exposure_s=scene.exposure_s / 2)
-
-
-def test_letterbox_keeps_the_aspect_and_maps_pixel_edges() -> None:
-    box = Letterbox.fit((200, 100), (10.0, 20.0, 400.0, 400.0))
-    assert (box.x, box.y, box.width, box.height) == (10.0, 120.0, 400.0, 200.0)
-    assert box.at((-0.5, -0.5)) == (10.0, 120.0)
-    assert box.at((199.5, 99.5)) == (410.0, 320.0)
-
-
-def test_telemetry_of_a_known_geometry(session: Session) -> None:
-    fly(session, 1.0)
-    world, scene = session.moment.world, session.scene()
-    shown = telemetry_of(world, scene)
-    later = session.flight.state(session.t_s + 0.01)
-    assert shown.range_m == pytest.approx(world.range_m, abs=1e-9)
-    assert shown.closing_m_s == pytest.approx(-(later.range_m - world.range_m) / 0.01, abs=1e-4)
-    # the relative attitude turns at the relative rate
-    next_scene = session.plan.scene_of(later, 0)
-    turned = rotation_angle_rad(scene.q_camera_from_target_wxyz, next_scene.q_camera_from_target_wxyz)
-    assert np.degrees(turned) / 0.01 == pytest.approx(
-        float(np.linalg.norm(shown.relative_rate_deg_s)), rel=1e-3
-    )
-
-
-def guarded_session(radius_m: float) -> Session:
+def guarded_session(radius_m: float) -> FlightSession:
     scenario = load_scenario("tango-flyaround")
     thrusters = Thrusters()
     chaser = msgspec.structs.replace(
         scenario.chaser, keep_out=KeepOut(radius_m=radius_m), thrusters=thrusters
     )
-    return Session.of(msgspec.structs.replace(scenario, chaser=chaser))
+    return FlightSession.of(msgspec.structs.replace(scenario, chaser=chaser))
 
 
 def test_keep_out_sphere_stops_an_operator_who_pushes_on() -> None:
     session = guarded_session(7.0)
-    session.centre()
+    session.order(Centre())
     ranges, guarded = [], False
     for _ in range(20):
-        fly(session, 1.0, "steer.forward", "steer.coarse")
-        ranges.append(session.moment.world.range_m)
-        guarded = guarded or session.moment.guarded
+        fly(session, 1.0, "forward", "coarse")
+        ranges.append(session.craft.world.range_m)
+        guarded = guarded or session.craft.steering.guarded
     assert guarded
     assert min(ranges) > 6.95
-    free = Session.of(load_scenario("tango-flyaround"))
-    free.centre()
-    fly(free, 9.0, "steer.forward", "steer.coarse")
-    assert free.moment.world.range_m < 7.0
+    free = FlightSession.of(load_scenario("tango-flyaround"))
+    free.order(Centre())
+    fly(free, 9.0, "forward", "coarse")
+    assert free.craft.world.range_m < 7.0
 
 
 class Clock:
@@ -324,10 +277,10 @@ class Clock:
 def test_a_flight_is_on_disk_while_it_is_flown(tmp_path: Path) -> None:
     clock = Clock()
     recorder = FlightRecorder(clock)
-    session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path / "flown", session.plan.scenario)
     for _ in range(3):
-        fly(session, 0.5, "steer.forward", "steer.yaw-left")
+        fly(session, 0.5, "forward", "yaw-left")
         clock.now_s += 1.01
     fly(session, 0.5)
     lines = tmp_path / "flown" / "flight.csv"
@@ -349,7 +302,7 @@ def test_a_flight_is_on_disk_while_it_is_flown(tmp_path: Path) -> None:
 def test_a_restart_begins_another_recording(tmp_path: Path) -> None:
     clock = Clock()
     recorder = FlightRecorder(clock)
-    session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path, session.plan.scenario)
     clock.now_s = 2.0
     fly(session, 1.0)
@@ -372,7 +325,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path: Path) -> No
     if not full.exists():
         pytest.skip("no /dev/full")
     recorder = FlightRecorder()
-    session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path, session.plan.scenario)
     (tmp_path / "flight.csv").unlink()
     (tmp_path / "flight.csv").symlink_to(full)
@@ -389,7 +342,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path: Path) -> No
 def test_a_recording_whose_folder_is_gone_is_told_and_made_again_at_the_end(tmp_path: Path) -> None:
     clock = Clock()
     recorder = FlightRecorder(clock)
-    session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path / "flown", session.plan.scenario)
     shutil.rmtree(tmp_path / "flown")
     clock.now_s = 2.0
@@ -403,7 +356,7 @@ def test_a_recording_whose_folder_is_gone_is_told_and_made_again_at_the_end(tmp_
 def test_a_disk_that_stays_full_leaves_no_half_flight(tmp_path: Path) -> None:
     with small_disk(tmp_path / "disk", 40) as disk:
         recorder = FlightRecorder()
-        session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+        session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
         recorder.keep_in(disk / "flown", session.plan.scenario)
         (disk / "other").write_bytes(bytes(24 * 1024))
         fly(session, 8.0)
@@ -426,9 +379,9 @@ def test_lines_that_are_no_flight_are_refused(tmp_path: Path) -> None:
 
 def test_a_steered_flight_is_replayed_bit_for_bit(tmp_path: Path) -> None:
     recorder = FlightRecorder()
-    session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     fly(session, 1.0)
-    fly(session, 1.5, "steer.forward", "steer.yaw-left")
+    fly(session, 1.5, "forward", "yaw-left")
     fly(session, 0.5)
     recorder.keep_in(tmp_path / "flown", session.plan.scenario)
     path = recorder.close()

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from flyaround.simulator.piloting.trail import EVERY_S, MOST_POINTS, Trail
+from flyaround.simulator.piloting.look_back import MOST_TRAIL_POINTS, TRAIL_EVERY_S, Trail
 
 
 def test_a_long_flight_is_thinned_and_stays_whole() -> None:
-    trail, t_s, end_s = Trail(), 0.0, 3 * MOST_POINTS * EVERY_S
+    trail, t_s, end_s = Trail(), 0.0, 3 * MOST_TRAIL_POINTS * TRAIL_EVERY_S
     while t_s < end_s:
         if trail.wants(t_s):
             trail.add(t_s, (t_s, 0.0, 0.0))
-        t_s += EVERY_S / 2
-    assert MOST_POINTS / 2 <= len(trail.points) <= MOST_POINTS
+        t_s += TRAIL_EVERY_S / 2
+    assert MOST_TRAIL_POINTS / 2 <= len(trail.points) <= MOST_TRAIL_POINTS
     at = [p[0] for p in trail.points]
     assert at == sorted(at)
     assert at[0] == 0.0
-    assert at[-1] > end_s - 8 * EVERY_S
+    assert at[-1] > end_s - 8 * TRAIL_EVERY_S
 
 
 def test_what_is_later_is_forgotten_and_replaced() -> None:
