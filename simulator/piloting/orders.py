@@ -248,6 +248,8 @@ class JudgeBy(Order):
 
     def carry_out(self, craft: PilotedCraft) -> News:
         """Judge by them."""
+        if self.preset not in PRESETS:
+            raise UserError(f"there are no limits {self.preset}, only {', '.join(PRESETS)}")
         limits = craft.docking.limits = PRESETS[self.preset]
         return "note", f"limits: {limits.title} ({limits.source})"
 
