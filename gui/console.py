@@ -144,7 +144,7 @@ class Console:
             values = command.checked(arguments)
             self._note(Line(self.clock_ms, "do", name, values))
             before = deepcopy(self.options)
-            command.run(self, *values)
+            command.call(self, values)
             if command.group != "settings":
                 self.history.note(name, before, self.options, self.clock_ms)
         except (UserError, OSError) as error:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN, STILL, SWITCHES, Switch
+import math
+
+from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN, STILL, SWITCHES
 from flyaround.simulator.piloting.orders import PilotCommand
 
 MODIFIERS = {"coarse": COARSE_GAIN, "fine": FINE_GAIN}
@@ -23,23 +25,18 @@ class HandControl:
 
     def __init__(self) -> None:
         self.armed = False
-        self._closed: set[Switch] = set()
-        self._spent: set[Switch] = set()
-        self._modifiers: set[str] = set()
+        self._held: set[str] = set()
+        self._spent: set[str] = set()
         self.centre_sticks()
 
-    def switch(self, switch: Switch, *, closed: bool) -> None:
-        """Close or open a switch."""
-        (self._closed.add if closed else self._closed.discard)(switch)
-        self._spent &= self._closed
-
-    def modify(self, modifier: str, *, on: bool) -> None:
-        """Begin or end a modifier of the gain."""
-        (self._modifiers.add if on else self._modifiers.discard)(modifier)
+    def hold(self, name: str, *, held: bool) -> None:
+        """Begin or end a switch, or a modifier of the gain."""
+        (self._held.add if held else self._held.discard)(name)
+        self._spent &= self._held
 
     def let_go(self) -> None:
         """Ignore sticks, and keys that are held, until they are used again."""
-        self._spent = set(self._closed)
+        self._spent = self._held & set(SWITCHES)
         self.centre_sticks()
 
     def centre_sticks(self) -> None:
@@ -48,9 +45,10 @@ class HandControl:
 
     def command(self) -> PilotCommand:
         """Return what is demanded now."""
-        gain = 1.0
-        for name, factor in MODIFIERS.items():
-            gain *= factor if name in self._modifiers else 1.0
+        acting = self._held - self._spent
         return PilotCommand(
-            thrust=self.thrust, turn=self.turn, switches=frozenset(self._closed - self._spent), gain=gain
+            thrust=self.thrust,
+            turn=self.turn,
+            switches=frozenset(acting - set(MODIFIERS)),
+            gain=math.prod(MODIFIERS[name] for name in sorted(acting & set(MODIFIERS))),
         )

@@ -96,7 +96,6 @@ def panel_commands() -> tuple[Command, ...]:
             f"open or close: {p.title}",
             partial(toggle, p.name),
             getattr(p, "keys", ()),
-            getattr(p, "shown_keys", ""),
             arguments=(STATE,),
             state=partial(shown, p.name),
         )

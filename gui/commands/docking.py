@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 
-def _approach(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
-    on = not console.session.craft.steering.autopilot if state is None else state
+def _approach(console: Console, on: bool) -> None:  # noqa: FBT001 - a switch
     console.order(Approach(on))
     console.options.overlays.docking |= on
 
@@ -31,7 +30,6 @@ COMMANDS = (
         "fly to the next hold point and, once all are passed, into the port",
         _approach,
         ("b",),
-        "B",
         flies=True,
         arguments=(STATE,),
         state=lambda console: console.session.craft.steering.autopilot,
@@ -42,7 +40,6 @@ COMMANDS = (
         "let the chaser pass the hold point where it waits; refused while a figure is out of its limits",
         order(Go),
         ("enter",),
-        "Enter",
         flies=True,
     ),
     Command("docking.no-go", "No-go", "keep the chaser at the next hold point", order(NoGo)),
@@ -52,7 +49,6 @@ COMMANDS = (
         "away from the target in the next step, out of the corridor as it came in; undocks, too",
         _abort,
         ("delete",),
-        "Del",
     ),
     Command(
         "docking.limits",

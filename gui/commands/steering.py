@@ -13,7 +13,6 @@ from flyaround.simulator.piloting.orders import Centre, Control, FollowGuidance,
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.simulator.piloting.control_laws import Switch
 
 
 def order(make: Callable[..., Order]) -> Callable[..., None]:
@@ -27,12 +26,8 @@ def _shares(*names: str) -> tuple[Argument, ...]:
     )
 
 
-def _switch(name: Switch, console: Console, begins: bool) -> None:  # noqa: FBT001 - the form of a held command
-    console.hand.switch(name, closed=begins)
-
-
-def _modify(name: str, console: Console, begins: bool) -> None:  # noqa: FBT001 - the form of a held command
-    console.hand.modify(name, on=begins)
+def _hold(name: str, console: Console, begins: bool) -> None:  # noqa: FBT001 - the form of a held command
+    console.hand.hold(name, held=begins)
 
 
 def _stop(console: Console) -> None:
@@ -44,8 +39,8 @@ def _track(console: Console) -> None:
     console.order(Control(attitude="hold" if console.session.craft.tracking else "target"))
 
 
-def _arm(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
-    console.hand.armed = not console.hand.armed if state is None else state
+def _arm(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
+    console.hand.armed = state
     console.say("keys fly the chaser" if console.hand.armed else "keys do not fly the chaser")
 
 
@@ -60,16 +55,6 @@ def _toggle(console: Console) -> None:
 def _reset(console: Console) -> None:
     console.order(FollowGuidance(steered=True))
     console.hand.centre_sticks()
-
-
-def _lvlh(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
-    on = console.session.craft.steering.axes != "lvlh" if state is None else state
-    console.order(Control(axes="lvlh" if on else "camera"))
-
-
-def _pulses(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
-    on = console.session.craft.steering.thrust != "pulse" if state is None else state
-    console.order(Control(thrust="pulse" if on else "continuous"))
 
 
 def _attitude(console: Console, mode: str | None = None) -> None:
@@ -95,31 +80,22 @@ def _stick_lost(console: Console) -> None:
         console.say("the gamepad is gone")
 
 
-_HELD: tuple[tuple[Switch, str, str, str], ...] = (
-    ("forward", "w", "W", "thrust forward, along the boresight"),
-    ("back", "s", "S", "thrust back"),
-    ("left", "a", "A", "thrust left"),
-    ("right", "d", "D", "thrust right"),
-    ("up", "r", "R", "thrust up in the picture"),
-    ("down", "f", "F", "thrust down in the picture"),
-    ("pitch-up", "i up_arrow", "I / Up", "pitch up"),
-    ("pitch-down", "k down_arrow", "K / Down", "pitch down"),
-    ("yaw-left", "j left_arrow", "J / Left", "yaw left"),
-    ("yaw-right", "l right_arrow", "L / Right", "yaw right"),
-    ("roll-left", "u", "U", "roll left"),
-    ("roll-right", "o", "O", "roll right"),
+_HELD = (
+    ("forward", "w", "thrust forward, along the boresight"),
+    ("back", "s", "thrust back"),
+    ("left", "a", "thrust left"),
+    ("right", "d", "thrust right"),
+    ("up", "r", "thrust up in the picture"),
+    ("down", "f", "thrust down in the picture"),
+    ("pitch-up", "i up_arrow", "pitch up"),
+    ("pitch-down", "k down_arrow", "pitch down"),
+    ("yaw-left", "j left_arrow", "yaw left"),
+    ("yaw-right", "l right_arrow", "yaw right"),
+    ("roll-left", "u", "roll left"),
+    ("roll-right", "o", "roll right"),
+    ("coarse", "left_shift right_shift", "five times as strong, while held"),
+    ("fine", "left_ctrl right_ctrl", "a fifth as strong, while held"),
 )
-_MODIFIERS = (
-    ("coarse", "left_shift right_shift", "Shift", "five times as strong, while held"),
-    ("fine", "left_ctrl right_ctrl", "Ctrl", "a fifth as strong, while held"),
-)
-
-
-def _held(name: str, keys: str, shown: str, text: str, run: Callable[..., None]) -> Command:
-    """Return the command of a key that lasts as long as it is held."""
-    title = name.replace("-", " ").capitalize()
-    return Command(f"steer.{name}", title, text, run, tuple(keys.split()), shown, held=True, flies=True)
-
 
 COMMANDS = (
     Command(
@@ -128,20 +104,28 @@ COMMANDS = (
         "let keys fly the chaser; typing in a field and opening a scenario end it, abort (Del) needs none",
         _arm,
         ("ctrl+h", "insert"),
-        "Ctrl+H / Insert",
         arguments=(STATE,),
         state=lambda console: console.hand.armed,
     ),
-    *(_held(name, *rest, partial(_switch, name)) for name, *rest in _HELD),
-    *(_held(name, *rest, partial(_modify, name)) for name, *rest in _MODIFIERS),
-    Command("steer.stop", "Stop", "brake to rest beside the target (LVLH)", _stop, ("x",), "X", flies=True),
+    *(
+        Command(
+            f"steer.{name}",
+            name.replace("-", " ").capitalize(),
+            text,
+            partial(_hold, name),
+            tuple(keys.split()),
+            held=True,
+            flies=True,
+        )
+        for name, keys, text in _HELD
+    ),
+    Command("steer.stop", "Stop", "brake to rest beside the target (LVLH)", _stop, ("x",), flies=True),
     Command(
         "steer.track",
         "Track",
         "the attitude follows the target; turn keys move its place in the picture",
         _track,
         ("t",),
-        "T",
         flies=True,
         state=lambda console: console.session.craft.tracking,
     ),
@@ -151,7 +135,6 @@ COMMANDS = (
         "bring the target to the middle and track it",
         order(Centre),
         ("c",),
-        "C",
         flies=True,
     ),
     Command(
@@ -160,20 +143,16 @@ COMMANDS = (
         "scenario's guidance / steering by hand",
         _toggle,
         ("g",),
-        "G",
         flies=True,
         state=lambda console: console.session.craft.mode == "steer",
     ),
-    Command(
-        "steer.reset", "Reset", "back onto the scenario's trajectory", _reset, ("home",), "Home", flies=True
-    ),
+    Command("steer.reset", "Reset", "back onto the scenario's trajectory", _reset, ("home",), flies=True),
     Command(
         "steer.lvlh",
         "LVLH axes",
         "W and S along the flight, A and D across it, R and F up and down; off: along the camera's axes",
-        _lvlh,
+        order(lambda on: Control(axes="lvlh" if on else "camera")),
         ("n",),
-        "N",
         flies=True,
         arguments=(STATE,),
         state=lambda console: console.session.craft.steering.axes == "lvlh",
@@ -182,9 +161,8 @@ COMMANDS = (
         "steer.pulses",
         "Pulses",
         "a press of a key gives 1 cm/s or 0.2 deg; off: as long as it is held",
-        _pulses,
+        order(lambda on: Control(thrust="pulse" if on else "continuous")),
         ("m",),
-        "M",
         flies=True,
         arguments=(STATE,),
         state=lambda console: console.session.craft.steering.thrust == "pulse",
@@ -196,7 +174,6 @@ COMMANDS = (
         "dock: as when docked; left out: the next of them",
         _attitude,
         ("y",),
-        "Y",
         flies=True,
         arguments=(Argument("mode", "word", "what is kept", ATTITUDE_MODES, optional=True),),
     ),

@@ -14,10 +14,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.jumps import Event
 
 
-def _pause(console: Console) -> None:
-    console.session.clock.toggle_pause()
-
-
 def _step(console: Console) -> None:
     console.session.step_frame()
 
@@ -28,10 +24,6 @@ def _faster(console: Console) -> None:
 
 def _slower(console: Console) -> None:
     console.session.clock.shift_rate(-1)
-
-
-def _rate(console: Console, rate: str) -> None:
-    console.session.clock.set_rate(float(rate))
 
 
 def _restart(console: Console) -> None:
@@ -55,33 +47,20 @@ COMMANDS = (
         "time.pause",
         "Pause",
         "pause or go on",
-        _pause,
+        lambda console: console.session.clock.toggle_pause(),
         ("space",),
-        "Space",
         state=lambda console: console.session.clock.paused,
     ),
-    Command("time.step", "One frame", "one frame, then paused", _step, ("period",), "."),
+    Command("time.step", "One frame", "one frame, then paused", _step, ("period",)),
+    Command("time.faster", "Faster", "the next rate up", _faster, ("equal", "keypad_add", "right_bracket")),
     Command(
-        "time.faster",
-        "Faster",
-        "the next rate up",
-        _faster,
-        ("equal", "keypad_add", "right_bracket"),
-        "+ / ]",
-    ),
-    Command(
-        "time.slower",
-        "Slower",
-        "the next rate down",
-        _slower,
-        ("minus", "keypad_subtract", "left_bracket"),
-        "- / [",
+        "time.slower", "Slower", "the next rate down", _slower, ("minus", "keypad_subtract", "left_bracket")
     ),
     Command(
         "time.rate",
         "Rate",
         "simulated seconds per second",
-        _rate,
+        lambda console, rate: console.session.clock.set_rate(float(rate)),
         arguments=(Argument("rate", "word", "one of the rates", tuple(f"{r:g}" for r in RATES)),),
     ),
     Command(
@@ -90,7 +69,6 @@ COMMANDS = (
         "back to the beginning, with the guidance",
         _restart,
         ("backspace",),
-        "Backspace",
         flies=True,
         cli="flyaround sim SCENARIO",
     ),

@@ -33,10 +33,6 @@ def _turn(console: Console, azimuth_deg: float, elevation_deg: float, distance_m
     console.options.orbit.place(azimuth_deg, elevation_deg, distance_m)
 
 
-def _first_turn(console: Console) -> None:
-    console.options.orbit.reset(console.session.craft.world.range_m)
-
-
 def _metres(name: str, of: str) -> Argument:
     return Argument(name, "number", of, least=-MOST_WIDTH_M, most=MOST_WIDTH_M, unit="m")
 
@@ -91,6 +87,6 @@ COMMANDS = (
         "orbit-camera.reset",
         "Orbit camera: reset",
         "the free camera where it was at first, with target and chaser in view",
-        _first_turn,
+        lambda console: console.options.orbit.reset(console.session.craft.world.range_m),
     ),
 )

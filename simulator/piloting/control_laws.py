@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,20 +23,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.frames.lvlh import Lvlh
 
-Switch = Literal[
-    "forward",
-    "back",
-    "left",
-    "right",
-    "up",
-    "down",
-    "pitch-up",
-    "pitch-down",
-    "yaw-left",
-    "yaw-right",
-    "roll-left",
-    "roll-right",
-]
+Switch = str
+"""Name of an on-off controller, one of `SWITCHES`."""
 # Directions along camera axes: x right, y down, z forward.
 THRUST: dict[Switch, Vec3] = {
     "forward": (0.0, 0.0, 1.0),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.chaser_control import BORESIGHT
-from flyaround.simulator.piloting.control_laws import Demand
+from flyaround.simulator.piloting.control_laws import SWITCHES, Demand
 from flyaround.simulator.piloting.docking_figures import PRESETS
 
 if TYPE_CHECKING:
@@ -125,6 +125,8 @@ class Pulse(Order):
 
     def carry_out(self, craft: PilotedCraft) -> None:
         """Take over, and give the pulse."""
+        if self.switch not in SWITCHES:
+            raise UserError(f"there is no switch {self.switch}, only {', '.join(SWITCHES)}")
         craft.take_over()
         craft.steering.pulse(self.switch)
 
