@@ -110,7 +110,6 @@ class Command:
     state : of what is switched: whether it is on, for the menu's tick. A command whose one argument is `STATE` is run
         with the other state where that is left out.
     flies : whether its key acts only while hand control is armed.
-    cli : the command line that does the same, if there is one.
     """
 
     name: str
@@ -122,7 +121,6 @@ class Command:
     arguments: tuple[Argument, ...] = ()
     state: Callable[[Any], bool] | None = None
     flies: bool = False
-    cli: str = ""
 
     @property
     def shown(self) -> str:

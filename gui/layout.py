@@ -83,7 +83,7 @@ def read_layout(path: Path) -> SavedLayout:
 def panel_commands() -> tuple[Command, ...]:
     """A command for each panel that opens and closes it."""
 
-    def toggle(name: str, console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+    def toggle(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
         console.open_panel(name, shown=state)
 
     def shown(name: str, console: Console) -> bool:

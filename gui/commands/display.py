@@ -90,7 +90,6 @@ COMMANDS = (
             (OVERLAY_KEYS[name].lower(),) if name in OVERLAY_KEYS else (),
             arguments=(STATE,),
             state=partial(_overlay_is_on, name),
-            cli=f"flyaround sim SCENARIO --overlays {name}",
         )
         for name, title in OVERLAYS
     ),

@@ -33,7 +33,6 @@ COMMANDS = (
         lambda console, on: console.estimates.start() if on else console.estimates.stop(),
         arguments=(STATE,),
         state=lambda console: console.estimates.on,
-        cli="flyaround estimate IMAGE --target NAME --camera CAMERA.json",
     ),
     Command(
         "estimator.method",
@@ -43,7 +42,6 @@ COMMANDS = (
         arguments=(
             Argument("method", "word", "svd, svd-2018, svd-thesis, svd-track, net:FILE or a package's"),
         ),
-        cli="flyaround estimate IMAGE --method METHOD",
     ),
     Command(
         "estimator.stages",
@@ -52,7 +50,6 @@ COMMANDS = (
         lambda console, on: console.estimates.want_stages(wanted=on),
         arguments=(STATE,),
         state=lambda console: console.estimates.stages_wanted,
-        cli="flyaround estimate IMAGE --debug DIR",
     ),
     Command(
         "estimator.forget",

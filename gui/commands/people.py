@@ -172,7 +172,6 @@ COMMANDS = (
         _screenshot,
         ("ctrl+f12",),
         arguments=(Argument("path", "word", "of the file, .png", optional=True),),
-        cli="flyaround sim SCENARIO --screenshot FILE",
     ),
     Command(
         "film.start",
@@ -188,6 +187,5 @@ COMMANDS = (
         "a scenario flies, a mesh becomes this scenario's target; as files dropped on the window",
         _open,
         arguments=(Argument("path", "word", "a .toml, or a mesh"),),
-        cli="flyaround targets add FILE",
     ),
 )

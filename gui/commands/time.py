@@ -70,7 +70,6 @@ COMMANDS = (
         _restart,
         ("backspace",),
         flies=True,
-        cli="flyaround sim SCENARIO",
     ),
     *(
         Command(

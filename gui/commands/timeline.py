@@ -213,7 +213,6 @@ COMMANDS = (
         "what was flown as a scenario that replays it, in out/console/flights",
         _keep,
         arguments=(Argument("folder", "word", "empty or to be made", optional=True),),
-        cli="flyaround sim SCENARIO --record DIR",
     ),
     Command(
         "timeline.dataset",
@@ -223,13 +222,8 @@ COMMANDS = (
         arguments=(
             Argument("frames", "whole", "how many; 50 unless given", least=1, most=10_000, optional=True),
         ),
-        cli="flyaround capture replay.toml -o DIR",
     ),
     Command(
-        "timeline.hil",
-        "HIL run of it",
-        "open what was flown as a scenario, for a session with a board",
-        _hil,
-        cli="flyaround hil host replay.toml --listen URL",
+        "timeline.hil", "HIL run of it", "open what was flown as a scenario, for a session with a board", _hil
     ),
 )

@@ -18,7 +18,7 @@ class TimelinePanel:
     """Drag the slider to look back; Space plays what was flown, steering or Ctrl+Enter flies on from there."""
 
     name, title, place, shown = "timeline", "Timeline", "bottom", False
-    keys, shown_keys = ("ctrl+t",), "Ctrl+T"
+    keys = ("ctrl+t",)
 
     def __init__(self, window: Window) -> None:
         self._w = Widgets(window)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
@@ -195,23 +196,7 @@ def corridor_outline(keep_out: KeepOut, plane: Plane) -> FloatArray:
 
 def hull(points_lvlh_m: FloatArray, plane: Plane) -> FloatArray:
     """The points (m, 3) on the convex outline of a cloud (n, 3) as a plane shows it, in order around it."""
-    flat = points_lvlh_m[:, [plane.right, plane.up]]
-    order = np.lexsort((flat[:, 1], flat[:, 0]))
-
-    def half(indices: Sequence[int]) -> list[int]:
-        kept: list[int] = []
-        for k in indices:
-            while len(kept) > 1 and _turn(flat[kept[-2]], flat[kept[-1]], flat[k]) <= 0:
-                kept.pop()
-            kept.append(k)
-        return kept[:-1]
-
-    indices = [int(k) for k in order]
-    return points_lvlh_m[half(indices) + half(indices[::-1])]
-
-
-def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+    return points_lvlh_m[ConvexHull(points_lvlh_m[:, [plane.right, plane.up]]).vertices]
 
 
 def target_edges_lvlh_m(target: Target, world: WorldState, frame: Lvlh) -> FloatArray:

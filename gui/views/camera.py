@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flyaround.gui import hover_text, style
+from flyaround.gui.commands.timeline import clock
 from flyaround.gui.picture.truth_overlay import Pixel
 from flyaround.gui.views.docking_hud import DockingHud
 from flyaround.gui.views.estimate_overlay import EstimateOverlay
@@ -122,7 +123,7 @@ class CameraView:
             ("UTC", f"{r.epoch_utc.replace('T', ' ')[:23].rstrip('Z')}", style.INK),
             (
                 "T+",
-                f"{_clock(r.t_s)}   x{session.clock.rate:g}",
+                f"{clock(r.t_s)[2:]}   x{session.clock.rate:g}",
                 style.WARN if session.clock.paused else style.INK,
             ),
         )
@@ -241,12 +242,6 @@ def shown_passes(stage_ms: dict[str, float]) -> tuple[tuple[str, float], ...]:
     rest = stage_ms.get("render", 0.0) - sum(ms for _, ms in passes)
     rows = [*passes, ("other", rest), ("sensor", stage_ms.get("sensor", 0.0))]
     return tuple((name.replace(".", " "), ms) for name, ms in rows if ms >= 0.05)
-
-
-def _clock(t_s: float) -> str:
-    minutes, seconds = divmod(t_s, 60.0)
-    hours, minutes = divmod(int(minutes), 60)
-    return f"{hours:02d}:{minutes:02d}:{seconds:04.1f}"
 
 
 def _badge(session: FlightSession) -> tuple[str, style.Rgba]:

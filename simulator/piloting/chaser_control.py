@@ -7,9 +7,27 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from flyaround.simulator.piloting import control_laws
 from flyaround.simulator.piloting.autopilot import Autopilot
-from flyaround.simulator.piloting.control_laws import STILL, THRUST, TURN, Demand
+from flyaround.simulator.piloting.control_laws import (
+    ACCELERATION_M_S2,
+    BRAKE_M_S2,
+    BRAKED_M_S,
+    PULSE_M_S,
+    PULSE_RAD,
+    PULSE_RAD_S,
+    RATE_RAD_S,
+    RATE_TIME_S,
+    STILL,
+    THRUST,
+    TURN,
+    Demand,
+    brake_camera_m_s2,
+    direction,
+    docked_rate_rad_s,
+    slewed_command,
+    tracking_rate_rad_s,
+    turned_aim,
+)
 from flyaround.simulator.piloting.guidance_modes import CONTROL_S
 from flyaround.simulator.piloting.planned_burns import BurnPlan
 from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
@@ -32,8 +50,6 @@ if TYPE_CHECKING:
 Axes = Literal["camera", "lvlh"]
 Thrust = Literal["continuous", "pulse"]
 AttitudeMode = Literal["rate", "hold", "target", "dock"]
-AXES: tuple[Axes, ...] = get_args(Axes)
-THRUSTS: tuple[Thrust, ...] = get_args(Thrust)
 ATTITUDE_MODES: tuple[AttitudeMode, ...] = get_args(AttitudeMode)
 
 BORESIGHT: Vec3 = (0.0, 0.0, 1.0)
@@ -112,12 +128,8 @@ class Steering:
             self._end_for_hand()
 
     def _add_pulse(self, switches: frozenset[Switch], gain: float) -> None:
-        self._pulse_m_s = self._pulse_m_s + control_laws.PULSE_M_S * gain * control_laws.direction(
-            THRUST, switches
-        )
-        self._pulse_rad = self._pulse_rad + control_laws.PULSE_RAD * gain * control_laws.direction(
-            TURN, switches
-        )
+        self._pulse_m_s = self._pulse_m_s + PULSE_M_S * gain * direction(THRUST, switches)
+        self._pulse_rad = self._pulse_rad + PULSE_RAD * gain * direction(TURN, switches)
 
     def _drop_demand(self) -> None:
         """Drop what is demanded, until the next `hold`."""
@@ -226,12 +238,10 @@ class Steering:
         frame = flight.orbit.frame(chaser.t_s)
         R_camera_from_lvlh = matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ frame.R_eci_from_lvlh
         in_camera, in_lvlh = self._push(chaser, flight, frame, h)
-        asked = control_laws.command(in_camera, self._turn(chaser, flight, frame, h), chaser, h)
+        asked = slewed_command(in_camera, self._turn(chaser, flight, frame, h), chaser, h)
         command = replace(asked, acceleration_lvlh_m_s2=vec3(in_lvlh))
         if self.keep_out is not None:
-            command, self.guarded = guarded_command(
-                chaser, command, h, frame, self.keep_out, control_laws.BRAKE_M_S2
-            )
+            command, self.guarded = guarded_command(chaser, command, h, frame, self.keep_out, BRAKE_M_S2)
         given = np.array(command.acceleration_camera_m_s2) + R_camera_from_lvlh @ np.array(
             command.acceleration_lvlh_m_s2
         )
@@ -259,9 +269,9 @@ class Steering:
         else:
             in_camera = by_hand
         if self.braking:
-            brake, speed = control_laws.brake_camera_m_s2(chaser, frame, h)
+            brake, speed = brake_camera_m_s2(chaser, frame, h)
             in_camera = in_camera + brake
-            self.braking = speed >= control_laws.BRAKED_M_S
+            self.braking = speed >= BRAKED_M_S
         if self.aborting:
             in_lvlh = in_lvlh + self._retreat(chaser, frame, h)
         elif self.guided is not None:
@@ -273,11 +283,11 @@ class Steering:
     def _by_hand(self, h: float) -> FloatArray:
         """(3,) demanded thrust and pulses: right, down, forward [m s-2]."""
         demand = self._demand
-        push = control_laws.ACCELERATION_M_S2 * demand.gain * np.array(demand.thrust)
+        push = ACCELERATION_M_S2 * demand.gain * np.array(demand.thrust)
         if self.thrust == "continuous":
             push = push + demand.switched_thrust_m_s2()
         if self._pulse_m_s.any():
-            most = control_laws.ACCELERATION_M_S2 * h
+            most = ACCELERATION_M_S2 * h
             given = np.clip(self._pulse_m_s, -most, most)
             self._pulse_m_s = self._pulse_m_s - given
             self._pulse_m_s[np.abs(self._pulse_m_s) < 1e-12] = 0.0
@@ -317,11 +327,11 @@ class Steering:
     def _turn(self, chaser: ChaserState, flight: Flight, frame: Lvlh, h: float) -> FloatArray:
         """(3,) rate relative to ECI that is wanted, camera axes [rad s-1]."""
         demand = self._demand
-        asked = control_laws.RATE_RAD_S * demand.gain * np.array(demand.turn)
+        asked = RATE_RAD_S * demand.gain * np.array(demand.turn)
         if self.thrust == "continuous":
             asked = asked + demand.switched_turn_rad_s()
         if self._pulse_rad.any():
-            most = control_laws.PULSE_RAD_S * h
+            most = PULSE_RAD_S * h
             given = np.clip(self._pulse_rad, -most, most)
             self._pulse_rad = self._pulse_rad - given
             self._pulse_rad[np.abs(self._pulse_rad) < 1e-12] = 0.0
@@ -329,14 +339,12 @@ class Steering:
         match self.attitude:
             case "rate":
                 # as a joystick commands a wheel: the rate stays until it is pushed back
-                return np.array(chaser.omega_camera_rad_s) + asked * (h / control_laws.RATE_TIME_S)
+                return np.array(chaser.omega_camera_rad_s) + asked * (h / RATE_TIME_S)
             case "target":
-                self.aim = control_laws.turned_aim(self.aim, asked, h)
-                return asked + control_laws.tracking_rate_rad_s(chaser, self.aim, h)
+                self.aim = turned_aim(self.aim, asked, h)
+                return asked + tracking_rate_rad_s(chaser, self.aim, h)
             case "dock":
-                return asked + control_laws.docked_rate_rad_s(
-                    chaser, flight.attitude(chaser.t_s), self.docking.port, h
-                )
+                return asked + docked_rate_rad_s(chaser, flight.attitude(chaser.t_s), self.docking.port, h)
             case "hold":
                 if self.axes == "lvlh":
                     R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)

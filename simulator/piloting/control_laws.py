@@ -178,7 +178,7 @@ def brake_camera_m_s2(chaser: ChaserState, frame: Lvlh, dt_s: float) -> tuple[Fl
     return -v_camera / speed * min(BRAKE_M_S2, speed / dt_s), speed
 
 
-def command(
+def slewed_command(
     acceleration: FloatArray, wanted_rate: FloatArray, chaser: ChaserState, dt_s: float
 ) -> SteeringCommand:
     """The command of one step: the rate moves towards the wanted one no quicker than the slew allows."""

@@ -178,7 +178,7 @@ class Docking:
     def _strikes(self, before: ChaserState, after: ChaserState, flight: Flight) -> bool:
         """Whether the way of the docking point, or of the camera, went through the surface."""
         com = np.array(self._target.mass.com_m)
-        for point in (_docking_point, _camera_point):
+        for point in (docking_point_target_m, _camera_point):
             a, b = (com + point(s, flight.attitude(s.t_s)[0]) for s in (before, after))
             way = b - a
             length = float(np.linalg.norm(way))
@@ -205,10 +205,6 @@ class Docking:
             velocity_eci_m_s=vec3(surface + relative),
             q_camera_from_eci_wxyz=before.q_camera_from_eci_wxyz,
         )
-
-
-def _docking_point(chaser: ChaserState, q_eci_from_target_wxyz: FloatArray) -> FloatArray:
-    return docking_point_target_m(chaser, q_eci_from_target_wxyz)
 
 
 def _camera_point(chaser: ChaserState, q_eci_from_target_wxyz: FloatArray) -> FloatArray:

@@ -25,13 +25,14 @@ if TYPE_CHECKING:
 
 EVERY_S = 0.1
 """Simulated time between samples; at higher rates each step of the session is one."""
-WIDTH = 13
+WIDTH = 15
+"""Numbers of a sample: time, the chaser's 13 (NaN while guided), which controls."""
 MOST_SAMPLES = 400_000
 """Eleven hours in tenths of a second; beyond it every second sample is dropped."""
 MOST_CONTROLS_BYTES = 40_000_000
 LONGEST_NOTE = 200
 MOST_BOOKMARKS = 500
-_ROUNDING_S = 5e-4
+ROUNDING_S = 5e-4
 """Of sums of steps."""
 
 
@@ -58,28 +59,68 @@ class Bookmark:
     note: str
 
 
-@dataclass
-class _StateSamples:
-    """Parallel columns: times, numbers of the chaser (NaN while guided), which controls."""
+class FlownRows:
+    """Rows of numbers in the order of time, which is the first of each, and the future that was left last.
 
-    times_s: array[float]
-    numbers: array[float]
-    controls: array[int]
+    Parameters
+    ----------
+    width : int
+        Numbers of a row.
 
-    @staticmethod
-    def none() -> _StateSamples:
-        return _StateSamples(array("d"), array("d"), array("l"))
+    Attributes
+    ----------
+    numbers : array
+        Row after row.
+    left : tuple or None
+        How many rows that future shares with these, and the rest of it.
+    """
 
-    def cut(self, k: int) -> _StateSamples:
-        """Take away sample k and all later ones, and return them."""
-        gone = _StateSamples(self.times_s[k:], self.numbers[WIDTH * k :], self.controls[k:])
-        del self.times_s[k:], self.numbers[WIDTH * k :], self.controls[k:]
+    def __init__(self, width: int) -> None:
+        self._width = width
+        self.numbers = array("d")
+        self.left: tuple[int, array[float]] | None = None
+
+    def __len__(self) -> int:
+        return len(self.numbers) // self._width
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last row [s]; 0 where there is none."""
+        return self.numbers[-self._width] if self.numbers else 0.0
+
+    def wants(self, t_s: float, every_s: float) -> bool:
+        """Return True if a row is due at a time."""
+        return not self.numbers or t_s >= self.end_s + every_s - ROUNDING_S
+
+    def time_of(self, k: int) -> float:
+        """Return the time of a row [s]."""
+        return self.numbers[self._width * k]
+
+    def at(self, t_s: float) -> int:
+        """Return the number of the row at or before a time, or -1."""
+        return bisect_right(range(len(self)), t_s, key=self.time_of) - 1
+
+    def rows(self, k: int, count: int = 1) -> array[float]:
+        """Return some rows, as many as there are."""
+        return self.numbers[self._width * k : self._width * (k + count)]
+
+    def leave_after(self, k: int) -> None:
+        """Leave all that comes after row k, or everything for -1."""
+        self.left = k + 1, self._cut(k + 1)
+
+    def swap_future(self) -> int:
+        """Exchange the future with the one that was left, and return how many rows both share."""
+        if self.left is None:
+            return len(self)
+        shared, future = self.left
+        self.left = shared, self._cut(shared)
+        self.numbers.extend(future)
+        return shared
+
+    def _cut(self, k: int) -> array[float]:
+        gone = self.numbers[self._width * k :]
+        del self.numbers[self._width * k :]
         return gone
-
-    def extend(self, later: _StateSamples) -> None:
-        self.times_s.extend(later.times_s)
-        self.numbers.extend(later.numbers)
-        self.controls.extend(later.controls)
 
 
 class Timeline:
@@ -90,31 +131,25 @@ class Timeline:
     """
 
     def __init__(self) -> None:
-        self._samples = _StateSamples.none()
+        self._rows = FlownRows(WIDTH)
         self._packed: list[bytes] = []
         self._packed_bytes = 0
         self._first = b""
         self._every_s = EVERY_S
-        # how many samples it shares with the flight that is kept, and the rest of it
-        self._left: tuple[int, _StateSamples] | None = None
         self.bookmarks: tuple[Bookmark, ...] = ()
 
     # --- while it is flown
 
     def wants(self, t_s: float) -> bool:
-        """Whether the state at a time is due."""
-        times = self._samples.times_s
-        return not times or t_s >= times[-1] + self._every_s - _ROUNDING_S
+        """Return True if the state at a time is due."""
+        return self._rows.wants(t_s, self._every_s)
 
     def add(self, t_s: float, steered: ChaserState | None, controls: object) -> None:
         """Keep a state; one that is not later than the last is kept already."""
-        samples = self._samples
-        if samples.times_s and t_s <= samples.times_s[-1]:
+        if len(self) and t_s <= self.end_s:
             return
-        samples.times_s.append(t_s)
-        samples.numbers.extend(_numbers(steered))
-        samples.controls.append(self._pack(controls))
-        if len(samples.times_s) > MOST_SAMPLES or self._packed_bytes > MOST_CONTROLS_BYTES:
+        self._rows.numbers.extend((t_s, *_numbers(steered), self._pack(controls)))
+        if len(self) > MOST_SAMPLES or self._packed_bytes > MOST_CONTROLS_BYTES:
             self._thin()
 
     def _pack(self, controls: object) -> int:
@@ -130,80 +165,71 @@ class Timeline:
 
     def _thin(self) -> None:
         """The whole flight stays, at half the density; a future that was left is forgotten."""
-        s, self._left = self._samples, None
-        table = np.frombuffer(s.numbers).reshape(-1, WIDTH)[::2]
-        used = s.controls[::2]
-        kept = sorted(set(used))
-        new = {old: k for k, old in enumerate(kept)}
-        self._packed = [self._packed[k] for k in kept]
+        table = np.array(self._rows.numbers).reshape(-1, WIDTH)[::2]
+        kept, table[:, -1] = np.unique(table[:, -1], return_inverse=True)
+        self._packed = [self._packed[int(k)] for k in kept]
         self._packed_bytes = sum(map(len, self._packed))
-        self._samples = _StateSamples(
-            s.times_s[::2], array("d", table.tobytes()), array("l", [new[k] for k in used])
-        )
+        self._rows.numbers, self._rows.left = array("d", table.tobytes()), None
         self._every_s *= 2
 
     def __len__(self) -> int:
-        return len(self._samples.times_s)
+        return len(self._rows)
 
     @property
     def end_s(self) -> float:
         """Time of the last sample [s]; 0 where there is none."""
-        return self._samples.times_s[-1] if self._samples.times_s else 0.0
+        return self._rows.end_s
 
     @property
     def bytes_kept(self) -> int:
         """Of memory, about."""
-        return len(self) * 8 * (WIDTH + 2) + self._packed_bytes + 40 * len(self._packed)
+        return len(self) * 8 * WIDTH + self._packed_bytes + 40 * len(self._packed)
 
     # --- to look back
 
     def at(self, t_s: float) -> int:
         """Number of the sample at or before a time."""
-        return max(bisect_right(self._samples.times_s, t_s + _ROUNDING_S) - 1, 0)
+        return max(self._rows.at(t_s + ROUNDING_S), 0)
 
     def time_of(self, k: int) -> float:
         """Of a sample [s]."""
-        return self._samples.times_s[k]
+        return self._rows.time_of(k)
 
     def place(self, k: int) -> FlownPlace:
         """A sample."""
-        samples = self._samples
-        t_s = samples.times_s[k]
-        numbers = samples.numbers[WIDTH * k : WIDTH * (k + 1)]
-        plain = zlib.decompressobj(zdict=self._first).decompress(self._packed[samples.controls[k]])
+        t_s, *numbers, packed = self._rows.rows(k)
+        plain = zlib.decompressobj(zdict=self._first).decompress(self._packed[int(packed)])
         # what was packed here, not what came from outside
         controls = pickle.loads(plain)  # noqa: S301
         return FlownPlace(t_s, _chaser(t_s, numbers), controls)
 
     def chaser_between(self, t_s: float) -> ChaserState | None:
         """The steered chaser at any time, by a cubic between two samples; None where guidance flies it."""
-        k = self.at(t_s)
-        row = self._samples.numbers[WIDTH * k : WIDTH * (k + 2)]
-        here = _chaser(self._samples.times_s[k], row[:WIDTH])
-        if here is None or len(row) < 2 * WIDTH or np.isnan(row[WIDTH]):
+        table = np.array(self._rows.rows(self.at(t_s), 2)).reshape(-1, WIDTH)
+        here = _chaser(float(table[0, 0]), table[0, 1:-1])
+        if here is None or len(table) < 2 or np.isnan(table[1, 1]):
             return here
-        table = np.array(row).reshape(2, WIDTH)
         pair = {
-            "t_s": np.array(self._samples.times_s[k : k + 2]),
-            "relative_eci_m": table[:, :3],
-            "relative_eci_m_s": table[:, 3:6],
-            "q_camera_from_eci_wxyz": table[:, 6:10],
-            "omega_camera_rad_s": table[:, 10:],
+            "t_s": table[:, 0],
+            "relative_eci_m": table[:, 1:4],
+            "relative_eci_m_s": table[:, 4:7],
+            "q_camera_from_eci_wxyz": table[:, 7:11],
+            "omega_camera_rad_s": table[:, 11:14],
         }
         return Recording(pair).chaser(t_s)
 
     def leave_after(self, k: int) -> None:
         """Leave all that comes after sample k, or everything for -1; see `swap_future`."""
         if k + 1 < len(self):
-            self._left = k + 1, self._samples.cut(k + 1)
+            self._rows.leave_after(k)
 
     @property
     def left_s(self) -> tuple[float, float] | None:
         """From when to when the future goes that was left last [s]."""
-        if self._left is None:
+        if self._rows.left is None:
             return None
-        shared, future = self._left
-        return self._samples.times_s[shared - 1] if shared else 0.0, future.times_s[-1]
+        shared, future = self._rows.left
+        return self.time_of(shared - 1) if shared else 0.0, future[-WIDTH]
 
     def swap_future(self) -> int:
         """The future that was left comes back, and the one flown since is left for it; the last sample of both.
@@ -213,12 +239,11 @@ class Timeline:
         UserError
             If none was left.
         """
-        if self._left is None:
+        if self._rows.left is None:
             raise UserError("no future was left: go back with timeline.seek and fly on from there first")
-        shared, future = self._left
-        since = self._samples.cut(shared)
-        self._samples.extend(future)
-        self._left = (shared, since) if since.times_s else None
+        shared = self._rows.swap_future()
+        if not self._rows.left[1]:
+            self._rows.left = None
         return max(shared - 1, 0)
 
     # --- bookmarks
@@ -236,7 +261,7 @@ class Timeline:
                 f"there are {MOST_BOOKMARKS} bookmarks; take one away first (timeline.unbookmark)"
             )
         mark = Bookmark(t_s, " ".join(note.split())[:LONGEST_NOTE])
-        others = (b for b in self.bookmarks if abs(b.t_s - t_s) > _ROUNDING_S)
+        others = (b for b in self.bookmarks if abs(b.t_s - t_s) > ROUNDING_S)
         self.bookmarks = tuple(sorted((*others, mark), key=lambda b: b.t_s))
         return mark
 
@@ -248,7 +273,7 @@ class Timeline:
 
 def _numbers(steered: ChaserState | None) -> Sequence[float]:
     if steered is None:
-        return (np.nan,) * WIDTH
+        return (np.nan,) * (WIDTH - 2)
     return (
         *steered.position_eci_m,
         *steered.velocity_eci_m_s,

@@ -7,9 +7,8 @@ from array import array
 from typing import TYPE_CHECKING
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.recorder import REPLAY, WHOLE
-from flyaround.simulator.runtime.files import empty_folder, write_atomic
-from flyaround.simulator.scenario.write import replay_scenario
+from flyaround.simulator.piloting.recorder import write_flight
+from flyaround.simulator.runtime.files import empty_folder
 from flyaround.simulator.world.flight.recording import Recording, state_row
 
 if TYPE_CHECKING:
@@ -65,11 +64,7 @@ class FlownFiles:
             self._next += 1
             if time.perf_counter() >= until:
                 return None
-        recording = Recording.of_rows(self._rows)
-        write_atomic(self.folder / WHOLE, recording.to_bytes())
-        replay = self.folder / REPLAY
-        write_atomic(replay, replay_scenario(self._scenario, WHOLE, recording.duration_s).encode())
-        return replay
+        return write_flight(self.folder, self._scenario, Recording.of_rows(self._rows))
 
 
 def free_folder(parent: Path, name: str) -> Path:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import time
-from array import array
 from typing import TYPE_CHECKING, TextIO
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.flight_history import EVERY_S, FlownRows
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
 from flyaround.simulator.scenario.write import replay_scenario
 from flyaround.simulator.world.flight.recording import (
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
     from flyaround.simulator.world.flight.world_state import WorldState
 
-EVERY_S = 0.1
-"""Simulated time between the states that are kept; at higher rates each step of the session is one."""
 REPLAY_EVERY_S = 1.0
 """Between two writings of ``replay.toml``, which says how long the flight is."""
 WHOLE, REPLAY = "flight.npz", "replay.toml"
@@ -46,9 +44,7 @@ class FlightRecorder:
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._rows = array("d")
-        # how many states it shares with the flight that is kept, and the rest of it
-        self._left: tuple[int, array[float]] | None = None
+        self._rows = FlownRows(NUMBERS)
         self.trouble: str | None = None
         """Why the flight is not on disk, if it is not."""
         self._untold: str | None = None
@@ -73,47 +69,40 @@ class FlightRecorder:
 
     def __len__(self) -> int:
         """States that are kept."""
-        return len(self._rows) // NUMBERS
+        return len(self._rows)
 
     @property
     def recording(self) -> Recording:
         """What is kept."""
-        return Recording.of_rows(self._rows)
+        return Recording.of_rows(self._rows.numbers)
 
     @property
     def end_s(self) -> float:
         """Time of the last state [s]; 0 where there is none."""
-        return self._rows[-NUMBERS] if self._rows else 0.0
+        return self._rows.end_s
 
     def wants(self, t_s: float) -> bool:
         """Whether the state at a time is due."""
-        # half a millisecond for the sums of steps
-        return not self._rows or t_s >= self.end_s + EVERY_S - 5e-4
+        return self._rows.wants(t_s, EVERY_S)
 
     def add(self, state: WorldState) -> None:
         """Keep a state, later than the last. A disk that is full does not end a flight: see `trouble`."""
         row = state_row(state)
-        self._rows.extend(row)
+        self._rows.numbers.extend(row)
         self._put(row)
 
     def leave_after(self, t_s: float) -> None:
         """The flight is taken up from an earlier time: what came after it does not belong to it any more."""
-        shared = sum(t <= t_s for t in self._rows[::NUMBERS])
-        if 0 < shared == len(self):
-            return
-        self._left = shared, self._rows[NUMBERS * shared :]
-        del self._rows[NUMBERS * shared :]
-        self._begin()
+        k = self._rows.at(t_s)
+        if not 0 < k + 1 == len(self):
+            self._rows.leave_after(k)
+            self._begin()
 
     def swap_future(self) -> None:
         """What was left last belongs to the flight again, instead of what came since."""
-        if self._left is None:
-            return
-        shared, future = self._left
-        self._left = shared, self._rows[NUMBERS * shared :]
-        del self._rows[NUMBERS * shared :]
-        self._rows.extend(future)
-        self._begin()
+        if self._rows.left is not None:
+            self._rows.swap_future()
+            self._begin()
 
     def close(self) -> Path | None:
         """End what `keep_in` began: the whole flight in place of its lines; the replay's path, if there is one.
@@ -127,7 +116,10 @@ class FlightRecorder:
             return None
         (folder, scenario), self._kept = self._kept, None
         self._stop()
-        replay = self._write_whole(folder, scenario) if self.long_enough else None
+        # the folder may be gone meanwhile
+        with contextlib.suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+        replay = write_flight(folder, scenario, self.recording) if self.long_enough else None
         with contextlib.suppress(OSError):
             (folder / WHOLE).with_suffix(CSV_SUFFIX).unlink(missing_ok=True)
         return replay
@@ -141,14 +133,6 @@ class FlightRecorder:
         """Why the flight is not on disk, said once."""
         trouble, self._untold = self._untold, None
         return trouble
-
-    def _write_whole(self, folder: Path, scenario: Scenario) -> Path:
-        recording = self.recording
-        # the folder may be gone meanwhile
-        with contextlib.suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True)
-        write_atomic(folder / WHOLE, recording.to_bytes())
-        return _write_replay(folder, scenario, WHOLE, recording.duration_s)
 
     def _begin(self) -> None:
         """Begin the lines, over those of a flight that was begun again."""
@@ -164,8 +148,8 @@ class FlightRecorder:
             self._lines.flush()
         except OSError as error:
             self._fail(error)
-        for at in range(0, len(self._rows), NUMBERS):
-            self._put(self._rows[at : at + NUMBERS])
+        for k in range(len(self)):
+            self._put(self._rows.rows(k))
 
     def _put(self, row: Sequence[float]) -> None:
         if self._lines is None or self._kept is None:
@@ -194,6 +178,18 @@ class FlightRecorder:
             with contextlib.suppress(OSError):
                 self._lines.close()
             self._lines = None
+
+
+def write_flight(folder: Path, scenario: Scenario, recording: Recording) -> Path:
+    """Write a recorded flight and the scenario that replays it, and return the scenario's path.
+
+    Raises
+    ------
+    UserError
+        If it cannot be written.
+    """
+    write_atomic(folder / WHOLE, recording.to_bytes())
+    return _write_replay(folder, scenario, WHOLE, recording.duration_s)
 
 
 def _write_replay(folder: Path, scenario: Scenario, recording: str, duration_s: float) -> Path:

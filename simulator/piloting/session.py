@@ -134,9 +134,9 @@ class FlightSession:
     @property
     def state(self) -> FlightState:
         """State now, without news."""
-        return self._state()
+        return self._state_with(())
 
-    def _state(self, news: tuple[News, ...] = ()) -> FlightState:
+    def _state_with(self, news: tuple[News, ...]) -> FlightState:
         craft, steering = self.craft, self.craft.steering
         return FlightState(
             t_s=craft.t_s,
@@ -191,7 +191,7 @@ class FlightSession:
         if self.look_back.active and not (steering.takes_over or self.look_back.changed):
             if not self.clock.paused and self.look_back.play(dt_s * self.clock.rate):
                 self.clock.paused = True
-            return self._state((*news, *steering.take_news()))
+            return self._state_with((*news, *steering.take_news()))
         self.look_back.fly_on()
         if steering.takes_over:
             self.craft.take_over()
@@ -199,7 +199,7 @@ class FlightSession:
             self.clock.add(dt_s)
             self._run()
         begun = self._cautions.news(self.craft.world, steering.propellant, guarded=steering.guarded)
-        return self._state((*news, *steering.take_news(), *begun))
+        return self._state_with((*news, *steering.take_news(), *begun))
 
     def order(self, order: Order) -> News | None:
         """Carry out one order now, and return what the pilot is answered.
