@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cv2
-
 from flyaround.gui import style
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.commands.all import COMMANDS
@@ -28,6 +26,7 @@ from flyaround.gui.picture.turns import Turns
 from flyaround.gui.picture.view_settings import Options, ViewSettings
 from flyaround.gui.script import Script
 from flyaround.gui.window import Window, import_parts
+from flyaround.simulator.dataset.formats.native import encode_png
 from flyaround.simulator.dataset.single_frames import save_picture
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
@@ -50,12 +49,12 @@ STILL_HZ = 10.0
 SHARE = 0.9
 """Of the time that the window may take where drawing it is slow."""
 SLICE_S = 1 / 60
+"""Longest period between two looks at input, time and pictures."""
 URGENT, URGENT_ARMED = ("delete",), ("delete", "x")
 """Keys of abort and stop: they overtake what a slow window has not yet taken."""
 FLIGHT_GROUPS = frozenset({"steer", "guidance", "burn", "docking", "time", "timeline"})
 MOST_TOLD = 20
-"""Of the faults that a check of the texts finds."""
-"""Input, time and pictures are looked after at least so often."""
+"""Largest number of faults of texts that are listed."""
 GIVES_WAY = 5
 """Niceness of the render process: keys and the window go before pictures."""
 ANSWER_WITHIN_S = 20.0
@@ -243,7 +242,7 @@ class ConsoleLoop:
             if limit is not None and first_picture is not None and now - first_picture > limit:
                 break
         if self._request.screenshot is not None:
-            write_atomic(self._request.screenshot, _png(self._look_of_window()))
+            write_atomic(self._request.screenshot, encode_png(self._look_of_window()))
         self._layout.keep(console, self._layout_file)
         return self._last_state()
 
@@ -310,7 +309,7 @@ class ConsoleLoop:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             if self._window.captured is not None:
-                write_atomic(path, _png(self._window.captured))
+                write_atomic(path, encode_png(self._window.captured))
                 self._console.say(f"saved {path}")
         except (UserError, OSError) as error:
             self._console.say(f"not saved: {error}", "caution")
@@ -402,10 +401,3 @@ def _check_screenshot(path: Path | None) -> None:
         raise UserError(
             f"folder {path.parent} does not exist; make it, or name another place with --screenshot"
         )
-
-
-def _png(image: ByteArray) -> bytes:
-    ok, data = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    if not ok:
-        raise RuntimeError("the window's picture could not be encoded")
-    return data.tobytes()

@@ -192,9 +192,7 @@ def terminator_deg(
     """The great circle where the Sun's middle is on the horizon: latitudes and longitudes [deg], in map order."""
     lat, lon = math.radians(subsolar_latitude_deg), math.radians(subsolar_longitude_deg)
     east = np.array([-math.sin(lon), math.cos(lon), 0.0])
-    north = np.array(
-        [-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)],
-    )
+    north = np.array([-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)])
     turn = np.linspace(-np.pi, np.pi, samples)[:, None]
     x, y, z = (np.cos(turn) * east + np.sin(turn) * north).T
     return unbroken(np.degrees(np.arcsin(np.clip(z, -1, 1))), np.degrees(np.arctan2(y, x)))

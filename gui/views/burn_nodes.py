@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from flyaround.gui import style
+from flyaround.gui.canvas import point
 from flyaround.simulator.piloting.planned_burns import BurnPlan, PlannedBurn
 from flyaround.simulator.runtime.arrays import vec3
 
@@ -91,7 +92,7 @@ class BurnNodes:
         canvas.stroke(port.at(path.points_lvlh_m), COLOUR, 1.6, dashed=True)
         written: list[Point] = []
         for burn, node in zip(burns, path.nodes_lvlh_m, strict=False):
-            at = _point(port.at(node))
+            at = point(port.at(node))
             canvas.arrow(at, handle(at, burn, port.plane), COLOUR, 1.8)
             canvas.dot(handle(at, burn, port.plane), 3.5, style.INK)
             canvas.diamond(at, 5.0, COLOUR)
@@ -130,7 +131,7 @@ class BurnNodes:
         if self._path is None:
             return None
         for burn, node in zip(self._plan.burns, self._path.nodes_lvlh_m, strict=False):
-            at = _point(port.at(node))
+            at = point(port.at(node))
             for what, place in (("handle", handle(at, burn, port.plane)), ("node", at)):
                 if np.hypot(place[0] - mouse[0], place[1] - mouse[1]) <= GRIP:
                     return Grip(burn, "handle" if what == "handle" else "node", port)
@@ -146,7 +147,7 @@ class BurnNodes:
             self._grip = None
             return
         if grip.what == "handle":
-            burn = dragged(grip.burn, grip.port.plane, _point(grip.port.at(node)), mouse)
+            burn = dragged(grip.burn, grip.port.plane, point(grip.port.at(node)), mouse)
         else:
             burn = replace(grip.burn, t_s=self._time_at(session, grip.port, mouse))
         others = tuple(b for b in self._plan.burns if b.t_s != grip.burn.t_s)
@@ -184,7 +185,7 @@ def handle(node: Point, burn: PlannedBurn, plane: Plane) -> Point:
     part = np.array([burn.delta_v_lvlh_m_s[plane.right], -burn.delta_v_lvlh_m_s[plane.up]])
     size = float(np.linalg.norm(part))
     along = part / size if size > 0 else np.array([1.0, 0.0])
-    return _point(np.array(node) + (ARM + PER_M_S * size) * along)
+    return point(np.array(node) + (ARM + PER_M_S * size) * along)
 
 
 def dragged(burn: PlannedBurn, plane: Plane, node: Point, mouse: Point) -> PlannedBurn:
@@ -196,7 +197,3 @@ def dragged(burn: PlannedBurn, plane: Plane, node: Point, mouse: Point) -> Plann
     parts[[plane.right, plane.up]] = size * way / max(length, 1e-9)
     parts = np.round(parts, 3) + 0.0
     return replace(burn, delta_v_lvlh_m_s=vec3(parts)) if parts.any() else burn
-
-
-def _point(p: FloatArray) -> Point:
-    return (float(p[0]), float(p[1]))

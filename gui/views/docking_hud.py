@@ -110,12 +110,7 @@ class DockingHud:
                 )
 
     def _port(
-        self,
-        canvas: Canvas,
-        box: Letterbox,
-        camera: Camera,
-        figures: DockingFigures,
-        rows: dict[str, Judged],
+        self, canvas: Canvas, box: Letterbox, camera: Camera, figures: DockingFigures, rows: dict[str, Judged]
     ) -> None:
         """The port's rim and its upper side, and where the docking point will meet its plane."""
         turn = np.linspace(0.0, 2 * np.pi, 33)[:-1]
@@ -150,12 +145,7 @@ class DockingHud:
     # --- over the picture
 
     def _ring(
-        self,
-        canvas: Canvas,
-        centre: Point,
-        radius: float,
-        figures: DockingFigures,
-        rows: dict[str, Judged],
+        self, canvas: Canvas, centre: Point, radius: float, figures: DockingFigures, rows: dict[str, Judged]
     ) -> None:
         """The boresight's reticle and, unless the radius is 0, the ring with its figures."""
         cx, cy = centre
@@ -176,12 +166,7 @@ class DockingHud:
         self._figure(canvas, (cx, cy + radius - 2.1 * line), "closing", rows["closing"], 0.5)
 
     def _needles(
-        self,
-        canvas: Canvas,
-        centre: Point,
-        radius: float,
-        figures: DockingFigures,
-        rows: dict[str, Judged],
+        self, canvas: Canvas, centre: Point, radius: float, figures: DockingFigures, rows: dict[str, Judged]
     ) -> None:
         """Marks at the ring that wander with roll (above), pitch (right) and yaw (below); at rest where it is right."""
         cx, cy = centre

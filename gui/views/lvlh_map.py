@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.canvas import Canvas
+from flyaround.gui.canvas import Canvas, point
 from flyaround.gui.picture.relative_map import (
     MapLook,
     MapPort,
@@ -98,7 +98,7 @@ class LvlhMap:
             canvas.stroke(port.at(flown), FLOWN, 2.0, halo=False)
             self._target(canvas, port, session, frame)
             for burn in self._burns:
-                canvas.diamond(_point(port.at(burn)), 4.5, style.PURPLE)
+                canvas.diamond(point(port.at(burn)), 4.5, style.PURPLE)
             self._nodes.draw(canvas, port)
             self._chaser(canvas, port, here, boresight_lvlh(world, frame))
             self._sun(canvas, port, sun_lvlh(world, frame), world.sun_visible_fraction)
@@ -187,7 +187,7 @@ class LvlhMap:
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is None:
             return
-        centre = _point(port.at(np.zeros(3)))
+        centre = point(port.at(np.zeros(3)))
         radius = keep_out.radius_m * port.scale
         canvas.disc(centre, radius, (*style.BAD[:3], 0.10))
         outline = corridor_outline(keep_out, port.plane)
@@ -203,7 +203,7 @@ class LvlhMap:
         flat = port.at(edges)
         size = 0.0 if not len(edges) else float(np.ptp(flat.reshape(-1, 2), axis=0).max())
         if size < SHOWN_TARGET * self._window.scale:
-            canvas.diamond(_point(port.at(np.zeros(3))), 5.0, style.WARN)
+            canvas.diamond(point(port.at(np.zeros(3))), 5.0, style.WARN)
             return
         for edge in flat:
             canvas.stroke(edge, style.WARN, 1.2, halo=False)
@@ -211,8 +211,8 @@ class LvlhMap:
     def _chaser(self, canvas: Canvas, port: MapPort, here: FloatArray, boresight: FloatArray) -> None:
         at = port.at(here)
         seen = np.array([boresight[port.plane.right], -boresight[port.plane.up]])
-        canvas.arrow(_point(at), _point(at + 22 * self._window.scale * seen), style.INK)
-        canvas.dot(_point(at), 4.5 * self._window.scale, FLOWN)
+        canvas.arrow(point(at), point(at + 22 * self._window.scale * seen), style.INK)
+        canvas.dot(point(at), 4.5 * self._window.scale, FLOWN)
 
     def _sun(self, canvas: Canvas, port: MapPort, sun: FloatArray, lit: float) -> None:
         """An arrow to the Sun in the upper right corner, as long as the Sun's direction lies in the plane."""
@@ -221,8 +221,8 @@ class LvlhMap:
         colour = style.YELLOW if lit > 0 else style.QUIET
         centre = np.array([x + w - 1.6 * reach, y + 1.3 * reach])
         flat = np.array([sun[port.plane.right], -sun[port.plane.up]])
-        canvas.disc(_point(centre), 2.0, colour)
-        canvas.arrow(_point(centre), _point(centre + reach * flat), colour)
+        canvas.disc(point(centre), 2.0, colour)
+        canvas.arrow(point(centre), point(centre + reach * flat), colour)
         text = "Sun" if lit > 0 else "Sun (eclipse)"
         size = canvas.size(text)
         canvas.text((x + w - size[0] - 6, y + 2.5 * reach), text, colour, SUN)
@@ -292,7 +292,3 @@ def do_place(console: Console, centre_lvlh_m: Vec3, width_m: float) -> None:
     """The map's place by its command, in whole centimetres."""
     radial, along, cross = (round(c, 2) for c in centre_lvlh_m)
     console.do("map.place", along, radial, cross, max(round(width_m, 2), 0.5))
-
-
-def _point(p: FloatArray) -> Point:
-    return (float(p[0]), float(p[1]))

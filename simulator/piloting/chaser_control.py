@@ -7,27 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from flyaround.simulator.piloting import control_laws as laws
 from flyaround.simulator.piloting.autopilot import Autopilot
-from flyaround.simulator.piloting.control_laws import (
-    ACCELERATION_M_S2,
-    BRAKE_M_S2,
-    BRAKED_M_S,
-    PULSE_M_S,
-    PULSE_RAD,
-    PULSE_RAD_S,
-    RATE_RAD_S,
-    RATE_TIME_S,
-    STILL,
-    THRUST,
-    TURN,
-    Demand,
-    brake_camera_m_s2,
-    direction,
-    docked_rate_rad_s,
-    slewed_command,
-    tracking_rate_rad_s,
-    turned_aim,
-)
+from flyaround.simulator.piloting.control_laws import STILL, THRUST, TURN, Demand
 from flyaround.simulator.piloting.guidance_modes import CONTROL_S
 from flyaround.simulator.piloting.planned_burns import BurnPlan
 from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
@@ -128,8 +110,8 @@ class Steering:
             self._end_for_hand()
 
     def _add_pulse(self, switches: frozenset[Switch], gain: float) -> None:
-        self._pulse_m_s = self._pulse_m_s + PULSE_M_S * gain * direction(THRUST, switches)
-        self._pulse_rad = self._pulse_rad + PULSE_RAD * gain * direction(TURN, switches)
+        self._pulse_m_s = self._pulse_m_s + laws.PULSE_M_S * gain * laws.direction(THRUST, switches)
+        self._pulse_rad = self._pulse_rad + laws.PULSE_RAD * gain * laws.direction(TURN, switches)
 
     def _drop_demand(self) -> None:
         """Drop what is demanded, until the next `hold`."""
@@ -238,10 +220,10 @@ class Steering:
         frame = flight.orbit.frame(chaser.t_s)
         R_camera_from_lvlh = matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ frame.R_eci_from_lvlh
         in_camera, in_lvlh = self._push(chaser, flight, frame, h)
-        asked = slewed_command(in_camera, self._turn(chaser, flight, frame, h), chaser, h)
+        asked = laws.slewed_command(in_camera, self._turn(chaser, flight, frame, h), chaser, h)
         command = replace(asked, acceleration_lvlh_m_s2=vec3(in_lvlh))
         if self.keep_out is not None:
-            command, self.guarded = guarded_command(chaser, command, h, frame, self.keep_out, BRAKE_M_S2)
+            command, self.guarded = guarded_command(chaser, command, h, frame, self.keep_out, laws.BRAKE_M_S2)
         given = np.array(command.acceleration_camera_m_s2) + R_camera_from_lvlh @ np.array(
             command.acceleration_lvlh_m_s2
         )
@@ -269,9 +251,9 @@ class Steering:
         else:
             in_camera = by_hand
         if self.braking:
-            brake, speed = brake_camera_m_s2(chaser, frame, h)
+            brake, speed = laws.brake_camera_m_s2(chaser, frame, h)
             in_camera = in_camera + brake
-            self.braking = speed >= BRAKED_M_S
+            self.braking = speed >= laws.BRAKED_M_S
         if self.aborting:
             in_lvlh = in_lvlh + self._retreat(chaser, frame, h)
         elif self.guided is not None:
@@ -283,11 +265,11 @@ class Steering:
     def _by_hand(self, h: float) -> FloatArray:
         """(3,) demanded thrust and pulses: right, down, forward [m s-2]."""
         demand = self._demand
-        push = ACCELERATION_M_S2 * demand.gain * np.array(demand.thrust)
+        push = laws.ACCELERATION_M_S2 * demand.gain * np.array(demand.thrust)
         if self.thrust == "continuous":
             push = push + demand.switched_thrust_m_s2()
         if self._pulse_m_s.any():
-            most = ACCELERATION_M_S2 * h
+            most = laws.ACCELERATION_M_S2 * h
             given = np.clip(self._pulse_m_s, -most, most)
             self._pulse_m_s = self._pulse_m_s - given
             self._pulse_m_s[np.abs(self._pulse_m_s) < 1e-12] = 0.0
@@ -327,11 +309,11 @@ class Steering:
     def _turn(self, chaser: ChaserState, flight: Flight, frame: Lvlh, h: float) -> FloatArray:
         """(3,) rate relative to ECI that is wanted, camera axes [rad s-1]."""
         demand = self._demand
-        asked = RATE_RAD_S * demand.gain * np.array(demand.turn)
+        asked = laws.RATE_RAD_S * demand.gain * np.array(demand.turn)
         if self.thrust == "continuous":
             asked = asked + demand.switched_turn_rad_s()
         if self._pulse_rad.any():
-            most = PULSE_RAD_S * h
+            most = laws.PULSE_RAD_S * h
             given = np.clip(self._pulse_rad, -most, most)
             self._pulse_rad = self._pulse_rad - given
             self._pulse_rad[np.abs(self._pulse_rad) < 1e-12] = 0.0
@@ -339,12 +321,14 @@ class Steering:
         match self.attitude:
             case "rate":
                 # as a joystick commands a wheel: the rate stays until it is pushed back
-                return np.array(chaser.omega_camera_rad_s) + asked * (h / RATE_TIME_S)
+                return np.array(chaser.omega_camera_rad_s) + asked * (h / laws.RATE_TIME_S)
             case "target":
-                self.aim = turned_aim(self.aim, asked, h)
-                return asked + tracking_rate_rad_s(chaser, self.aim, h)
+                self.aim = laws.turned_aim(self.aim, asked, h)
+                return asked + laws.tracking_rate_rad_s(chaser, self.aim, h)
             case "dock":
-                return asked + docked_rate_rad_s(chaser, flight.attitude(chaser.t_s), self.docking.port, h)
+                return asked + laws.docked_rate_rad_s(
+                    chaser, flight.attitude(chaser.t_s), self.docking.port, h
+                )
             case "hold":
                 if self.axes == "lvlh":
                     R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)

@@ -86,10 +86,6 @@ class FlightClock:
         """Step that the rate asks for [s]."""
         return STEP_S * self._current_rate
 
-    def within_jump_s(self, step_s: float, t_s: float) -> float:
-        """Return the step, cut at the end of a jump."""
-        return min(step_s, self.jump_until_s - t_s) if self.jump else step_s
-
     def add(self, dt_s: float) -> None:
         """Add the pilot's time that is to be flown [s]."""
         self._owed_s += dt_s

@@ -49,6 +49,9 @@ REBOUND = 0.3
 JUDGED_AGAIN_M = 0.5
 """A second touch counts once the docking point has been so far from the port."""
 
+KEPT = frozenset({"limits", "contacts", "docked", "_armed", "_port", "hold_points"})
+"""Attributes that a seek restores; hold points once they are known."""
+
 
 class Docking:
     """Watches one flight's approach to one port.
@@ -112,15 +115,7 @@ class Docking:
 
     def kept(self) -> dict[str, Any]:
         """All that must come back with a place of the flight."""
-        points = vars(self).get("hold_points")
-        return {
-            "limits": self.limits,
-            "contacts": list(self.contacts),
-            "docked": self.docked,
-            "_armed": self._armed,
-            "_port": self._port,
-            **({} if points is None else {"hold_points": copy(points)}),
-        }
+        return {name: copy(value) for name, value in vars(self).items() if name in KEPT}
 
     def bring_back(self, kept: dict[str, Any]) -> None:
         """Be as it was when `kept` was asked."""

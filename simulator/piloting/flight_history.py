@@ -206,7 +206,7 @@ class Timeline:
     def chaser_between(self, t_s: float) -> ChaserState | None:
         """The steered chaser at any time, by a cubic between two samples; None where guidance flies it."""
         table = np.array(self._rows.rows(self.at(t_s), 2)).reshape(-1, WIDTH)
-        here = _chaser(float(table[0, 0]), table[0, 1:-1])
+        here = _chaser(float(table[0, 0]), table[0, 1:-1].tolist())
         if here is None or len(table) < 2 or np.isnan(table[1, 1]):
             return here
         pair = {

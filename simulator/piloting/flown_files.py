@@ -33,7 +33,7 @@ class FlownFiles:
     """
 
     def __init__(self, session: FlightSession, folder: Path) -> None:
-        session.look_back.keep_end()
+        session.look_back.keep(always=True)
         self._timeline = session.look_back.timeline
         self._flight, self._scenario = session.flight, session.plan.scenario
         self._count = len(self._timeline)

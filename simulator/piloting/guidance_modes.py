@@ -100,14 +100,7 @@ def begin_mode(
         mu = orbit.forces.mu_m3_s2
         now = elements_from_state(*orbit(t_s), mu)
         end = mode.start_lvlh(replace(now, true_anomaly_rad=true_anomaly_after(now, join_s, mu)), mu)
-    return Guided(
-        title=title,
-        mode=mode,
-        n_rad_s=n_rad_s,
-        start_s=t_s,
-        join=(state, end),
-        join_s=join_s,
-    )
+    return Guided(title=title, mode=mode, n_rad_s=n_rad_s, start_s=t_s, join=(state, end), join_s=join_s)
 
 
 def _join_s(start: LvlhState, end: LvlhState) -> float:

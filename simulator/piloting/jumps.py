@@ -85,17 +85,12 @@ def next_event_s(flight: Flight, event: Event, after_s: float, until_s: float | 
 
 def margin_of(flight: Flight, event: Event) -> Callable[[float], float]:
     """A figure that is above zero once the event has happened."""
-
-    def eclipse(t_s: float) -> float:
-        return 1.0 - 1e-9 - sun_fraction(flight, t_s)
-
-    def sunrise(t_s: float) -> float:
-        return sun_fraction(flight, t_s) - (1.0 - 1e-9)
-
-    def terminator(t_s: float) -> float:
-        return sun_height(flight, t_s)
-
-    return {"eclipse": eclipse, "sunrise": sunrise, "terminator": terminator}[event]
+    margins: dict[Event, Callable[[float], float]] = {
+        "eclipse": lambda t_s: 1.0 - 1e-9 - sun_fraction(flight, t_s),
+        "sunrise": lambda t_s: sun_fraction(flight, t_s) - (1.0 - 1e-9),
+        "terminator": lambda t_s: sun_height(flight, t_s),
+    }
+    return margins[event]
 
 
 def sun_fraction(flight: Flight, t_s: float) -> float:

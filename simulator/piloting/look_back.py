@@ -56,19 +56,16 @@ class LookBack:
 
     def record(self) -> None:
         """Record the state before a step, where it is due."""
-        self._keep()
+        self.keep()
         recorder = self.recorder
         if recorder is not None and recorder.wants(self._craft.t_s):
             recorder.add(self._craft.world)
 
-    def _keep(self, *, always: bool = False) -> None:
+    def keep(self, *, always: bool = False) -> None:
+        """Add the state now to the timeline, if it is due."""
         craft = self._craft
         if not self.active and (always or self.timeline.wants(craft.t_s)):
             self.timeline.add(craft.t_s, craft.steered, craft.controls())
-
-    def keep_end(self) -> None:
-        """Add the state now to the timeline, due or not."""
-        self._keep(always=True)
 
     def leave_trail(self) -> None:
         """Add the place now to the trail, if one is due."""
@@ -86,14 +83,14 @@ class LookBack:
         UserError
             If nothing was flown yet.
         """
-        self.keep_end()
+        self.keep(always=True)
         if len(self.timeline) < 2:
             raise UserError("nothing was flown yet, so there is nothing to look back at")
         return self._go(self.timeline.at(t_s))
 
     def step(self, samples: int) -> float:
         """Go some samples on, or back, and return the time [s]."""
-        self.keep_end()
+        self.keep(always=True)
         here = self.timeline.at(self._craft.t_s)
         return self._go(min(max(here + samples, 0), len(self.timeline) - 1))
 
@@ -140,7 +137,7 @@ class LookBack:
 
     def restart(self) -> None:
         """Begin the flight again; what was flown is the future that was left."""
-        self.keep_end()
+        self.keep(always=True)
         self._leave_after(-1)
 
     def _leave_after(self, k: int) -> None:
@@ -160,7 +157,7 @@ class LookBack:
         UserError
             If none was left.
         """
-        self.keep_end()
+        self.keep(always=True)
         k = self.timeline.swap_future()
         flight, times = self._craft.flight, np.linspace(0.0, self.timeline.end_s, SWAPPED_TRAIL_POINTS)
         flown = [(float(t), self.timeline.chaser_between(float(t))) for t in times]

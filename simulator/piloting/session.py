@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from flyaround.simulator.errors import UserError
@@ -134,9 +134,6 @@ class FlightSession:
     @property
     def state(self) -> FlightState:
         """State now, without news."""
-        return self._state_with(())
-
-    def _state_with(self, news: tuple[News, ...]) -> FlightState:
         craft, steering = self.craft, self.craft.steering
         return FlightState(
             t_s=craft.t_s,
@@ -151,7 +148,6 @@ class FlightSession:
             braking=steering.braking,
             guarded=steering.guarded,
             plume=steering.plume,
-            news=news,
         )
 
     def scene(self) -> SceneState:
@@ -191,7 +187,7 @@ class FlightSession:
         if self.look_back.active and not (steering.takes_over or self.look_back.changed):
             if not self.clock.paused and self.look_back.play(dt_s * self.clock.rate):
                 self.clock.paused = True
-            return self._state_with((*news, *steering.take_news()))
+            return replace(self.state, news=(*news, *steering.take_news()))
         self.look_back.fly_on()
         if steering.takes_over:
             self.craft.take_over()
@@ -199,7 +195,7 @@ class FlightSession:
             self.clock.add(dt_s)
             self._run()
         begun = self._cautions.news(self.craft.world, steering.propellant, guarded=steering.guarded)
-        return self._state_with((*news, *steering.take_news(), *begun))
+        return replace(self.state, news=(*news, *steering.take_news(), *begun))
 
     def order(self, order: Order) -> News | None:
         """Carry out one order now, and return what the pilot is answered.
@@ -247,7 +243,8 @@ class FlightSession:
                 self.look_back.leave_trail()
 
     def _step_s(self) -> float:
-        return self.clock.within_jump_s(self.craft.step_s(self.clock.step_s), self.t_s)
+        h = self.craft.step_s(self.clock.step_s)
+        return min(h, self.clock.jump_until_s - self.t_s) if self.clock.jump else h
 
     def _fly(self, h: float) -> None:
         self.craft.reach(self.t_s + 2 * h)
