@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.labels.overlay import draw_truth
     from flyaround.simulator.labels.truth import Truth, read_truth
     from flyaround.simulator.loop import Sink, run_frames
+    from flyaround.simulator.piloting.orders import PilotCommand
+    from flyaround.simulator.piloting.session import FlightSession, FlightState
     from flyaround.simulator.recipes.load import list_recipes, load_recipe
     from flyaround.simulator.recipes.plan import plan_recipe, varied_plan
     from flyaround.simulator.recipes.vary_file import load_vary
@@ -49,9 +51,12 @@ if TYPE_CHECKING:
 __all__ = [
     "Camera",
     "Environment",
+    "FlightSession",
+    "FlightState",
     "Frame",
     "LabelledDataset",
     "LabelledFrame",
+    "PilotCommand",
     "Plan",
     "Pose",
     "PoseResult",
@@ -95,9 +100,12 @@ __all__ = [
 _HOMES = {
     "Camera": "flyaround.simulator.camera.lens.camera_model",
     "Environment": "flyaround.simulator.scene.environments",
+    "FlightSession": "flyaround.simulator.piloting.session",
+    "FlightState": "flyaround.simulator.piloting.session",
     "Frame": "flyaround.simulator.frame",
     "LabelledDataset": "flyaround.simulator.dataset.labelled_dataset",
     "LabelledFrame": "flyaround.simulator.dataset.formats.labelled_frame",
+    "PilotCommand": "flyaround.simulator.piloting.orders",
     "Plan": "flyaround.simulator.scenario.plan",
     "Pose": "flyaround.simulator.world.frames.pose",
     "PoseResult": "flyaround.hil.board.svd",

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cv2
-
 from flyaround.gui import style
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.commands.all import COMMANDS
@@ -18,22 +16,22 @@ from flyaround.gui.commands.hil import keep_hil
 from flyaround.gui.commands.log import script_header
 from flyaround.gui.commands.people import keep_film, keep_mesh
 from flyaround.gui.console import Console
-from flyaround.gui.flight.cautions import CautionWatch
-from flyaround.gui.flight.gamepad import Gamepad
-from flyaround.gui.flight.recorder import FlightRecorder
-from flyaround.gui.flight.session import Session
-from flyaround.gui.flight.telemetry import telemetry_of
+from flyaround.gui.gamepad import Gamepad
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.picture.further import CAMERA_SHARE, further_feeds
+from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.turns import Turns
 from flyaround.gui.picture.view_settings import Options, ViewSettings
 from flyaround.gui.script import Script
 from flyaround.gui.window import Window, import_parts
+from flyaround.simulator.dataset.formats.native import encode_png
 from flyaround.simulator.dataset.single_frames import save_picture
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import open_frames
+from flyaround.simulator.piloting.recorder import FlightRecorder
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
 from flyaround.simulator.scenario.load import load_scenario
 
@@ -50,7 +48,7 @@ STILL_HZ = 10.0
 SHARE = 0.9
 """Of the time that the window may take where drawing it is slow."""
 SLICE_S = 1 / 60
-"""Longest wait between two looks at input, time and pictures."""
+"""Longest period between two looks at input, time and pictures."""
 URGENT, URGENT_ARMED = ("delete",), ("delete", "x")
 """Keys of abort and stop: they overtake what a slow window has not yet taken."""
 FLIGHT_GROUPS = frozenset({"steer", "guidance", "burn", "docking", "time", "timeline"})
@@ -114,7 +112,7 @@ def run(request: Request) -> dict[str, Any]:
         # said now, and not after the flight
         empty_folder(request.record, option="--record")
     recorder = FlightRecorder()
-    session = Session.of(
+    session = FlightSession.of(
         load_scenario(request.scenario),
         seed=request.seed,
         recorder=None if request.record is None else recorder,
@@ -163,7 +161,7 @@ def run(request: Request) -> dict[str, Any]:
     return state
 
 
-def options_of(session: Session, overlays: tuple[str, ...] = ()) -> Options:
+def options_of(session: FlightSession, overlays: tuple[str, ...] = ()) -> Options:
     """The first settings of a flight's view.
 
     Raises
@@ -172,7 +170,7 @@ def options_of(session: Session, overlays: tuple[str, ...] = ()) -> Options:
         If there is no such overlay.
     """
     options = Options(ViewSettings(bands=session.plan.bands, environment=session.scene().environment))
-    options.orbit.reset(session.moment.world.range_m)
+    options.orbit.reset(session.craft.world.range_m)
     for name in overlays:
         if not hasattr(options.overlays, name):
             known = ", ".join(vars(options.overlays))
@@ -188,7 +186,6 @@ class ConsoleLoop:
         self._window = window
         self._console = console
         self._request = request
-        self._cautions = CautionWatch()
         self._layout_file = layout_file()
         saved = read_layout(self._layout_file)
         window.font_scale = saved.font_scale
@@ -220,7 +217,7 @@ class ConsoleLoop:
         while window.open and not console.wants_close:
             least_s = max(1 / hz, min(1e-3 * self._window_ms / SHARE, 1 / STILL_HZ))
             # while time runs maps and figures move, whether a picture has come or not
-            changed |= not console.session.paused
+            changed |= not console.session.clock.paused
             due = drawn + (least_s if changed else 1 / STILL_HZ)
             changed |= window.wait(min(max(due - window.seconds, 0.0), SLICE_S))
             now = window.seconds
@@ -242,7 +239,7 @@ class ConsoleLoop:
             if limit is not None and first_picture is not None and now - first_picture > limit:
                 break
         if self._request.screenshot is not None:
-            write_atomic(self._request.screenshot, _png(self._look_of_window()))
+            write_atomic(self._request.screenshot, encode_png(self._look_of_window()))
         self._layout.keep(console, self._layout_file)
         return self._last_state()
 
@@ -277,13 +274,13 @@ class ConsoleLoop:
         screenshot, console.wants_screenshot = console.wants_screenshot, None
         window.capture = screenshot is not None
         with window.frame():
-            if window.keys.typing and console.hand_control:
+            if window.keys.typing and console.hand.armed:
                 console.do("steer.arm", False)
             hit = console.table.pressed(window.keys.hit(self._keys), ctrl=window.keys.ctrl)
             # before its first picture nothing flies
             console.press([c for c in hit if console.feed.newest is not None or c.group not in FLIGHT_GROUPS])
             self._held, self._pressed = window.keys.held(self._keys), window.keys.hit(self._keys)
-            window.keys.set_urgent(URGENT_ARMED if console.hand_control else URGENT)
+            window.keys.set_urgent(URGENT_ARMED if console.hand.armed else URGENT)
             self._save_finished()
             self._layout.draw(console)
         window.capture = False
@@ -301,7 +298,7 @@ class ConsoleLoop:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             if self._window.captured is not None:
-                write_atomic(path, _png(self._window.captured))
+                write_atomic(path, encode_png(self._window.captured))
                 self._console.say(f"saved {path}")
         except (UserError, OSError) as error:
             self._console.say(f"not saved: {error}", "caution")
@@ -339,7 +336,7 @@ class ConsoleLoop:
 
     def _tell_troubles(self) -> None:
         """What goes wrong meanwhile, once: the flight goes on."""
-        recorder = self._console.session.recorder
+        recorder = self._console.session.look_back.recorder
         for trouble in (
             self._console.feed.take_trouble(),
             *(feed.take_trouble() for feed in self._console.feeds.values()),
@@ -347,26 +344,26 @@ class ConsoleLoop:
         ):
             if trouble is not None:
                 self._console.say(trouble, "warning")
-        for level, text in self._cautions.news(self._console.session):
-            self._console.say(text, level)
 
     def _last_state(self) -> dict[str, Any]:
         console = self._console
         session, feed = console.session, console.feed
-        world, scene = session.moment.world, session.scene()
+        world, scene = session.craft.world, session.scene()
         return {
             "scenario": session.plan.scenario.name,
-            "mode": session.mode,
-            "tracking": session.tracking,
-            "paused": session.paused,
-            "rate": session.rate,
+            "mode": session.craft.mode,
+            "tracking": session.craft.tracking,
+            "paused": session.clock.paused,
+            "rate": session.clock.rate,
             **telemetry_of(world, scene).document(),
             "q_camera_from_target_wxyz": scene.q_camera_from_target_wxyz,
             "t_camera_from_target_m": scene.t_camera_from_target_m,
             "q_camera_from_eci_wxyz": scene.q_camera_from_eci_wxyz,
-            "delta_v_m_s": session.steering.propellant.delta_v_m_s,
-            "propellant_kg": session.steering.propellant.used_kg,
-            "docking": None if session.docking.contact is None else session.docking.contact.document(),
+            "delta_v_m_s": session.craft.steering.propellant.delta_v_m_s,
+            "propellant_kg": session.craft.steering.propellant.used_kg,
+            "docking": None
+            if session.craft.docking.contact is None
+            else session.craft.docking.contact.document(),
             "operator_s": console.clock_ms / 1000,
             "commands": len(console.log.lines),
             "pictures": feed.finished,
@@ -392,10 +389,3 @@ def _check_screenshot(path: Path | None) -> None:
         raise UserError(
             f"folder {path.parent} does not exist; make it, or name another place with --screenshot"
         )
-
-
-def _png(image: ByteArray) -> bytes:
-    ok, data = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    if not ok:
-        raise RuntimeError("the window's picture could not be encoded")
-    return data.tobytes()

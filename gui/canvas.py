@@ -159,12 +159,7 @@ class Canvas:
             self.area([(x, y - r), (x + r, y), (x, y + r), (x - r, y)], c)
 
     def picture(
-        self,
-        view: str,
-        key: object,
-        image: np.ndarray,
-        bits: int,
-        place: tuple[float, float, float, float],
+        self, view: str, key: object, image: np.ndarray, bits: int, place: tuple[float, float, float, float]
     ) -> None:
         """An image over a rectangle of whole units.
 
@@ -216,3 +211,8 @@ def dashes(points: FloatArray, on: float = 7.0, off: float = 5.0, most: int = 40
         ends = [[np.interp(s, at, points[:, k]) for k in (0, 1)] for s in (start, end)]
         parts.append(np.vstack([ends[:1], inside, ends[1:]]))
     return parts
+
+
+def point(p: FloatArray) -> Point:
+    """Return the first two numbers of an array as a place of the screen."""
+    return (float(p[0]), float(p[1]))

@@ -18,7 +18,21 @@ if TYPE_CHECKING:
 Kind = Literal["number", "whole", "word", "switch"]
 Value = float | int | str | bool
 SWITCH = {"on": True, "off": False}
-CHORDS = ("ctrl+",)
+KEY_NAMES = {
+    "comma": ",",
+    "delete": "Del",
+    "equal": "+",
+    "keypad_add": "+",
+    "keypad_subtract": "-",
+    "left_bracket": "[",
+    "minus": "-",
+    "page_down": "PgDn",
+    "page_up": "PgUp",
+    "period": ".",
+    "right_bracket": "]",
+    "slash": "?",
+}
+"""Keys whose names for people are not their names in Dear ImGui."""
 
 
 @dataclass(frozen=True)
@@ -91,11 +105,11 @@ class Command:
     ----------
     name : ``group.what``, as in scripts. title : the same for people, in menus. help : what it does, one line.
     run : is given the console and the arguments. A held command's is given whether it begins (bool).
-    keys : as Dear ImGui names them, ``ctrl+`` before a key for both. shown : the keys for people.
+    keys : as Dear ImGui names them, ``ctrl+`` before a key for both.
     held : whether it lasts as long as its key is held.
-    state : of what is switched: whether it is on, for the menu's tick.
+    state : of what is switched: whether it is on, for the menu's tick. A command whose one argument is `STATE` is run
+        with the other state where that is left out.
     flies : whether its key acts only while hand control is armed.
-    cli : the command line that does the same, if there is one.
     """
 
     name: str
@@ -103,12 +117,20 @@ class Command:
     help: str
     run: Callable[..., object]
     keys: tuple[str, ...] = ()
-    shown: str = ""
     held: bool = False
     arguments: tuple[Argument, ...] = ()
     state: Callable[[Any], bool] | None = None
     flies: bool = False
-    cli: str = ""
+
+    @property
+    def shown(self) -> str:
+        """The keys for people."""
+        names = []
+        for key in self.keys:
+            plain = key.removeprefix("ctrl+").removesuffix("_arrow")
+            name = KEY_NAMES.get(plain, plain.removeprefix("left_").removeprefix("right_").capitalize())
+            names.append(f"Ctrl+{name}" if key.startswith("ctrl+") else name)
+        return " / ".join(dict.fromkeys(names))
 
     @property
     def group(self) -> str:
@@ -150,6 +172,12 @@ class Command:
         if not needed <= len(words) <= len(self.arguments):
             raise UserError(f"{self.name} was given {len(words)} arguments; its form is: {self.form}")
         return tuple(a.read(w, self.name) for a, w in zip(self.arguments, words, strict=False))
+
+    def call(self, console: object, values: Sequence[Value]) -> None:
+        """Run the command with the console and its arguments."""
+        if self.arguments == (STATE,) and not values and self.state is not None:
+            values = (not self.state(console),)
+        self.run(console, *values)
 
     def checked(self, values: Sequence[Value]) -> tuple[Value, ...]:
         """Arguments from a button or a test, by the same rules as a script's."""

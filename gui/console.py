@@ -8,13 +8,13 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from flyaround.gui.flight.manual_control import STEERING
-from flyaround.gui.flight.opening import ScenarioOpener
-from flyaround.gui.flight.scenario_draft import ScenarioDraft
+from flyaround.gui.hand_control import STEERING, HandControl
 from flyaround.gui.jobs.capture_job import CaptureJob
 from flyaround.gui.jobs.hil_session import HilSession
+from flyaround.gui.jobs.scenario_opening import ScenarioOpener
 from flyaround.gui.picture.estimates import Estimates
 from flyaround.gui.picture.settings_history import SettingsHistory
+from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.simulator.errors import UserError
 
@@ -23,11 +23,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flyaround.gui.command_table import Command, CommandTable, Value
-    from flyaround.gui.flight.session import Session
     from flyaround.gui.jobs.mesh_import import MeshImport
     from flyaround.gui.picture.feed import Feed, Picture
     from flyaround.gui.picture.video import Film
     from flyaround.gui.picture.view_settings import Options
+    from flyaround.simulator.piloting.orders import Order
+    from flyaround.simulator.piloting.session import FlightSession
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +66,7 @@ class Console:
     window_hz, window_gl : how often the window is drawn, and by what.
     """
 
-    session: Session
+    session: FlightSession
     feed: Feed
     options: Options
     table: CommandTable
@@ -110,8 +111,7 @@ class Console:
     filmed: Picture | None = None
     mesh: MeshImport | None = None
     held: frozenset[str] = frozenset()
-    hand_control: bool = False
-    """True while keys fly the chaser. Commands, buttons, scripts, sticks and the key of abort always do."""
+    hand: HandControl = field(default_factory=HandControl)
     on_pass_time: list[Callable[[Console], None]] = field(default_factory=list)
     """What else is to be kept up to date, once a turn of the loop."""
     _player: Player | None = None
@@ -141,7 +141,7 @@ class Console:
             values = command.checked(arguments)
             self._note(Line(self.clock_ms, "do", name, values))
             before = deepcopy(self.options)
-            command.run(self, *values)
+            command.call(self, values)
             if command.group != "settings":
                 self.history.note(name, before, self.options, self.clock_ms)
         except (UserError, OSError) as error:
@@ -164,10 +164,16 @@ class Console:
             return
         self.do(name, *words)
 
+    def order(self, order: Order) -> None:
+        """Give the flight an order, and say what it answers."""
+        if (answer := self.session.order(order)) is not None:
+            level, text = answer
+            self.say(text, level)
+
     def press(self, commands: Sequence[Command]) -> None:
         """Do the commands of the keys that went down; those that fly only while hand control is armed."""
         for command in commands:
-            if command.flies and not self.hand_control:
+            if command.flies and not self.hand.armed:
                 self.say(UNARMED)
             elif command.at_once:
                 self.do(command.name)
@@ -203,7 +209,7 @@ class Console:
         ----------
         keys : held commands by the window's keys.
         """
-        if not self.hand_control:
+        if not self.hand.armed:
             if keys & STEERING:
                 self.say(UNARMED)
             keys = frozenset()
@@ -221,8 +227,6 @@ class Console:
                 return
         self._advance(end)
         self.hold(keys)
-        for level, text in self.session.steering.take_news():
-            self.say(text, level)
         self._keep_up()
 
     def stand(self) -> None:
@@ -236,11 +240,14 @@ class Console:
 
     def _advance(self, t_ms: int) -> None:
         try:
-            self.session.advance((t_ms - self.clock_ms) / 1000, self.held)
+            state = self.session.step(self.hand.command(), (t_ms - self.clock_ms) / 1000)
         except UserError as error:
             # an orbit that reaches the ground, for example: what was flown is there to look back at
-            self.session.paused = True
+            self.session.clock.paused = True
             self.say(f"the flight is paused: {error}", "warning")
+        else:
+            for level, text in state.news:
+                self.say(text, level)
         self.clock_ms = t_ms
 
     def _take_opened(self) -> None:
@@ -252,12 +259,13 @@ class Console:
             return
         if session is None:
             return
-        recorder = self.session.recorder
+        recorder = self.session.look_back.recorder
         if recorder is not None:
-            self.session.recorder = None
+            self.session.look_back.recorder = None
             self.say("the recording ends with the scenario that was flown", "caution")
         self.session, self.source = session, self.opener.source
-        self.hand_control = False
+        self.hand.armed = False
+        self.hand.centre_sticks()
         # nothing of the flight before may look as if it were of this one
         self.estimates.forget()
         self.acknowledge()

@@ -83,7 +83,7 @@ def read_layout(path: Path) -> SavedLayout:
 def panel_commands() -> tuple[Command, ...]:
     """A command for each panel that opens and closes it."""
 
-    def toggle(name: str, console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+    def toggle(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
         console.open_panel(name, shown=state)
 
     def shown(name: str, console: Console) -> bool:
@@ -96,7 +96,6 @@ def panel_commands() -> tuple[Command, ...]:
             f"open or close: {p.title}",
             partial(toggle, p.name),
             getattr(p, "keys", ()),
-            getattr(p, "shown_keys", ""),
             arguments=(STATE,),
             state=partial(shown, p.name),
         )
@@ -380,7 +379,7 @@ class Layout:
     def _hand_control(self, console: Console) -> None:
         """Show whether keys fly the chaser; a click arms or disarms them."""
         imgui, w = self._window.imgui, self._w
-        on = console.hand_control
+        on = console.hand.armed
         imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(style.WARN if on else style.EDGE)))
         w.coloured(style.GROUND if on else style.QUIET)
         if imgui.small_button("HAND ON##hand" if on else "HAND OFF##hand"):

@@ -251,13 +251,7 @@ class Window:
     # --- pixels
 
     def show_picture(
-        self,
-        view: str,
-        key: object,
-        image: np.ndarray,
-        bits: int,
-        *,
-        size: tuple[float, float] | None = None,
+        self, view: str, key: object, image: np.ndarray, bits: int, *, size: tuple[float, float] | None = None
     ) -> Any:  # noqa: ANN401 - an imgui handle
         """The picture as a texture for ``imgui.image``; uploaded when ``key`` is a new one.
 

@@ -24,9 +24,9 @@ import numpy as np
 from flyaround.__main__ import run as run_command
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.script import Script
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.no_renderer import NoRenderer
@@ -142,15 +142,19 @@ def frames(folder: Path) -> dict[str, str]:
 def console(_folder: Path) -> dict[str, str]:
     """Hash the flight that version 0.1's recorded script of the console gives, step by step."""
     v01 = DATA / "v0.1"
-    session, table = Session.of(load_scenario(v01 / "session.toml")), command_table()
+    session, table = FlightSession.of(load_scenario(v01 / "session.toml")), command_table()
     replayed = Console(session, Feed(NoRenderer()), options_of(session), table)
     replayed.play(Script.read(v01 / "console.script", table))
     end_ms = round(1000 * json.loads((v01 / "console_end.json").read_text())["operator_s"])
     rows = []
     while replayed.clock_ms < end_ms:
         replayed.pass_time(min(STEP_MS, end_ms - replayed.clock_ms))
-        world = session.moment.world
-        state = (world.position_lvlh_m, world.velocity_lvlh_m_s, session.steering.propellant.delta_v_m_s)
+        world = session.craft.world
+        state = (
+            world.position_lvlh_m,
+            world.velocity_lvlh_m_s,
+            session.craft.steering.propellant.delta_v_m_s,
+        )
         rows.append((session.t_s, *(str(np.asarray(x).tolist()) for x in state)))
     return {"console/v0.1": digest(json.dumps(rows).encode())}
 

@@ -44,7 +44,6 @@ COMMANDS = (
         "look through another built-in camera, or the scenario's own",
         _use,
         arguments=(Argument("camera", "word", "name of the camera", (SCENARIO, *list_cameras())),),
-        cli="flyaround cameras",
     ),
     Command(
         "sensor.set",

@@ -88,14 +88,7 @@ COMMANDS = (
             Argument("formats", "word", "beside the native one, with commas", optional=True),
             Argument("workers", "whole", "processes that draw", least=1, most=MOST_WORKERS, optional=True),
         ),
-        cli="flyaround capture SCENARIO -o DIR -n N",
     ),
     Command("capture.stop", "Stop capture", "end it; what is written stays, and can be gone on with", _stop),
-    Command(
-        "capture.resume",
-        "Go on with capture",
-        "go on with the last capture where it ended",
-        _resume,
-        cli="flyaround capture SCENARIO -o DIR -n N --resume",
-    ),
+    Command("capture.resume", "Go on with capture", "go on with the last capture where it ended", _resume),
 )

@@ -11,8 +11,6 @@ from flyaround.gui.command_table import STATE, Argument, Command
 from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from flyaround.gui.console import Console
 
 OVERLAY_KEYS = {
@@ -28,24 +26,21 @@ OVERLAY_KEYS = {
 MOST_STOPS = 8.0
 
 
-def _overlay(name: str, console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
-    on = console.options.overlays
-    setattr(on, name, not getattr(on, name) if state is None else state)
+def _overlay(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
+    setattr(console.options.overlays, name, state)
 
 
-def _layer(name: str, console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+def _layer(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
     settings = console.options.settings
-    old = getattr(settings.environment, name)
-    change = {name: not old if state is None else state}
-    settings.environment = msgspec.structs.replace(settings.environment, **change)
+    settings.environment = msgspec.structs.replace(settings.environment, **{name: state})
 
 
-def _overlay_state(name: str) -> Callable[[Console], bool]:
-    return lambda console: getattr(console.options.overlays, name)
+def _overlay_is_on(name: str, console: Console) -> bool:
+    return bool(getattr(console.options.overlays, name))
 
 
-def _layer_state(name: str) -> Callable[[Console], bool]:
-    return lambda console: getattr(console.options.settings.environment, name)
+def _layer_is_on(name: str, console: Console) -> bool:
+    return bool(getattr(console.options.settings.environment, name))
 
 
 def _exposure(console: Console, stops: float) -> None:
@@ -56,19 +51,12 @@ def _detail(console: Console, detail: str) -> None:
     console.options.settings.detail = next(d for d in DETAILS if d == detail)
 
 
-def _colour(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
-    settings = console.options.settings
-    on = settings.bands != "rgb" if state is None else state
-    settings.bands = "rgb" if on else "mono"
+def _colour(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
+    console.options.settings.bands = "rgb" if state else "mono"
 
 
-def _noise(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
-    settings = console.options.settings
-    settings.noise = not settings.noise if state is None else state
-
-
-def _save(console: Console) -> None:
-    console.feed.ask_to_save()
+def _noise(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
+    console.options.settings.noise = state
 
 
 def _full_screen(console: Console) -> None:
@@ -81,10 +69,6 @@ def _close(console: Console) -> None:
 
 def _first_layout(console: Console) -> None:
     console.wants_first_layout = True
-
-
-def _acknowledge(console: Console) -> None:
-    console.acknowledge()
 
 
 def _focus(console: Console) -> None:
@@ -100,10 +84,8 @@ COMMANDS = (
             f"draw over the view: {title.lower()}",
             partial(_overlay, name),
             (OVERLAY_KEYS[name].lower(),) if name in OVERLAY_KEYS else (),
-            OVERLAY_KEYS.get(name, ""),
             arguments=(STATE,),
-            state=_overlay_state(name),
-            cli=f"flyaround sim SCENARIO --overlays {name}",
+            state=partial(_overlay_is_on, name),
         )
         for name, title in OVERLAYS
     ),
@@ -111,9 +93,8 @@ COMMANDS = (
         "picture.save",
         "Save picture and truth",
         "PNG and JSON into out/console",
-        _save,
+        lambda console: console.feed.ask_to_save(),
         ("p", "f12"),
-        "P / F12",
     ),
     Command(
         "picture.exposure",
@@ -161,24 +142,23 @@ COMMANDS = (
             f"draw or leave out: {title.lower()}",
             partial(_layer, name),
             arguments=(STATE,),
-            state=_layer_state(name),
+            state=partial(_layer_is_on, name),
         )
         for name, title in LAYERS
     ),
     Command(
-        "window.panels",
-        "Side panels",
-        "the panels beside the view, or the view alone",
-        _focus,
-        ("tab",),
-        "Tab",
+        "window.panels", "Side panels", "the panels beside the view, or the view alone", _focus, ("tab",)
     ),
     Command(
         "window.first-layout", "First layout", "all panels back to where they were at first", _first_layout
     ),
-    Command("window.full-screen", "Full screen", "full screen", _full_screen, ("f11",), "F11"),
+    Command("window.full-screen", "Full screen", "full screen", _full_screen, ("f11",)),
     Command(
-        "window.acknowledge", "Acknowledge", "cautions and warnings were seen", _acknowledge, ("f9",), "F9"
+        "window.acknowledge",
+        "Acknowledge",
+        "cautions and warnings were seen",
+        lambda console: console.acknowledge(),
+        ("f9",),
     ),
-    Command("window.close", "Quit", "close the console", _close, ("ctrl+q",), "Ctrl+Q"),
+    Command("window.close", "Quit", "close the console", _close, ("ctrl+q",)),
 )

@@ -10,28 +10,6 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 
-def _run(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
-    estimates = console.estimates
-    on = not estimates.on if state is None else state
-    if on:
-        estimates.start()
-    else:
-        estimates.stop()
-
-
-def _method(console: Console, method: str) -> None:
-    console.estimates.choose(method)
-
-
-def _stages(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
-    estimates = console.estimates
-    estimates.want_stages(wanted=not estimates.stages_wanted if state is None else state)
-
-
-def _forget(console: Console) -> None:
-    console.estimates.forget()
-
-
 def keep_estimates(console: Console) -> None:
     """Give the estimator the newest picture, and tell what went wrong; once a turn."""
     estimates = console.estimates
@@ -52,29 +30,31 @@ COMMANDS = (
         "estimator.run",
         "Estimate",
         "run the method on the newest picture, again and again, in a process of its own",
-        _run,
+        lambda console, on: console.estimates.start() if on else console.estimates.stop(),
         arguments=(STATE,),
         state=lambda console: console.estimates.on,
-        cli="flyaround estimate IMAGE --target NAME --camera CAMERA.json",
     ),
     Command(
         "estimator.method",
         "Method",
         "which estimator: a name of flyaround evaluate, or net:FILE",
-        _method,
+        lambda console, method: console.estimates.choose(method),
         arguments=(
             Argument("method", "word", "svd, svd-2018, svd-thesis, svd-track, net:FILE or a package's"),
         ),
-        cli="flyaround estimate IMAGE --method METHOD",
     ),
     Command(
         "estimator.stages",
         "Stages as pictures",
         "a picture of each stage with every estimate; it takes about twice as long",
-        _stages,
+        lambda console, on: console.estimates.want_stages(wanted=on),
         arguments=(STATE,),
         state=lambda console: console.estimates.stages_wanted,
-        cli="flyaround estimate IMAGE --debug DIR",
     ),
-    Command("estimator.forget", "Forget estimates", "begin the estimator's plots again", _forget),
+    Command(
+        "estimator.forget",
+        "Forget estimates",
+        "begin the estimator's plots again",
+        lambda console: console.estimates.forget(),
+    ),
 )

@@ -114,7 +114,6 @@ COMMANDS = (
         arguments=(
             Argument("url", "word", "tcp://HOST:PORT or serial:///DEVICE?baud=N to listen on", optional=True),
         ),
-        cli="flyaround hil host SCENARIO --listen URL --log DIR",
     ),
     Command("hil.stop", "End session", "say goodbye to the board, and close the ledger", _stop),
     Command(
@@ -123,7 +122,6 @@ COMMANDS = (
         "a board's process on this machine that connects to the session",
         _board,
         arguments=(Argument("method", "word", "its estimator; svd unless given", optional=True),),
-        cli="flyaround hil board URL --target NAME",
     ),
     Command("hil.board-stop", "Stop board here", "end the board's process of this machine", _stop_board),
     Command(
@@ -143,6 +141,5 @@ COMMANDS = (
                 unit="s",
             ),
         ),
-        cli="flyaround hil host SCENARIO --faults FILE",
     ),
 )

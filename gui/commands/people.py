@@ -52,10 +52,6 @@ def _tour_step(console: Console, step: int) -> None:
     console.tour_step = min(max(console.tour_step + step, 0), TOUR_STEPS - 1)
 
 
-def _tour_next(console: Console) -> None:
-    _tour_step(console, 1)
-
-
 def _tour_back(console: Console) -> None:
     _tour_step(console, -1)
 
@@ -134,8 +130,8 @@ def keep_mesh(console: Console) -> None:
 
 
 COMMANDS = (
-    Command("settings.undo", "Undo", "take the last change of settings back", _undo, ("ctrl+z",), "Ctrl+Z"),
-    Command("settings.redo", "Redo", "do again what was undone", _redo, ("ctrl+y",), "Ctrl+Y"),
+    Command("settings.undo", "Undo", "take the last change of settings back", _undo, ("ctrl+z",)),
+    Command("settings.redo", "Redo", "do again what was undone", _redo, ("ctrl+y",)),
     Command(
         "window.text-size",
         "Size of letters",
@@ -148,12 +144,7 @@ COMMANDS = (
         ),
     ),
     Command(
-        "window.larger-text",
-        "Larger letters",
-        "letters and panels a tenth larger",
-        _larger,
-        ("ctrl+equal",),
-        "Ctrl++",
+        "window.larger-text", "Larger letters", "letters and panels a tenth larger", _larger, ("ctrl+equal",)
     ),
     Command(
         "window.smaller-text",
@@ -161,7 +152,6 @@ COMMANDS = (
         "letters and panels a tenth smaller",
         _smaller,
         ("ctrl+minus",),
-        "Ctrl+-",
     ),
     Command(
         "help.panel",
@@ -169,11 +159,10 @@ COMMANDS = (
         "what the panel under the mouse is, and its commands",
         _help,
         ("slash",),
-        "?",
         arguments=(Argument("panel", "word", "its name; left out: under the mouse", optional=True),),
     ),
     Command("help.tour", "Tour", "a few cards that point at what there is", _tour),
-    Command("help.tour-next", "Next card", "the tour's next card", _tour_next),
+    Command("help.tour-next", "Next card", "the tour's next card", lambda console: _tour_step(console, 1)),
     Command("help.tour-back", "Card before", "the tour's card before", _tour_back),
     Command("help.tour-end", "End of the tour", "no more cards", _tour_end),
     Command(
@@ -182,9 +171,7 @@ COMMANDS = (
         "PNG of the whole window into out/console",
         _screenshot,
         ("ctrl+f12",),
-        "Ctrl+F12",
         arguments=(Argument("path", "word", "of the file, .png", optional=True),),
-        cli="flyaround sim SCENARIO --screenshot FILE",
     ),
     Command(
         "film.start",
@@ -200,6 +187,5 @@ COMMANDS = (
         "a scenario flies, a mesh becomes this scenario's target; as files dropped on the window",
         _open,
         arguments=(Argument("path", "word", "a .toml, or a mesh"),),
-        cli="flyaround targets add FILE",
     ),
 )

@@ -49,7 +49,6 @@ COMMANDS = (
         "fly another scenario: a built-in name or a TOML file",
         _open,
         arguments=(Argument("scenario", "word", "built-in name or TOML file"),),
-        cli="flyaround sim SCENARIO",
     ),
     Command(
         "scenario.edit",
@@ -57,7 +56,6 @@ COMMANDS = (
         "the text of a scenario, left out: of this one",
         _edit,
         arguments=(Argument("scenario", "word", "built-in name or TOML file", optional=True),),
-        cli="flyaround scenarios --show NAME",
     ),
     Command("scenario.check", "Check text", "whether the edited text is a scenario", _check),
     Command(

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import STATE, Argument, Command
-from flyaround.gui.flight.manual_control import THRUST, TURN
-from flyaround.gui.flight.steering import ATTITUDE_MODES
+from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
+from flyaround.simulator.piloting.control_laws import STILL, SWITCHES
+from flyaround.simulator.piloting.orders import Centre, Control, FollowGuidance, Order, Pulse, Stop, TakeOver
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
-DIRECTIONS = tuple(name.removeprefix("steer.") for name in (*THRUST, *TURN))
+
+def order(make: Callable[..., Order]) -> Callable[..., None]:
+    """Return a command's function that gives the order made of the command's arguments."""
+    return lambda console, *values: console.order(make(*values))
 
 
 def _shares(*names: str) -> tuple[Argument, ...]:
@@ -20,70 +26,54 @@ def _shares(*names: str) -> tuple[Argument, ...]:
     )
 
 
-def _last(_console: Console, _begins: bool) -> None:  # noqa: FBT001 - the form of a held command
-    """The session reads what is held itself, at every step."""
+def _hold(name: str, console: Console, begins: bool) -> None:  # noqa: FBT001 - the form of a held command
+    console.hand.hold(name, held=begins)
 
 
 def _stop(console: Console) -> None:
-    console.session.stop()
+    console.order(Stop())
+    console.hand.let_go()
 
 
 def _track(console: Console) -> None:
-    console.session.toggle_tracking()
+    console.order(Control(attitude="hold" if console.session.craft.tracking else "target"))
 
 
-def _centre(console: Console) -> None:
-    console.session.centre()
-
-
-def _arm(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
-    console.hand_control = not console.hand_control if state is None else state
-    console.say("keys fly the chaser" if console.hand_control else "keys do not fly the chaser")
+def _arm(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
+    console.hand.armed = state
+    console.say("keys fly the chaser" if console.hand.armed else "keys do not fly the chaser")
 
 
 def _toggle(console: Console) -> None:
-    console.session.toggle_steering()
+    if console.session.craft.mode == "guidance":
+        console.order(TakeOver())
+    else:
+        console.order(FollowGuidance())
+        console.hand.centre_sticks()
 
 
 def _reset(console: Console) -> None:
-    console.session.reset_chaser()
-
-
-def _lvlh(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
-    steering = console.session.steering
-    on = steering.axes != "lvlh" if state is None else state
-    steering.axes = "lvlh" if on else "camera"
-
-
-def _pulses(console: Console, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
-    steering = console.session.steering
-    on = steering.thrust != "pulse" if state is None else state
-    steering.thrust = "pulse" if on else "continuous"
+    console.order(FollowGuidance(steered=True))
+    console.hand.centre_sticks()
 
 
 def _attitude(console: Console, mode: str | None = None) -> None:
-    now = ATTITUDE_MODES.index(console.session.steering.attitude)
+    now = ATTITUDE_MODES.index(console.session.craft.steering.attitude)
     following = ATTITUDE_MODES[(now + 1) % len(ATTITUDE_MODES)]
-    console.session.set_attitude(next((m for m in ATTITUDE_MODES if m == mode), following))
-
-
-def _pulse(console: Console, direction: str) -> None:
-    console.session.take_over()
-    console.session.steering.pulse(f"steer.{direction}")
+    console.order(Control(attitude=next((m for m in ATTITUDE_MODES if m == mode), following)))
 
 
 def _stick_thrust(console: Console, right: float, down: float, forward: float) -> None:
-    console.session.steering.stick_thrust = (right, down, forward)
+    console.hand.thrust = (right, down, forward)
 
 
 def _stick_turn(console: Console, up: float, right: float, roll: float) -> None:
-    console.session.steering.stick_turn = (up, right, roll)
+    console.hand.turn = (up, right, roll)
 
 
 def _stick_lost(console: Console) -> None:
-    steering = console.session.steering
-    pushed = any(steering.stick_thrust) or any(steering.stick_turn)
-    steering.stick_thrust = steering.stick_turn = (0.0, 0.0, 0.0)
+    pushed = (console.hand.thrust, console.hand.turn) != (STILL, STILL)
+    console.hand.centre_sticks()
     if pushed:
         console.say("the gamepad is gone: what it pushed and turned has stopped", "warning")
     else:
@@ -91,20 +81,20 @@ def _stick_lost(console: Console) -> None:
 
 
 _HELD = (
-    ("forward", "w", "W", "thrust forward, along the boresight"),
-    ("back", "s", "S", "thrust back"),
-    ("left", "a", "A", "thrust left"),
-    ("right", "d", "D", "thrust right"),
-    ("up", "r", "R", "thrust up in the picture"),
-    ("down", "f", "F", "thrust down in the picture"),
-    ("pitch-up", "i up_arrow", "I / Up", "pitch up"),
-    ("pitch-down", "k down_arrow", "K / Down", "pitch down"),
-    ("yaw-left", "j left_arrow", "J / Left", "yaw left"),
-    ("yaw-right", "l right_arrow", "L / Right", "yaw right"),
-    ("roll-left", "u", "U", "roll left"),
-    ("roll-right", "o", "O", "roll right"),
-    ("coarse", "left_shift right_shift", "Shift", "five times as strong, while held"),
-    ("fine", "left_ctrl right_ctrl", "Ctrl", "a fifth as strong, while held"),
+    ("forward", "w", "thrust forward, along the boresight"),
+    ("back", "s", "thrust back"),
+    ("left", "a", "thrust left"),
+    ("right", "d", "thrust right"),
+    ("up", "r", "thrust up in the picture"),
+    ("down", "f", "thrust down in the picture"),
+    ("pitch-up", "i up_arrow", "pitch up"),
+    ("pitch-down", "k down_arrow", "pitch down"),
+    ("yaw-left", "j left_arrow", "yaw left"),
+    ("yaw-right", "l right_arrow", "yaw right"),
+    ("roll-left", "u", "roll left"),
+    ("roll-right", "o", "roll right"),
+    ("coarse", "left_shift right_shift", "five times as strong, while held"),
+    ("fine", "left_ctrl right_ctrl", "a fifth as strong, while held"),
 )
 
 COMMANDS = (
@@ -114,41 +104,37 @@ COMMANDS = (
         "let keys fly the chaser; typing in a field and opening a scenario end it, abort (Del) needs none",
         _arm,
         ("ctrl+h", "insert"),
-        "Ctrl+H / Insert",
         arguments=(STATE,),
-        state=lambda console: console.hand_control,
+        state=lambda console: console.hand.armed,
     ),
     *(
         Command(
             f"steer.{name}",
             name.replace("-", " ").capitalize(),
             text,
-            _last,
+            partial(_hold, name),
             tuple(keys.split()),
-            shown,
             held=True,
             flies=True,
         )
-        for name, keys, shown, text in _HELD
+        for name, keys, text in _HELD
     ),
-    Command("steer.stop", "Stop", "brake to rest beside the target (LVLH)", _stop, ("x",), "X", flies=True),
+    Command("steer.stop", "Stop", "brake to rest beside the target (LVLH)", _stop, ("x",), flies=True),
     Command(
         "steer.track",
         "Track",
         "the attitude follows the target; turn keys move its place in the picture",
         _track,
         ("t",),
-        "T",
         flies=True,
-        state=lambda console: console.session.tracking,
+        state=lambda console: console.session.craft.tracking,
     ),
     Command(
         "steer.centre",
         "Centre",
         "bring the target to the middle and track it",
-        _centre,
+        order(Centre),
         ("c",),
-        "C",
         flies=True,
     ),
     Command(
@@ -157,34 +143,29 @@ COMMANDS = (
         "scenario's guidance / steering by hand",
         _toggle,
         ("g",),
-        "G",
         flies=True,
-        state=lambda console: console.session.mode == "steer",
+        state=lambda console: console.session.craft.mode == "steer",
     ),
-    Command(
-        "steer.reset", "Reset", "back onto the scenario's trajectory", _reset, ("home",), "Home", flies=True
-    ),
+    Command("steer.reset", "Reset", "back onto the scenario's trajectory", _reset, ("home",), flies=True),
     Command(
         "steer.lvlh",
         "LVLH axes",
         "W and S along the flight, A and D across it, R and F up and down; off: along the camera's axes",
-        _lvlh,
+        order(lambda on: Control(axes="lvlh" if on else "camera")),
         ("n",),
-        "N",
         flies=True,
         arguments=(STATE,),
-        state=lambda console: console.session.steering.axes == "lvlh",
+        state=lambda console: console.session.craft.steering.axes == "lvlh",
     ),
     Command(
         "steer.pulses",
         "Pulses",
         "a press of a key gives 1 cm/s or 0.2 deg; off: as long as it is held",
-        _pulses,
+        order(lambda on: Control(thrust="pulse" if on else "continuous")),
         ("m",),
-        "M",
         flies=True,
         arguments=(STATE,),
-        state=lambda console: console.session.steering.thrust == "pulse",
+        state=lambda console: console.session.craft.steering.thrust == "pulse",
     ),
     Command(
         "steer.attitude",
@@ -193,7 +174,6 @@ COMMANDS = (
         "dock: as when docked; left out: the next of them",
         _attitude,
         ("y",),
-        "Y",
         flies=True,
         arguments=(Argument("mode", "word", "what is kept", ATTITUDE_MODES, optional=True),),
     ),
@@ -201,8 +181,8 @@ COMMANDS = (
         "steer.pulse",
         "One pulse",
         "1 cm/s, or 0.2 deg",
-        _pulse,
-        arguments=(Argument("direction", "word", "as of the keys", DIRECTIONS),),
+        order(Pulse),
+        arguments=(Argument("direction", "word", "as of the keys", SWITCHES),),
     ),
     Command(
         "steer.stick-thrust",

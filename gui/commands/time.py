@@ -6,36 +6,29 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, Command
-from flyaround.gui.flight.jumps import EVENTS
-from flyaround.gui.flight.session import RATES
+from flyaround.simulator.piloting.clock import RATES
+from flyaround.simulator.piloting.jumps import EVENTS
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.jumps import Event
-
-
-def _pause(console: Console) -> None:
-    console.session.toggle_pause()
+    from flyaround.simulator.piloting.jumps import Event
 
 
 def _step(console: Console) -> None:
-    console.session.step_once()
+    console.session.step_frame()
 
 
 def _faster(console: Console) -> None:
-    console.session.faster()
+    console.session.clock.shift_rate(1)
 
 
 def _slower(console: Console) -> None:
-    console.session.slower()
-
-
-def _rate(console: Console, rate: str) -> None:
-    console.session.set_rate(float(rate))
+    console.session.clock.shift_rate(-1)
 
 
 def _restart(console: Console) -> None:
     console.session.restart()
+    console.hand.centre_sticks()
 
 
 def _jump(event: Event, console: Console) -> None:
@@ -45,7 +38,7 @@ def _jump(event: Event, console: Console) -> None:
 
 def _jump_to_hold_point(console: Console) -> None:
     console.session.jump_to_hold_point()
-    point = console.session.docking.hold_points.next
+    point = console.session.craft.docking.hold_points.next
     console.say("on the way to " + ("the port" if point is None else f"{point.name}, {point.axial_m:g} m"))
 
 
@@ -54,33 +47,20 @@ COMMANDS = (
         "time.pause",
         "Pause",
         "pause or go on",
-        _pause,
+        lambda console: console.session.clock.toggle_pause(),
         ("space",),
-        "Space",
-        state=lambda console: console.session.paused,
+        state=lambda console: console.session.clock.paused,
     ),
-    Command("time.step", "One frame", "one frame, then paused", _step, ("period",), "."),
+    Command("time.step", "One frame", "one frame, then paused", _step, ("period",)),
+    Command("time.faster", "Faster", "the next rate up", _faster, ("equal", "keypad_add", "right_bracket")),
     Command(
-        "time.faster",
-        "Faster",
-        "the next rate up",
-        _faster,
-        ("equal", "keypad_add", "right_bracket"),
-        "+ / ]",
-    ),
-    Command(
-        "time.slower",
-        "Slower",
-        "the next rate down",
-        _slower,
-        ("minus", "keypad_subtract", "left_bracket"),
-        "- / [",
+        "time.slower", "Slower", "the next rate down", _slower, ("minus", "keypad_subtract", "left_bracket")
     ),
     Command(
         "time.rate",
         "Rate",
         "simulated seconds per second",
-        _rate,
+        lambda console, rate: console.session.clock.set_rate(float(rate)),
         arguments=(Argument("rate", "word", "one of the rates", tuple(f"{r:g}" for r in RATES)),),
     ),
     Command(
@@ -89,9 +69,7 @@ COMMANDS = (
         "back to the beginning, with the guidance",
         _restart,
         ("backspace",),
-        "Backspace",
         flies=True,
-        cli="flyaround sim SCENARIO",
     ),
     *(
         Command(

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, Command
-from flyaround.gui.flight.flown_files import FlownFiles, free_folder
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.flown_files import FlownFiles, free_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,7 +25,7 @@ FRAMES = 50
 
 
 def _seek(console: Console, t_s: float) -> None:
-    console.session.paused = True
+    console.session.clock.paused = True
     console.session.look_back.seek(t_s)
 
 
@@ -42,7 +42,7 @@ def _forward(console: Console) -> None:
 
 
 def _step_back(console: Console) -> None:
-    console.session.paused = True
+    console.session.clock.paused = True
     console.session.look_back.step(-1)
 
 
@@ -56,12 +56,12 @@ def _fly_on(console: Console) -> None:
     if not session.look_back.active:
         raise UserError("this is the end of what was flown: Space flies on")
     session.look_back.fly_on()
-    session.paused = False
+    session.clock.paused = False
     console.say(f"flies on from {clock(session.t_s)}; timeline.other-future brings the other future back")
 
 
 def _other_future(console: Console) -> None:
-    console.session.paused = True
+    console.session.clock.paused = True
     parts_s = console.session.look_back.swap_future()
     console.say(f"the other future is back; the two part at {clock(parts_s)}")
 
@@ -163,17 +163,16 @@ COMMANDS = (
         _seek,
         arguments=(Argument("t_s", "number", "since the scenario's start", least=0.0, most=1e9, unit="s"),),
     ),
-    Command("timeline.step-back", "One step back", "a tenth of a second back", _step_back, ("comma",), ","),
-    Command("timeline.back", "Back 10 s", "10 s back in what was flown", _back, ("page_up",), "PgUp"),
-    Command("timeline.forward", "On 10 s", "10 s on in what was flown", _forward, ("page_down",), "PgDn"),
-    Command("timeline.end", "To the end", "to the end of what was flown", _end, ("end",), "End"),
+    Command("timeline.step-back", "One step back", "a tenth of a second back", _step_back, ("comma",)),
+    Command("timeline.back", "Back 10 s", "10 s back in what was flown", _back, ("page_up",)),
+    Command("timeline.forward", "On 10 s", "10 s on in what was flown", _forward, ("page_down",)),
+    Command("timeline.end", "To the end", "to the end of what was flown", _end, ("end",)),
     Command(
         "timeline.fly-on",
         "Fly on from here",
         "take the flight up from this place; what came after it can be brought back",
         _fly_on,
         ("ctrl+enter",),
-        "Ctrl+Enter",
     ),
     Command(
         "timeline.other-future",
@@ -187,7 +186,6 @@ COMMANDS = (
         "mark this place, with a note",
         _bookmark,
         ("ctrl+b",),
-        "Ctrl+B",
         arguments=(Argument("note", "word", "of one line", optional=True),),
     ),
     Command(
@@ -215,7 +213,6 @@ COMMANDS = (
         "what was flown as a scenario that replays it, in out/console/flights",
         _keep,
         arguments=(Argument("folder", "word", "empty or to be made", optional=True),),
-        cli="flyaround sim SCENARIO --record DIR",
     ),
     Command(
         "timeline.dataset",
@@ -225,13 +222,8 @@ COMMANDS = (
         arguments=(
             Argument("frames", "whole", "how many; 50 unless given", least=1, most=10_000, optional=True),
         ),
-        cli="flyaround capture replay.toml -o DIR",
     ),
     Command(
-        "timeline.hil",
-        "HIL run of it",
-        "open what was flown as a scenario, for a session with a board",
-        _hil,
-        cli="flyaround hil host replay.toml --listen URL",
+        "timeline.hil", "HIL run of it", "open what was flown as a scenario, for a session with a board", _hil
     ),
 )

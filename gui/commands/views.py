@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, Command
-from flyaround.gui.flight.relative_map import LEAST_WIDTH_M, MOST_WIDTH_M
 from flyaround.gui.picture.orbit_camera import ABOUT, FARTHEST_M, NEAREST_M
+from flyaround.gui.picture.relative_map import LEAST_WIDTH_M, MOST_WIDTH_M
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -31,10 +31,6 @@ def _about(console: Console, about: str) -> None:
 
 def _turn(console: Console, azimuth_deg: float, elevation_deg: float, distance_m: float) -> None:
     console.options.orbit.place(azimuth_deg, elevation_deg, distance_m)
-
-
-def _first_turn(console: Console) -> None:
-    console.options.orbit.reset(console.session.moment.world.range_m)
 
 
 def _metres(name: str, of: str) -> Argument:
@@ -91,6 +87,6 @@ COMMANDS = (
         "orbit-camera.reset",
         "Orbit camera: reset",
         "the free camera where it was at first, with target and chaser in view",
-        _first_turn,
+        lambda console: console.options.orbit.reset(console.session.craft.world.range_m),
     ),
 )

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
-    from flyaround.gui.flight.session import Session
     from flyaround.hil.host.ledger.frames_csv import LedgerRow
     from flyaround.hil.host.run import RunConfig
+    from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scenario.faults import CameraFault, LineFault
 
@@ -58,7 +58,7 @@ class HilSession:
         self._clock = clock
         self._process: multiprocessing.context.SpawnProcess | None = None
         self._pipe: Connection | None = None
-        self._session: Session | None = None
+        self._session: FlightSession | None = None
         self._wanted = False
         self._sent_t_s: float | None = None
         self._stop_s: float | None = None
@@ -99,7 +99,7 @@ class HilSession:
         """Number of the host's process."""
         return None if self._process is None else self._process.pid
 
-    def start(self, session: Session, config: RunConfig, device_index: int | None = None) -> None:
+    def start(self, session: FlightSession, config: RunConfig, device_index: int | None = None) -> None:
         """Begin on a flight.
 
         Raises
@@ -182,7 +182,7 @@ class HilSession:
 
     # --- once a turn
 
-    def update(self, session: Session) -> list[SessionNote]:
+    def update(self, session: FlightSession) -> list[SessionNote]:
         """Take what came, and give the newest moment; what is to be told.
 
         Parameters

@@ -40,7 +40,7 @@ class Panel(Protocol):
     """What the layout needs of a panel.
 
     ``name`` is of its command (``panel.NAME``), ``place`` where it is docked at first (``over``: a window of its own in
-    the middle), ``shown`` whether it is open at first. Further, if it has them: ``keys`` and ``shown_keys`` of its
+    the middle), ``shown`` whether it is open at first. Further, if it has them: ``keys`` of its
     command, ``bare`` if it draws up to its edges.
     """
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.flight.docking import PRESETS, judge
 from flyaround.gui.views.docking_hud import ABOUT, DISTANCE, status
 from flyaround.gui.widgets import Widgets
+from flyaround.simulator.piloting.docking_figures import PRESETS, judge
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.docking import Judged
     from flyaround.gui.window import Window
+    from flyaround.simulator.piloting.docking_figures import Judged
 
 STATES = {
     "within": "within its limit",
@@ -33,7 +33,7 @@ class DockingPanel:
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, session = self._w, console.session
-        docking = session.docking
+        docking = session.craft.docking
         text, colour = status(console)
         w.text(text, colour, "what flies, and what it waits for")
         w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3)
@@ -41,7 +41,7 @@ class DockingPanel:
         w.button(console, "docking.abort", width=w.width)
         w.imgui.pop_style_color()
         w.switch(console, "overlay.docking", "Display over the view")
-        figures = docking.figures(session.moment.chaser, session.flight)
+        figures = docking.figures(session.craft.chaser, session.flight)
         w.section(docking.port.name.capitalize())
         w.row("Distance", (figures.axial_m,), "{:.2f} m", DISTANCE)
         self._table(judge(figures, docking.limits, docking.corridor_deg))
@@ -73,7 +73,7 @@ class DockingPanel:
     def _preset(self, console: Console) -> None:
         w, imgui = self._w, self._w.imgui
         names = list(PRESETS)
-        now = console.session.docking.limits
+        now = console.session.craft.docking.limits
         imgui.set_next_item_width(w.width)
         changed, k = imgui.combo("##limits", names.index(now.name), [p.title for p in PRESETS.values()])
         w.tip(f"{console.table['docking.limits'].about()}\nnow: {now.source}; ! near a limit, # outside")
@@ -84,10 +84,10 @@ class DockingPanel:
     def _points(self, console: Console) -> None:
         w, session = self._w, console.session
         w.section("Hold points")
-        points = session.docking.hold_points.points
+        points = session.craft.docking.hold_points.points
         if not points:
             w.text("none: the approach begins inside the last one", style.QUIET)
-        following = session.docking.hold_points.next
+        following = session.craft.docking.hold_points.next
         for p in points:
             here = following is not None and p.name == following.name
             w.text(
@@ -97,13 +97,13 @@ class DockingPanel:
                 "> is the next",
             )
         if following is not None:
-            for why in session.docking.not_ready(session.moment.chaser, session.flight):
+            for why in session.craft.docking.not_ready(session.craft.chaser, session.flight):
                 w.text(f"not yet: {why}", style.QUIET, "why go would be refused now")
         w.button(console, "time.next-hold-point", width=w.width)
 
     def _contacts(self, console: Console) -> None:
         w = self._w
-        contact = console.session.docking.contact
+        contact = console.session.craft.docking.contact
         if contact is None:
             return
         w.section("Contact")

@@ -87,11 +87,7 @@ class EstimatorPanel:
         w.tip("a network as method: net: and the file that flyaround train has written")
         w.flow(button, first=False)
         w.button(
-            console,
-            "estimator.method",
-            self._network,
-            label="Network",
-            on=estimates.method == self._network,
+            console, "estimator.method", self._network, label="Network", on=estimates.method == self._network
         )
 
     def _figures(self, e: ComparedEstimate) -> None:

@@ -19,7 +19,7 @@ class KeyList:
     """The commands by group; a click does one."""
 
     name, title, place, shown = "keys", "Commands and keys", "over", False
-    keys, shown_keys = ("f1", "h"), "F1 / H"
+    keys = ("f1", "h")
 
     def __init__(self, window: Window) -> None:
         self._w = Widgets(window)
@@ -67,7 +67,7 @@ class Palette:
     """A command by its first letters, and Enter; arguments after it as in a script."""
 
     name, title, place, shown = "palette", "Do ...", "over", False
-    keys, shown_keys = ("ctrl+p",), "Ctrl+P"
+    keys = ("ctrl+p",)
     rows = 9
 
     def __init__(self, window: Window) -> None:

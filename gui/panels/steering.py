@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.flight.jumps import EVENTS
-from flyaround.gui.flight.steering import ATTITUDE_MODES
 from flyaround.gui.widgets import Widgets
+from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
+from flyaround.simulator.piloting.jumps import EVENTS
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -37,7 +37,7 @@ class SteeringPanel:
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
-        w, steering = self._w, console.session.steering
+        w, steering = self._w, console.session.craft.steering
         w.switches(console, ("steer.lvlh", "steer.pulses"))
         w.section("Attitude")
         for k, mode in enumerate(ATTITUDE_MODES):
@@ -56,7 +56,7 @@ class SteeringPanel:
         w.buttons(console, [f"time.next-{event}" for event in EVENTS], 1)
 
     def _cost(self, console: Console) -> None:
-        w, steering = self._w, console.session.steering
+        w, steering = self._w, console.session.craft.steering
         spent = steering.propellant
         w.section("Spent by steering")
         w.row(
@@ -84,7 +84,7 @@ class SteeringPanel:
             w.text("plume clear of the target", style.QUIET, PLUME)
 
     def _burns(self, console: Console) -> None:
-        w, steering = self._w, console.session.steering
+        w, steering = self._w, console.session.craft.steering
         w.section("Planned burns")
         if not steering.burns.burns:
             w.text("none; burn.plan T RADIAL ALONG CROSS in Do ... (Ctrl+P) plans one", style.QUIET)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.gui.flight.session import RATES
 from flyaround.gui.widgets import Widgets
+from flyaround.simulator.piloting.clock import RATES
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -30,4 +30,4 @@ class TimePanel:
             label = f"{rate:g}x"
             width = w.imgui.calc_text_size(label).x + 2 * w.imgui.get_style().frame_padding.x
             w.flow(width, first=k == 0)
-            w.button(console, "time.rate", f"{rate:g}", label=label, on=rate == session.rate)
+            w.button(console, "time.rate", f"{rate:g}", label=label, on=rate == session.clock.rate)

@@ -10,15 +10,15 @@ from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.timeline import Timeline
     from flyaround.gui.window import Window
+    from flyaround.simulator.piloting.flight_history import Timeline
 
 
 class TimelinePanel:
     """Drag the slider to look back; Space plays what was flown, steering or Ctrl+Enter flies on from there."""
 
     name, title, place, shown = "timeline", "Timeline", "bottom", False
-    keys, shown_keys = ("ctrl+t",), "Ctrl+T"
+    keys = ("ctrl+t",)
 
     def __init__(self, window: Window) -> None:
         self._w = Widgets(window)
@@ -41,7 +41,7 @@ class TimelinePanel:
         labels = {
             "back": "- 10 s",
             "step-back": "- 0.1 s",
-            "play": "Play" if session.paused else "Pause",
+            "play": "Play" if session.clock.paused else "Pause",
             "step": "+ 0.1 s",
             "forward": "+ 10 s",
             "end": "End",

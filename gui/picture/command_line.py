@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from flyaround.gui.picture.view_settings import OVERLAYS, Overlays
 
 if TYPE_CHECKING:
-    from flyaround.gui.flight.session import Session
     from flyaround.gui.picture.view_settings import Options
+    from flyaround.simulator.piloting.session import FlightSession
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class CommandLines:
     left_out: tuple[str, ...]
 
 
-def command_lines(session: Session, options: Options, source: str, saved: str = "") -> CommandLines:
+def command_lines(session: FlightSession, options: Options, source: str, saved: str = "") -> CommandLines:
     """Command lines of a flight and its view.
 
     Parameters
@@ -44,7 +44,7 @@ def command_lines(session: Session, options: Options, source: str, saved: str = 
     sim = ["flyaround", "sim", source, *seed, *(["--overlays", ",".join(over)] if over else [])]
     lines = [("this console", shlex.join(sim))]
     left_out = []
-    if session.mode == "guidance":
+    if session.craft.mode == "guidance":
         rgb = ["--rgb"] if settings.bands == "rgb" and session.plan.bands != "rgb" else []
         render = [
             "flyaround",

@@ -38,7 +38,6 @@ MOST_DEATHS = 3
 """Processes that end one after the other without an answer before it is left off."""
 KEPT = 2000
 """Answers that are kept for the plots."""
-STAGE_WIDTH = 800
 STAGE_QUALITY = 88
 KEPT_ESTIMATORS = 4
 NICENESS = 5

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING, Protocol
 
-from flyaround.gui.flight.telemetry import Telemetry, telemetry_of
+from flyaround.gui.picture.telemetry import Telemetry, telemetry_of
 from flyaround.gui.picture.view_settings import apply_view_settings
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.loop import FrameRequest, FramesLostError
@@ -15,14 +15,15 @@ from flyaround.simulator.loop import FrameRequest, FramesLostError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from flyaround.gui.flight.session import Moment, Session
     from flyaround.gui.picture.view_settings import ViewSettings
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.frame import Frame
     from flyaround.simulator.labels.request import LabelRequest
+    from flyaround.simulator.piloting.session import FlightSession, FlightState
     from flyaround.simulator.scene.state import Quality, SceneState
+    from flyaround.simulator.targets.model import Target
 
-    SceneOf = Callable[[Session, ViewSettings, int, Quality | None], SceneState]
+    SceneOf = Callable[[FlightSession, ViewSettings, int, Quality | None], SceneState]
 
 TIMED_PICTURES = 5
 """The pass times that are shown are medians of so many pictures."""
@@ -61,13 +62,14 @@ class Picture:
     """One finished frame and the figures of its moment."""
 
     frame: Frame
-    moment: Moment
+    state: FlightState
+    target: Target
     telemetry: Telemetry
     divisor: int
 
 
 def chaser_scene(
-    session: Session, settings: ViewSettings, divisor: int, quality: Quality | None
+    session: FlightSession, settings: ViewSettings, divisor: int, quality: Quality | None
 ) -> SceneState:
     """What the chaser's camera sees now, as the operator wants it drawn."""
     return apply_view_settings(session.scene(), settings, divisor=divisor, quality=quality)
@@ -97,7 +99,8 @@ CHASER_CAMERA = PictureKind()
 @dataclass
 class _Request:
     scene: SceneState
-    moment: Moment
+    state: FlightState
+    target: Target
     divisor: int
     saved: bool
     timed: bool
@@ -126,7 +129,7 @@ class Feed:
         self._waiting: list[_Request] = []
         self._detail = AdaptiveResolution()
         self._last: SceneState | None = None
-        self._session: Session | None = None
+        self._session: FlightSession | None = None
         self._save_wanted = False
         self._due_s = self._waits_since_s = 0.0
         self.newest: Picture | None = None
@@ -171,7 +174,7 @@ class Feed:
             return {}
         return {name: median(p.get(name, 0.0) for _, p in self._passes) for name in self._passes[-1][1]}
 
-    def update(self, session: Session, settings: ViewSettings, *, timed: bool = False) -> bool:
+    def update(self, session: FlightSession, settings: ViewSettings, *, timed: bool = False) -> bool:
         """Take what is finished, ask for what is new; whether there is a new picture.
 
         Parameters
@@ -199,7 +202,7 @@ class Feed:
             raise UserError(FAILED.format(last_line(error))) from error
         return self.finished > before
 
-    def _begin(self, session: Session) -> None:
+    def _begin(self, session: FlightSession) -> None:
         """Show nothing of the flight before: what is under way for it is discarded when it comes."""
         self._save_wanted &= self._session is None
         self._session, self.newest, self._last = session, None, None
@@ -240,24 +243,25 @@ class Feed:
         if told != self._told_failure:
             self._told_failure = self._trouble = told
 
-    def _ask(self, session: Session, settings: ViewSettings, *, timed: bool) -> None:
+    def _ask(self, session: FlightSession, settings: ViewSettings, *, timed: bool) -> None:
         if len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s):
             return
         if self._clock() < self._rests_until_s:
             return
         if self._save_wanted:
             scene = _made(lambda: apply_view_settings(session.scene(), settings))
-            if self._submit(_Request(scene, session.moment, 1, saved=True, timed=False)):
+            if self._submit(_Request(scene, session.state, session.plan.target, 1, saved=True, timed=False)):
                 self._save_wanted = False
             return
         if self._clock() - self._asked_s < self._kind.every_s:
             return
-        divisor = self.divisor(settings, paused=session.paused)
-        quality: Quality | None = None if session.paused else "draft"
+        divisor = self.divisor(settings, paused=session.clock.paused)
+        quality: Quality | None = None if session.clock.paused else "draft"
         scene = _made(lambda: self._kind.scene(session, settings, divisor, quality))
         # when nothing moves the picture that is there is the picture, unless its passes are to be timed
         if scene != self._last or (timed and len(self._passes) < TIMED_PICTURES):
-            self._submit(_Request(scene, session.moment, divisor, saved=False, timed=timed))
+            request = _Request(scene, session.state, session.plan.target, divisor, saved=False, timed=timed)
+            self._submit(request)
 
     def divisor(self, settings: ViewSettings, *, paused: bool) -> int:
         """Pixels of the camera per pixel drawn."""
@@ -302,8 +306,8 @@ class Feed:
         if request.discarded:
             return
         self._account(frame, request)
-        telemetry = telemetry_of(request.moment.world, request.scene)
-        self.newest = Picture(frame, request.moment, telemetry, request.divisor)
+        telemetry = telemetry_of(request.state.world, request.scene)
+        self.newest = Picture(frame, request.state, request.target, telemetry, request.divisor)
         if request.saved:
             self.saved.append(self.newest)
 

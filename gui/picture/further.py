@@ -9,9 +9,9 @@ from flyaround.gui.picture.label_images import LABELS, LABELS_EVERY_S
 from flyaround.gui.picture.orbit_picture import orbit_scene
 
 if TYPE_CHECKING:
-    from flyaround.gui.flight.session import Session
     from flyaround.gui.picture.turns import Turns
     from flyaround.gui.picture.view_settings import Options, ViewSettings
+    from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.scene.state import Quality, SceneState
 
 ORBIT_CAMERA, LABEL_VIEWS = "orbit-camera", "labels"
@@ -27,7 +27,9 @@ def further_feeds(turns: Turns, options: Options) -> dict[str, Feed]:
     turns : at the render process. options : of the operator, read anew for every picture.
     """
 
-    def orbit(session: Session, settings: ViewSettings, divisor: int, quality: Quality | None) -> SceneState:
+    def orbit(
+        session: FlightSession, settings: ViewSettings, divisor: int, quality: Quality | None
+    ) -> SceneState:
         return orbit_scene(session, settings, options.orbit, divisor, quality)
 
     kinds = {

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.flight.relative_map import nice_step
+from flyaround.gui.picture.relative_map import nice_step
 from flyaround.simulator.labels.part_classes import PART_CLASSES, part_class
 from flyaround.simulator.labels.request import LabelRequest
 from flyaround.simulator.targets.model import PartClass

@@ -21,10 +21,7 @@ MARK = 5.0
 """Half the side of a point's mark: names stay clear of all of them."""
 GAP = 2.0
 """Between two names."""
-_DIRECTIONS = np.array(
-    [(1, 0), (1, -1), (1, 1), (-1, 0), (-1, -1), (-1, 1), (0, -1), (0, 1)],
-    float,
-)
+_DIRECTIONS = np.array([(1, 0), (1, -1), (1, 1), (-1, 0), (-1, -1), (-1, 1), (0, -1), (0, 1)], float)
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,4 @@ class OrbitCamera:
     def from_focus_lvlh(self) -> FloatArray:
         """(3,) unit vector from what it looks at to the camera, LVLH axes."""
         az, el = math.radians(self.azimuth_deg), math.radians(self.elevation_deg)
-        return np.array(
-            [math.sin(el), -math.cos(el) * math.cos(az), math.cos(el) * math.sin(az)],
-        )
+        return np.array([math.sin(el), -math.cos(el) * math.cos(az), math.cos(el) * math.sin(az)])

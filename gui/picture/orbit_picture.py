@@ -18,9 +18,9 @@ from flyaround.simulator.scene.build import build_scene
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
-    from flyaround.gui.flight.session import Moment, Session
     from flyaround.gui.picture.orbit_camera import OrbitCamera
     from flyaround.gui.picture.view_settings import ViewSettings
+    from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import Quality, SceneState
     from flyaround.simulator.world.flight.world_state import WorldState
@@ -34,7 +34,7 @@ _NEAR_M = 0.02
 
 
 def orbit_scene(
-    session: Session, settings: ViewSettings, look: OrbitCamera, divisor: int, quality: Quality | None
+    session: FlightSession, settings: ViewSettings, look: OrbitCamera, divisor: int, quality: Quality | None
 ) -> SceneState:
     """The moment as the free camera sees it: the same world and target, metered exposure, no noise.
 
@@ -45,7 +45,7 @@ def orbit_scene(
     divisor : pixels of the view per pixel drawn. quality : instead of the default.
     """
     own = session.scene()
-    world = seen_from(session.moment.world, session.flight.lvlh(session.t_s), look)
+    world = seen_from(session.craft.world, session.flight.lvlh(session.t_s), look)
     scene = build_scene(
         world,
         camera=pinhole(*(max(s // divisor, 16) for s in look.size_px)),
@@ -117,19 +117,19 @@ class ChaserMarks:
 
 
 def chaser_marks(
-    scene: SceneState, moment: Moment, chaser: Camera, frame: Lvlh, trail_lvlh_m: FloatArray
+    scene: SceneState, world: WorldState, chaser: Camera, frame: Lvlh, trail_lvlh_m: FloatArray
 ) -> ChaserMarks:
     """Where the chaser is in the free camera's picture.
 
     Parameters
     ----------
-    scene : of the free camera. moment : the same one. chaser : its camera. frame : LVLH then.
+    scene : of the free camera. world : at its time. chaser : its camera. frame : LVLH then.
     trail_lvlh_m : (n, 3) flown.
     """
     R_free_from_eci = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     eye = np.array(scene.r_camera_eci_m) - np.array(scene.r_target_eci_m)
-    at = R_free_from_eci @ (np.array(moment.world.relative_eci_m) - eye)
-    R_free_from_chaser = R_free_from_eci @ matrix_from_quat(moment.world.q_camera_from_eci_wxyz).T
+    at = R_free_from_eci @ (np.array(world.relative_eci_m) - eye)
+    R_free_from_chaser = R_free_from_eci @ matrix_from_quat(world.q_camera_from_eci_wxyz).T
     distance = float(np.linalg.norm(at))
     size = max(0.08 * distance, 0.15)
     corners_px = [(-0.5, -0.5), (chaser.width_px - 0.5, -0.5)]

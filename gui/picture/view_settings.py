@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
-from flyaround.gui.flight.relative_map import MapLook
 from flyaround.gui.picture.orbit_camera import OrbitCamera
+from flyaround.gui.picture.relative_map import MapLook
 from flyaround.simulator.camera.detector.sensor import noiseless
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import Bands

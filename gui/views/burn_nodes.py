@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.flight.planned_burns import BurnPlan, PlannedBurn
+from flyaround.gui.canvas import point
+from flyaround.simulator.piloting.planned_burns import BurnPlan, PlannedBurn
 from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
     from flyaround.gui.canvas import Canvas, Point
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.planned_burns import PredictedPath
-    from flyaround.gui.flight.relative_map import MapPort, Plane
-    from flyaround.gui.flight.session import Session
+    from flyaround.gui.picture.relative_map import MapPort, Plane
+    from flyaround.simulator.piloting.planned_burns import PredictedPath
+    from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
 
 COLOUR = style.PURPLE
@@ -62,7 +63,7 @@ class BurnNodes:
         pressed : whether the left button went down on the map, is down, and whether the right one went down on it.
         """
         session = console.session
-        self._refresh(session, session.steering.burns if self._grip is None else self._plan)
+        self._refresh(session, session.craft.steering.burns if self._grip is None else self._plan)
         clicked, down, other = pressed
         port = next((p for p in ports if p.inside(*mouse)), None)
         if self._grip is not None:
@@ -75,7 +76,7 @@ class BurnNodes:
             return False
         grip = self._found(port, mouse)
         if clicked and grip is not None:
-            self._grip, self._plan = grip, session.steering.burns
+            self._grip, self._plan = grip, session.craft.steering.burns
             return True
         if other and grip is not None:
             console.do("burn.cancel", grip.burn.t_s)
@@ -91,7 +92,7 @@ class BurnNodes:
         canvas.stroke(port.at(path.points_lvlh_m), COLOUR, 1.6, dashed=True)
         written: list[Point] = []
         for burn, node in zip(burns, path.nodes_lvlh_m, strict=False):
-            at = _point(port.at(node))
+            at = point(port.at(node))
             canvas.arrow(at, handle(at, burn, port.plane), COLOUR, 1.8)
             canvas.dot(handle(at, burn, port.plane), 3.5, style.INK)
             canvas.diamond(at, 5.0, COLOUR)
@@ -116,27 +117,27 @@ class BurnNodes:
 
     # --- inside
 
-    def _refresh(self, session: Session, plan: BurnPlan) -> None:
-        key = (session, plan, int(session.t_s / (EVERY_S * max(session.rate, 1.0))))
+    def _refresh(self, session: FlightSession, plan: BurnPlan) -> None:
+        key = (session, plan, int(session.t_s / (EVERY_S * max(session.clock.rate, 1.0))))
         if key == self._of:
             return
         self._of, self._plan = key, plan
         # a burn that has begun has no node any more
         ahead = BurnPlan(tuple(b for b in plan.burns if b.t_s >= session.t_s))
         self._plan = ahead
-        self._path = session.predicted_burns(ahead, samples=SAMPLES) if ahead.burns else None
+        self._path = session.craft.predicted_burns(ahead, samples=SAMPLES) if ahead.burns else None
 
     def _found(self, port: MapPort, mouse: Point) -> Grip | None:
         if self._path is None:
             return None
         for burn, node in zip(self._plan.burns, self._path.nodes_lvlh_m, strict=False):
-            at = _point(port.at(node))
+            at = point(port.at(node))
             for what, place in (("handle", handle(at, burn, port.plane)), ("node", at)):
                 if np.hypot(place[0] - mouse[0], place[1] - mouse[1]) <= GRIP:
                     return Grip(burn, "handle" if what == "handle" else "node", port)
         return None
 
-    def _drag(self, session: Session, mouse: Point) -> None:
+    def _drag(self, session: FlightSession, mouse: Point) -> None:
         grip = self._grip
         if grip is None or self._path is None:
             return
@@ -146,7 +147,7 @@ class BurnNodes:
             self._grip = None
             return
         if grip.what == "handle":
-            burn = dragged(grip.burn, grip.port.plane, _point(grip.port.at(node)), mouse)
+            burn = dragged(grip.burn, grip.port.plane, point(grip.port.at(node)), mouse)
         else:
             burn = replace(grip.burn, t_s=self._time_at(session, grip.port, mouse))
         others = tuple(b for b in self._plan.burns if b.t_s != grip.burn.t_s)
@@ -158,7 +159,7 @@ class BurnNodes:
         grip, self._grip = self._grip, None
         if grip is None:
             return
-        planned = console.session.steering.burns.burns
+        planned = console.session.craft.steering.burns.burns
         # a node that was moved along the path is another time: the old one goes
         gone = [b for b in planned if b.t_s not in {p.t_s for p in self._plan.burns}]
         for burn in gone:
@@ -167,12 +168,12 @@ class BurnNodes:
             console.do("burn.plan", grip.burn.t_s, *grip.burn.delta_v_lvlh_m_s)
         self._of = ()
 
-    def _time_at(self, session: Session, port: MapPort, mouse: Point) -> float:
+    def _time_at(self, session: FlightSession, port: MapPort, mouse: Point) -> float:
         """When the chaser is nearest to the pointer, of what is foretold; not in the next seconds."""
         path = self._path
         if path is None:
-            session.take_over()
-            path = session.predicted_burns(BurnPlan(), samples=SAMPLES)
+            session.craft.take_over()
+            path = session.craft.predicted_burns(BurnPlan(), samples=SAMPLES)
         way = port.at(path.points_lvlh_m) - np.array(mouse)
         ahead = path.times_s > session.t_s + 5.0
         k = int(np.argmin(np.where(ahead, np.hypot(way[:, 0], way[:, 1]), np.inf)))
@@ -184,7 +185,7 @@ def handle(node: Point, burn: PlannedBurn, plane: Plane) -> Point:
     part = np.array([burn.delta_v_lvlh_m_s[plane.right], -burn.delta_v_lvlh_m_s[plane.up]])
     size = float(np.linalg.norm(part))
     along = part / size if size > 0 else np.array([1.0, 0.0])
-    return _point(np.array(node) + (ARM + PER_M_S * size) * along)
+    return point(np.array(node) + (ARM + PER_M_S * size) * along)
 
 
 def dragged(burn: PlannedBurn, plane: Plane, node: Point, mouse: Point) -> PlannedBurn:
@@ -196,7 +197,3 @@ def dragged(burn: PlannedBurn, plane: Plane, node: Point, mouse: Point) -> Plann
     parts[[plane.right, plane.up]] = size * way / max(length, 1e-9)
     parts = np.round(parts, 3) + 0.0
     return replace(burn, delta_v_lvlh_m_s=vec3(parts)) if parts.any() else burn
-
-
-def _point(p: FloatArray) -> Point:
-    return (float(p[0]), float(p[1]))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flyaround.gui import hover_text, style
+from flyaround.gui.commands.timeline import clock
 from flyaround.gui.picture.truth_overlay import Pixel
 from flyaround.gui.views.docking_hud import DockingHud
 from flyaround.gui.views.estimate_overlay import EstimateOverlay
@@ -16,9 +17,9 @@ from flyaround.gui.views.truth_marks import TruthMarks
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.session import Session
     from flyaround.gui.picture.feed import Feed, Picture
     from flyaround.gui.window import Window
+    from flyaround.simulator.piloting.session import FlightSession
 
 FIGURES = {
     "UTC": "mid-exposure of this picture",
@@ -82,7 +83,7 @@ class CameraView:
         )
         # names stay clear of where the figures stood the last time
         taken, self._plates = tuple(self._plates), []
-        self._truth.draw(box, picture, options, paused=session.paused, taken=taken)
+        self._truth.draw(box, picture, options, paused=session.clock.paused, taken=taken)
         if options.overlays.estimate:
             self._estimate.draw(draw, box, picture, console.estimates)
         # the docking display has a cross and figures of its own
@@ -108,7 +109,7 @@ class CameraView:
         self,
         draw: Any,  # noqa: ANN401
         place: tuple[float, float, float, float],
-        session: Session,
+        session: FlightSession,
         feed: Feed,
         picture: Picture,
     ) -> None:
@@ -120,7 +121,11 @@ class CameraView:
         rate = float(np.linalg.norm(r.relative_rate_deg_s))
         left = (
             ("UTC", f"{r.epoch_utc.replace('T', ' ')[:23].rstrip('Z')}", style.INK),
-            ("T+", f"{_clock(r.t_s)}   x{session.rate:g}", style.WARN if session.paused else style.INK),
+            (
+                "T+",
+                f"{clock(r.t_s)[2:]}   x{session.clock.rate:g}",
+                style.WARN if session.clock.paused else style.INK,
+            ),
         )
         bottom = (
             ("RANGE", f"{r.range_m:10.3f} m", style.ACCENT),
@@ -147,7 +152,7 @@ class CameraView:
         badge, color = _badge(session)
         image = picture.frame.image
         speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
-        if not session.paused:
+        if not session.clock.paused:
             speed = f"{feed.frames_s:.1f} fps  {speed}"
         widest = max(imgui.calc_text_size(badge).x, imgui.calc_text_size(speed).x)
         self._plate(draw, (x + width - 16 - widest, y + 14), widest, 2)
@@ -239,27 +244,19 @@ def shown_passes(stage_ms: dict[str, float]) -> tuple[tuple[str, float], ...]:
     return tuple((name.replace(".", " "), ms) for name, ms in rows if ms >= 0.05)
 
 
-def _clock(t_s: float) -> str:
-    minutes, seconds = divmod(t_s, 60.0)
-    hours, minutes = divmod(int(minutes), 60)
-    return f"{hours:02d}:{minutes:02d}:{seconds:04.1f}"
-
-
-def _badge(session: Session) -> tuple[str, style.Rgba]:
-    steering = session.steering
-    if session.mode == "guidance":
+def _badge(session: FlightSession) -> tuple[str, style.Rgba]:
+    steering = session.craft.steering
+    if session.craft.mode == "guidance":
         badge, color = "GUIDANCE", style.ACCENT
     else:
-        attitude = "TRACK" if session.tracking else steering.attitude.upper()
+        attitude = "TRACK" if session.craft.tracking else steering.attitude.upper()
         axes = " LVLH" if steering.axes == "lvlh" else ""
-        badge = (
-            f"{(steering.doing or 'steer').upper()}{axes} / {attitude}{' / BRAKE' if session.braking else ''}"
-        )
+        badge = f"{(steering.doing or 'steer').upper()}{axes} / {attitude}{' / BRAKE' if steering.braking else ''}"
         color = style.ACCENT if steering.doing else style.WARN
-        if session.guarded:
+        if steering.guarded:
             badge, color = f"{badge} / KEEP OUT", style.BAD
-    if session.jumping:
+    if session.clock.jump:
         badge = f"JUMP  {badge}"
     if session.look_back.active:
         badge, color = f"LOOKING BACK  {badge}", style.WARN
-    return (f"PAUSED  {badge}" if session.paused else badge), color
+    return (f"PAUSED  {badge}" if session.clock.paused else badge), color

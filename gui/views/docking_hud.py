@@ -8,18 +8,18 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
-from flyaround.gui.flight.docking import CAPTURE_M, Judged, judge
 from flyaround.gui.widgets import Widgets
+from flyaround.simulator.piloting.docking_figures import CAPTURE_M, Judged, judge
 
 if TYPE_CHECKING:
     from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.docking import DockingFigures
-    from flyaround.gui.flight.docking_watch import Docking
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.views.letterbox import Letterbox
     from flyaround.gui.window import Window
     from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.piloting.docking_figures import DockingFigures
+    from flyaround.simulator.piloting.docking_watch import Docking
 
 NEAR_M = 0.05
 RING_SHARE = 0.31
@@ -48,7 +48,7 @@ ABOUT = {
     "yaw rate": "how fast yaw changes against the turning port",
     "off axis": "angle at the port between its axis and the docking point; nothing where the offset is small",
 }
-"""What each figure of `flyaround.gui.flight.docking.judge` is."""
+"""What each figure of `flyaround.simulator.piloting.docking_figures.judge` is."""
 
 
 class DockingHud:
@@ -66,11 +66,11 @@ class DockingHud:
     def draw(self, box: Letterbox, console: Console, picture: Picture) -> None:
         """Draw over a picture; all figures are of the picture's own moment."""
         session = console.session
-        if picture.moment.target is not session.plan.target:
+        if picture.target is not session.plan.target:
             # the last picture of another scenario
             return
-        docking = session.docking
-        figures = docking.figures(picture.moment.chaser, session.flight)
+        docking = session.craft.docking
+        figures = docking.figures(picture.state.chaser, session.flight)
         rows = {r.name: r for r in judge(figures, docking.limits, docking.corridor_deg)}
         canvas, camera = Canvas(self._window), picture.frame.scene.camera
         self._corridor(canvas, box, camera, figures, docking)
@@ -110,12 +110,7 @@ class DockingHud:
                 )
 
     def _port(
-        self,
-        canvas: Canvas,
-        box: Letterbox,
-        camera: Camera,
-        figures: DockingFigures,
-        rows: dict[str, Judged],
+        self, canvas: Canvas, box: Letterbox, camera: Camera, figures: DockingFigures, rows: dict[str, Judged]
     ) -> None:
         """The port's rim and its upper side, and where the docking point will meet its plane."""
         turn = np.linspace(0.0, 2 * np.pi, 33)[:-1]
@@ -150,12 +145,7 @@ class DockingHud:
     # --- over the picture
 
     def _ring(
-        self,
-        canvas: Canvas,
-        centre: Point,
-        radius: float,
-        figures: DockingFigures,
-        rows: dict[str, Judged],
+        self, canvas: Canvas, centre: Point, radius: float, figures: DockingFigures, rows: dict[str, Judged]
     ) -> None:
         """The boresight's reticle and, unless the radius is 0, the ring with its figures."""
         cx, cy = centre
@@ -176,12 +166,7 @@ class DockingHud:
         self._figure(canvas, (cx, cy + radius - 2.1 * line), "closing", rows["closing"], 0.5)
 
     def _needles(
-        self,
-        canvas: Canvas,
-        centre: Point,
-        radius: float,
-        figures: DockingFigures,
-        rows: dict[str, Judged],
+        self, canvas: Canvas, centre: Point, radius: float, figures: DockingFigures, rows: dict[str, Judged]
     ) -> None:
         """Marks at the ring that wander with roll (above), pitch (right) and yaw (below); at rest where it is right."""
         cx, cy = centre
@@ -215,7 +200,7 @@ class DockingHud:
     def _status(self, canvas: Canvas, box: Letterbox, centre: Point, radius: float, console: Console) -> None:
         """What flies, and what the operator is waited for: where the view's other letters leave room."""
         text, colour = status(console)
-        if console.session.steering.plume:
+        if console.session.craft.steering.plume:
             text, colour = f"{text}   PLUME ON TARGET".strip(), style.OUTSIDE
         line = self._w.line
         x, y = box.x + box.width / 2, box.y + 0.6 * line
@@ -241,7 +226,7 @@ _CROSS = (
 def status(console: Console) -> tuple[str, style.Rgba]:
     """A line on how the approach stands, and its colour."""
     session = console.session
-    docking, steering = session.docking, session.steering
+    docking, steering = session.craft.docking, session.craft.steering
     contact = docking.contact
     if docking.docked and contact is not None:
         return f"DOCKED   score {contact.score}", style.WITHIN
@@ -255,7 +240,7 @@ def status(console: Console) -> tuple[str, style.Rgba]:
         return f"by hand   next: {goal}", style.INK
     if point is None:
         return "AUTOPILOT to the port", style.ACCENT
-    waits = not docking.not_ready(session.moment.chaser, session.flight)
+    waits = not docking.not_ready(session.craft.chaser, session.flight)
     if point.decision == "no-go":
         return f"NO-GO at {goal}", style.NEAR
     return (f"{goal}: GO? (Enter)", style.NEAR) if waits else (f"AUTOPILOT to {goal}", style.ACCENT)

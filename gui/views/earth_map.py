@@ -10,7 +10,8 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
-from flyaround.gui.flight.ground_track import (
+from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
+from flyaround.gui.picture.ground_track import (
     GroundTrack,
     geodetic_deg,
     ground_track,
@@ -18,7 +19,6 @@ from flyaround.gui.flight.ground_track import (
     terminator_deg,
     unbroken,
 )
-from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
 from flyaround.gui.views.letterbox import Letterbox
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
     from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.session import Session
     from flyaround.gui.window import Window
+    from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.flight.world_state import WorldState
 
@@ -53,7 +53,7 @@ class EarthMap:
         self._maps: dict[str, Future[GroundMap]] = {}
         self._shade: tuple[object, ...] = ()
         self._shaded: np.ndarray | None = None
-        self._session: Session | None = None
+        self._session: FlightSession | None = None
         self._track: GroundTrack | None = None
         self._coming: Future[GroundTrack] | None = None
         self._asked_s = -math.inf
@@ -65,7 +65,7 @@ class EarthMap:
         place = (corner.x, corner.y, max(free.x, 32.0), max(free.y, 32.0))
         canvas = Canvas(self._window)
         canvas.clip(place[:2], place[2:])
-        world = session.moment.world
+        world = session.craft.world
         self._follow(session)
         rows = self._figures(session, world)
         line = canvas.line
@@ -89,7 +89,7 @@ class EarthMap:
 
     # --- what is worked out aside
 
-    def _follow(self, session: Session) -> None:
+    def _follow(self, session: FlightSession) -> None:
         """A new track where the last one has grown old."""
         if self._session is not session:
             self._session, self._track, self._asked_s = session, None, -math.inf
@@ -98,7 +98,7 @@ class EarthMap:
             if self._coming.exception() is None:
                 self._track = self._coming.result()
             self._coming = None
-        old = abs(session.t_s - self._asked_s) > max(TRACK_EVERY_S, session.rate)
+        old = abs(session.t_s - self._asked_s) > max(TRACK_EVERY_S, session.clock.rate)
         if old and self._coming is None:
             self._asked_s = session.t_s
             self._coming = self._aside.submit(ground_track, session.flight, session.t_s)
@@ -179,7 +179,7 @@ class EarthMap:
         canvas.dot(at, 4.5 * self._window.scale, style.INK if world.sun_visible_fraction > 0 else SHADOWED)
         canvas.circle(at, 8.0 * self._window.scale, style.ACCENT, 1.6)
 
-    def _figures(self, session: Session, world: WorldState) -> list[tuple[str, style.Rgba, str]]:
+    def _figures(self, session: FlightSession, world: WorldState) -> list[tuple[str, style.Rgba, str]]:
         latitude, longitude = self._below(world)
         rows = [
             (place_text(latitude, longitude), style.INK, "geodetic latitude and longitude below the target"),

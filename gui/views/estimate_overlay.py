@@ -43,7 +43,7 @@ class EstimateOverlay:
         age_s = scene.t_s - estimate.t_s
         if not 0 <= age_s < OLD_S:
             return
-        key = (estimate, scene.camera, picture.moment.target)
+        key = (estimate, scene.camera, picture.target)
         if key != self._of:
             self._of, self._lines = key, self._lines_of(estimate, picture)
         accepted = estimate.answer.accepted
@@ -70,7 +70,7 @@ class EstimateOverlay:
         if q is None or t is None or not np.isfinite([*q, *t]).all() or np.linalg.norm(q) < 1e-9:
             return ()
         pose = Pose.of("camera", "target", quat_normalize(q), t)
-        return wireframe_at(picture.frame.scene.camera, pose, picture.moment.target)
+        return wireframe_at(picture.frame.scene.camera, pose, picture.target)
 
     def _place(self, box: Letterbox, text: str) -> tuple[float, float]:
         """Under the wireframe, inside the picture; in the middle below where there is none."""

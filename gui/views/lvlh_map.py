@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.canvas import Canvas
-from flyaround.gui.flight.relative_map import (
+from flyaround.gui.canvas import Canvas, point
+from flyaround.gui.picture.relative_map import (
     MapLook,
     MapPort,
     boresight_lvlh,
@@ -22,18 +22,23 @@ from flyaround.gui.flight.relative_map import (
 )
 from flyaround.gui.views.burn_nodes import BurnNodes
 from flyaround.gui.widgets import Widgets
+from flyaround.simulator.piloting.look_back import lvlh_position
+from flyaround.simulator.piloting.piloted_craft import PREDICTION_S
 from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.guidance.manual_control import predicted_drift_lvlh_m
 
 if TYPE_CHECKING:
     from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
-    from flyaround.gui.flight.session import Session
     from flyaround.gui.window import Window
+    from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.frames.lvlh import Lvlh
 
 DRIFT_EVERY_S = 0.25
 """The predicted drift is worked out anew this often, at 1x."""
+PLANNED_POINTS = 200
+"""Points of the scenario's path."""
 SHOWN_TARGET = 7.0
 """Screen units below which the target is a mark."""
 WHEEL_FACTOR = 1.2
@@ -57,7 +62,7 @@ class LvlhMap:
         self._window = window
         self._imgui = window.imgui
         self._w = Widgets(window)
-        self._session: Session | None = None
+        self._session: FlightSession | None = None
         self._planned = np.zeros((1, 3))
         self._burns = np.zeros((0, 3))
         self._drift, self._drift_t_s = np.zeros((1, 3)), -np.inf
@@ -71,10 +76,10 @@ class LvlhMap:
         self._remember(session)
         corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         rect = (corner.x, corner.y, max(free.x, 40.0), max(free.y, 40.0))
-        world = session.moment.world
+        world = session.craft.world
         frame = session.flight.lvlh(session.t_s)
         here = np.array(world.position_lvlh_m)
-        flown = np.vstack([*session.trail, here])
+        flown = np.vstack([*session.look_back.trail.points, here])
         if look.fitted:
             first = ports(rect, look)[0].rect
             # a line of letters above and one below stay free
@@ -93,23 +98,27 @@ class LvlhMap:
             canvas.stroke(port.at(flown), FLOWN, 2.0, halo=False)
             self._target(canvas, port, session, frame)
             for burn in self._burns:
-                canvas.diamond(_point(port.at(burn)), 4.5, style.PURPLE)
+                canvas.diamond(point(port.at(burn)), 4.5, style.PURPLE)
             self._nodes.draw(canvas, port)
             self._chaser(canvas, port, here, boresight_lvlh(world, frame))
             self._sun(canvas, port, sun_lvlh(world, frame), world.sun_visible_fraction)
             self._letters(canvas, port, session)
             canvas.unclip()
 
-    def _remember(self, session: Session) -> None:
+    def _remember(self, session: FlightSession) -> None:
         """What is worked out now and then only."""
         if self._session is not session:
             self._session, self._drift_t_s = session, -np.inf
-            self._planned = np.array(session.planned_path_lvlh_m())
+            times = np.linspace(0.0, session.plan.scenario.duration_s, PLANNED_POINTS)
+            flight = session.flight
+            self._planned = np.array([lvlh_position(flight, flight.chaser(float(t))) for t in times])
             self._burns = planned_burns_lvlh_m(session)
-        if abs(session.t_s - self._drift_t_s) > DRIFT_EVERY_S * session.rate:
-            self._drift, self._drift_t_s = session.predicted_drift_lvlh_m(), session.t_s
+        if abs(session.t_s - self._drift_t_s) > DRIFT_EVERY_S * session.clock.rate:
+            chaser = session.craft.chaser
+            self._drift = predicted_drift_lvlh_m(session.flight.orbit, chaser, PREDICTION_S)
+            self._drift_t_s = session.t_s
 
-    def _extent(self, session: Session, flown: FloatArray) -> FloatArray:
+    def _extent(self, session: FlightSession, flown: FloatArray) -> FloatArray:
         """Everything that a fitted map holds: the drift only as far as the rest is wide."""
         points = [self._planned, flown, self._burns, self._nodes.path_lvlh_m, np.zeros((1, 3))]
         keep_out = session.plan.scenario.chaser.keep_out
@@ -174,11 +183,11 @@ class LvlhMap:
                 strong = abs(k) < 0.5
                 canvas.stroke(ends, (*style.QUIET[:3], 0.55 if strong else 0.16), 1.0, halo=False)
 
-    def _keep_out(self, canvas: Canvas, port: MapPort, session: Session) -> None:
+    def _keep_out(self, canvas: Canvas, port: MapPort, session: FlightSession) -> None:
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is None:
             return
-        centre = _point(port.at(np.zeros(3)))
+        centre = point(port.at(np.zeros(3)))
         radius = keep_out.radius_m * port.scale
         canvas.disc(centre, radius, (*style.BAD[:3], 0.10))
         outline = corridor_outline(keep_out, port.plane)
@@ -189,13 +198,12 @@ class LvlhMap:
         ring = np.array(centre) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
         canvas.stroke(ring, style.BAD, 1.6, dashed=True, halo=False)
 
-    def _target(self, canvas: Canvas, port: MapPort, session: Session, frame: Lvlh) -> None:
-        moment = session.moment
-        edges = target_edges_lvlh_m(moment.target, moment.world, frame)
+    def _target(self, canvas: Canvas, port: MapPort, session: FlightSession, frame: Lvlh) -> None:
+        edges = target_edges_lvlh_m(session.plan.target, session.craft.world, frame)
         flat = port.at(edges)
         size = 0.0 if not len(edges) else float(np.ptp(flat.reshape(-1, 2), axis=0).max())
         if size < SHOWN_TARGET * self._window.scale:
-            canvas.diamond(_point(port.at(np.zeros(3))), 5.0, style.WARN)
+            canvas.diamond(point(port.at(np.zeros(3))), 5.0, style.WARN)
             return
         for edge in flat:
             canvas.stroke(edge, style.WARN, 1.2, halo=False)
@@ -203,8 +211,8 @@ class LvlhMap:
     def _chaser(self, canvas: Canvas, port: MapPort, here: FloatArray, boresight: FloatArray) -> None:
         at = port.at(here)
         seen = np.array([boresight[port.plane.right], -boresight[port.plane.up]])
-        canvas.arrow(_point(at), _point(at + 22 * self._window.scale * seen), style.INK)
-        canvas.dot(_point(at), 4.5 * self._window.scale, FLOWN)
+        canvas.arrow(point(at), point(at + 22 * self._window.scale * seen), style.INK)
+        canvas.dot(point(at), 4.5 * self._window.scale, FLOWN)
 
     def _sun(self, canvas: Canvas, port: MapPort, sun: FloatArray, lit: float) -> None:
         """An arrow to the Sun in the upper right corner, as long as the Sun's direction lies in the plane."""
@@ -213,13 +221,13 @@ class LvlhMap:
         colour = style.YELLOW if lit > 0 else style.QUIET
         centre = np.array([x + w - 1.6 * reach, y + 1.3 * reach])
         flat = np.array([sun[port.plane.right], -sun[port.plane.up]])
-        canvas.disc(_point(centre), 2.0, colour)
-        canvas.arrow(_point(centre), _point(centre + reach * flat), colour)
+        canvas.disc(point(centre), 2.0, colour)
+        canvas.arrow(point(centre), point(centre + reach * flat), colour)
         text = "Sun" if lit > 0 else "Sun (eclipse)"
         size = canvas.size(text)
         canvas.text((x + w - size[0] - 6, y + 2.5 * reach), text, colour, SUN)
 
-    def _letters(self, canvas: Canvas, port: MapPort, session: Session) -> None:
+    def _letters(self, canvas: Canvas, port: MapPort, session: FlightSession) -> None:
         x, y, w, h = port.rect
         plane, line = port.plane, canvas.line
         narrow = w < 240 * self._window.scale
@@ -262,7 +270,7 @@ class LvlhMap:
             canvas.text((x + 6, foot - 4 - 1.6 * line), text, style.INK, "the place under the pointer")
 
 
-def planned_burns_lvlh_m(session: Session) -> FloatArray:
+def planned_burns_lvlh_m(session: FlightSession) -> FloatArray:
     """(n, 3) where the chaser is at the burns that its scenario plans, LVLH [m]."""
     scenario = session.plan.scenario
     times = [b.start_s for b in scenario.burns if b.craft == "chaser" and b.start_s <= scenario.duration_s]
@@ -284,7 +292,3 @@ def do_place(console: Console, centre_lvlh_m: Vec3, width_m: float) -> None:
     """The map's place by its command, in whole centimetres."""
     radial, along, cross = (round(c, 2) for c in centre_lvlh_m)
     console.do("map.place", along, radial, cross, max(round(width_m, 2), 0.5))
-
-
-def _point(p: FloatArray) -> Point:
-    return (float(p[0]), float(p[1]))

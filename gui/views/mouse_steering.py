@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.gui.flight.gamepad import STILL, share
+from flyaround.gui.gamepad import STILL, share
 from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.canvas import Canvas, Point
+from flyaround.gui.canvas import Canvas, point
 from flyaround.gui.picture.further import ORBIT_CAMERA
 from flyaround.gui.picture.orbit_camera import ABOUT
 from flyaround.gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chaser_marks
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.window import Window
-    from flyaround.simulator.runtime.arrays import FloatArray
 
 DEGREES_PER_UNIT = 0.4
 WHEEL_FACTOR = 1.15
@@ -82,12 +81,12 @@ class OrbitCameraView:
 
     def _marks_for(self, console: Console, picture: Picture) -> ChaserMarks:
         if self._marks is None or self._marks_of is not picture:
-            session, moment = console.session, picture.moment
-            trail = np.vstack([*session.trail[-4000:], moment.world.position_lvlh_m])
+            session, world = console.session, picture.state.world
+            trail = np.vstack([*session.look_back.trail.points[-4000:], world.position_lvlh_m])
             trail = trail[:: max(1, len(trail) // TRAIL_POINTS)]
-            frame = session.flight.lvlh(moment.world.t_s)
+            frame = session.flight.lvlh(world.t_s)
             camera = session.plan.camera
-            self._marks = chaser_marks(picture.frame.scene, moment, camera, frame, trail)
+            self._marks = chaser_marks(picture.frame.scene, world, camera, frame, trail)
             self._marks_of = picture
         return self._marks
 
@@ -96,7 +95,7 @@ class OrbitCameraView:
         scene = picture.frame.scene
         x, y, z = scene.t_camera_from_target_m
         if z > 0 and box.scale * scene.camera.fx_px / z < SMALL:
-            place = box.at(_point(scene.camera.project([x, y, z])))
+            place = box.at(point(scene.camera.project([x, y, z])))
             canvas.diamond(place, 4.0, style.WARN)
             canvas.text((place[0] + 8, place[1] + 4), "target", style.WARN)
 
@@ -107,7 +106,7 @@ class OrbitCameraView:
         for line, colour in zip(box.all_at(marks.axes), style.AXIS_COLORS, strict=True):
             canvas.stroke(line, colour, 2.4)
         if np.isfinite(marks.place).all():
-            x, y = _point(box.all_at(marks.place))
+            x, y = point(box.all_at(marks.place))
             canvas.dot((x, y), 3.0, style.ACCENT)
             canvas.text((x + 8, y + 4), "chaser", style.ACCENT)
 
@@ -158,7 +157,3 @@ class OrbitCameraView:
             round(look.elevation_deg, 1),
             round(look.distance_m, 2),
         )
-
-
-def _point(p: FloatArray) -> Point:
-    return (float(p[0]), float(p[1]))

@@ -67,7 +67,7 @@ class TruthMarks:
             corners = [box.at(p) for p in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
             canvas.stroke(corners, style.WARN, 1.3, closed=True)
             at = corners[0]
-            canvas.text((at[0], max(at[1] - canvas.line, box.y)), picture.moment.target.name, style.WARN)
+            canvas.text((at[0], max(at[1] - canvas.line, box.y)), picture.target.name, style.WARN)
         for (a, b), axis, name in zip(marks.axes, style.AXIS_COLORS, "xyz", strict=False):
             canvas.stroke([box.at(a), box.at(b)], axis, 2.2)
             canvas.text((box.at(b)[0] + 4, box.at(b)[1] - canvas.line / 2), name, axis)
@@ -102,7 +102,7 @@ class TruthMarks:
         if key == self._marks_of:
             return
         self._marks_of = key
-        target = picture.moment.target
+        target = picture.target
         if not (on.keypoints or on.box or on.axes or on.wireframe):
             # the marker joins the whole mesh, which a view without marks need not wait for
             self._marks = Marks()

@@ -17,10 +17,10 @@ import flyaround as fa
 from flyaround.__main__ import run
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.script import Script
 from flyaround.hil.link.security import read_key
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.faults import read_faults
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.targets.library import load_target
@@ -94,17 +94,17 @@ def test_a_recipe_draws_the_same_samples(type_in, tmp_path):
 
 def test_a_console_script_flies_to_the_same_end():
     end = json.loads((V01 / "console_end.json").read_text())
-    session, table = Session.of(load_scenario(V01 / "session.toml")), command_table()
+    session, table = FlightSession.of(load_scenario(V01 / "session.toml")), command_table()
     console = Console(session, Feed(NoRenderer()), options_of(session), table)
     console.play(Script.read(V01 / "console.script", table))
     operator_ms = round(1000 * end["operator_s"])
     while console.clock_ms < operator_ms:
         console.pass_time(min(40, operator_ms - console.clock_ms))
-    world = session.moment.world
+    world = session.craft.world
     assert session.t_s == pytest.approx(end["t_s"])
     np.testing.assert_allclose(world.position_lvlh_m, end["position_lvlh_m"], atol=1e-6)
     np.testing.assert_allclose(world.velocity_lvlh_m_s, end["velocity_lvlh_m_s"], atol=1e-8)
-    assert session.steering.propellant.delta_v_m_s == pytest.approx(end["delta_v_m_s"])
+    assert session.craft.steering.propellant.delta_v_m_s == pytest.approx(end["delta_v_m_s"])
 
 
 def test_a_campaign_goes_on_with_the_same_values(type_in, v01):

@@ -9,13 +9,13 @@ import pytest
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.command_table import Argument, Command, CommandTable, line_of
 from flyaround.gui.console import LONGEST_TICK_MS, Console
-from flyaround.gui.flight.manual_control import HELD
-from flyaround.gui.flight.session import Session
+from flyaround.gui.hand_control import MODIFIERS, STEERING
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.key_list import matches
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.script import LARGEST_BYTES, Script
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.no_renderer import NoRenderer
 
@@ -26,7 +26,7 @@ def table() -> CommandTable:
 
 
 def console_of(table: CommandTable) -> Console:
-    session = Session.of(load_scenario("tango-flyaround"))
+    session = FlightSession.of(load_scenario("tango-flyaround"))
     return Console(session, Feed(NoRenderer()), options_of(session), table)
 
 
@@ -37,7 +37,7 @@ def test_every_command_has_words_and_no_key_is_of_two(table: CommandTable) -> No
         assert command.title, command.name
         assert command.name == command.name.lower()
         assert not (command.held and command.arguments)
-    assert frozenset(c.name for c in table if c.held) == HELD
+    assert frozenset(c.name for c in table if c.held) == STEERING | {f"steer.{name}" for name in MODIFIERS}
     assert {f"panel.{p.name}" for p in PANELS} <= {c.name for c in table}
 
 
@@ -133,7 +133,7 @@ def test_a_log_played_again_flies_the_same_flight(table: CommandTable) -> None:
     assert again.log.text(("flown by hand",)) == text
     assert not again.playing
     assert again.session.t_s == console.session.t_s
-    assert again.session.moment.world == console.session.moment.world
+    assert again.session.craft.world == console.session.craft.world
 
 
 def test_a_stalled_window_is_not_made_up_for(table: CommandTable) -> None:
@@ -196,7 +196,7 @@ def test_a_full_disk_ends_the_logs_file_and_not_the_abort(table: CommandTable) -
         console.log.write_to(Path("/dev/full"), ("header",))
     console.log.write_to(Path("/dev/full"))
     console.do("docking.abort")
-    assert console.session.steering.doing == "abort"
+    assert console.session.craft.steering.doing == "abort"
     assert any("takes no more lines" in m.text for m in console.messages)
     console.do("time.rate", "1")
 
@@ -207,10 +207,10 @@ def test_keys_fly_only_while_hand_control_is_armed(table: CommandTable) -> None:
     for held in (frozenset({"steer.up"}), frozenset({"steer.coarse"})):
         console.pass_time(100, held)
     console.press([stop])
-    assert console.session.mode == "guidance"
+    assert console.session.craft.mode == "guidance"
     assert [m.text for m in console.messages] == [
         "keys do not fly: arm hand control first (Ctrl+H or Insert)"
     ]
     console.do("steer.arm", True)
     console.press([stop])
-    assert console.session.mode == "steer"
+    assert console.session.craft.mode == "steer"

@@ -14,9 +14,10 @@ import pytest
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.commands.capture import keep_capture
 from flyaround.gui.console import Console
-from flyaround.gui.flight.session import Session
 from flyaround.gui.panels.timeline import TimelinePanel
 from flyaround.gui.picture.feed import Feed
+from flyaround.simulator.piloting.orders import PilotCommand
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from tests.harness.headless_imgui import HeadlessWindow
@@ -31,10 +32,10 @@ WAIT_S = 300.0
 def console(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Console]:
     """A flight that was steered for two seconds."""
     monkeypatch.chdir(tmp_path)
-    session = Session.of(load_scenario("tango-vbar-closed-loop"))
+    session = FlightSession.of(load_scenario("tango-vbar-closed-loop"))
     console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
     console.on_pass_time.append(keep_capture)
-    console.hand_control = True
+    console.hand.armed = True
     for k in range(40):
         console.pass_time(50, frozenset({"steer.left"} if k < 20 else ()))
     console.do("time.pause")
@@ -71,11 +72,11 @@ def test_the_button_of_a_hil_run_flies_what_was_flown(console: Console) -> None:
     # the same flight, where it was kept
     replayed.paused = False
     while replayed.t_s < 1.5:
-        replayed.advance(0.02)
-    at = replayed.moment.world
+        replayed.step(PilotCommand(), 0.02)
+    at = replayed.craft.world
     flown.look_back.seek(at.t_s)
     assert np.linalg.norm(at.velocity_lvlh_m_s) > 0.01
-    assert at.position_lvlh_m == pytest.approx(flown.moment.world.position_lvlh_m, abs=1e-5)
+    assert at.position_lvlh_m == pytest.approx(flown.craft.world.position_lvlh_m, abs=1e-5)
 
 
 def test_the_button_of_a_data_set_captures_what_was_flown(
@@ -93,7 +94,7 @@ def test_the_button_of_a_data_set_captures_what_was_flown(
     replay = load_scenario(asked[0].what)
     assert replay.duration_s == pytest.approx(console.session.t_s, abs=0.11)
     last = plan_flight(replay, n=1).flight.state(replay.duration_s)
-    assert last.velocity_lvlh_m_s == pytest.approx(console.session.moment.world.velocity_lvlh_m_s, abs=1e-3)
+    assert last.velocity_lvlh_m_s == pytest.approx(console.session.craft.world.velocity_lvlh_m_s, abs=1e-3)
     # again: a folder of its own
     press(console, "Data set")
     turn_until(console, lambda: len(asked) == 2)

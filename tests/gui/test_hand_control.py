@@ -12,13 +12,13 @@ import pytest
 
 from flyaround.gui.app import ConsoleLoop, Request, command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.flight.manual_control import ACCELERATION_M_S2
-from flyaround.gui.flight.session import Session
 from flyaround.gui.layout import SavedLayout
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.picture.feed import Feed
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import FrameRequest
+from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from tests.harness.simulated_window import SimulatedWindow
@@ -60,7 +60,7 @@ def fly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Fly:
         hz: float, keys: Callable[[SimulatedWindow], Any], *, armed: bool = True, duration_s: float = 7.5
     ) -> Flown:
         window = SimulatedWindow(hz, duration_s)
-        session = Session(plan)
+        session = FlightSession(plan)
         feed = Feed(BlankPictures(), clock=lambda: window.seconds)
         console = Console(session, feed, options_of(session), command_table())
         if armed:
@@ -91,7 +91,7 @@ def test_a_key_pushes_as_long_as_it_is_held_and_abort_follows_at_once(fly: Fly, 
     assert ended - begun == pytest.approx(PUSHED_S, abs=2.5 / hz)
     (aborted,) = times["docking.abort"]
     assert aborted <= PUSH_S + PUSHED_S + 0.2 + 2.5 / hz
-    assert console.session.steering.doing == "abort"
+    assert console.session.craft.steering.doing == "abort"
 
 
 @pytest.mark.parametrize("hz", RATES_HZ)
@@ -104,7 +104,7 @@ def test_abort_overtakes_keys_that_wait(fly: Fly, hz: float) -> None:
     console, times = fly(hz, keys, duration_s=4.0)
     assert times["docking.abort"][0] <= PUSH_S + 1.0 + 2.5 / hz
     assert max(times["hold steer.forward"]) <= times["docking.abort"][0]
-    assert console.session.steering.doing == "abort"
+    assert console.session.craft.steering.doing == "abort"
 
 
 @pytest.mark.parametrize("hz", RATES_HZ)
@@ -116,7 +116,7 @@ def test_stop_is_not_cancelled_by_a_key_that_is_still_held(fly: Fly, hz: float) 
     console, times = fly(hz, keys, duration_s=5.0)
     assert times["steer.stop"][0] <= PUSH_S + 1.0 + 2.5 / hz
     # what one second of thrust costs, and as much for the brake
-    assert console.session.steering.propellant.delta_v_m_s < 2 * ACCELERATION_M_S2 * (1.0 + 5 / hz)
+    assert console.session.craft.steering.propellant.delta_v_m_s < 2 * ACCELERATION_M_S2 * (1.0 + 5 / hz)
 
 
 @pytest.mark.parametrize("hz", RATES_HZ)
@@ -133,7 +133,7 @@ def test_thrust_ends_when_the_focus_is_lost(fly: Fly, hz: float) -> None:
 def test_a_key_tapped_between_two_frames_pushes_once(fly: Fly, hz: float) -> None:
     console, times = fly(hz, lambda window: window.hold("w", PUSH_S + 0.01, 0.02), duration_s=3.5)
     assert len(times["hold steer.forward"]) == len(times["release steer.forward"]) == 1
-    assert 0 < console.session.steering.propellant.delta_v_m_s < ACCELERATION_M_S2 * 2.5 / hz
+    assert 0 < console.session.craft.steering.propellant.delta_v_m_s < ACCELERATION_M_S2 * 2.5 / hz
 
 
 def test_letters_do_not_fly_until_hand_control_is_armed(fly: Fly) -> None:
@@ -142,11 +142,11 @@ def test_letters_do_not_fly_until_hand_control_is_armed(fly: Fly) -> None:
             window.hold(key, PUSH_S + 0.3 * k, 0.2)
 
     console, times = fly(10.0, typed, armed=False, duration_s=4.0)
-    assert console.session.mode == "guidance"
+    assert console.session.craft.mode == "guidance"
     assert not times
     assert "arm hand control" in console.messages[-1].text
 
 
 def test_abort_needs_no_arming(fly: Fly) -> None:
     console, _ = fly(10.0, lambda window: window.hold("delete", PUSH_S, 0.1), armed=False, duration_s=4.0)
-    assert console.session.steering.doing == "abort"
+    assert console.session.craft.steering.doing == "abort"

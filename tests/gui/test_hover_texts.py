@@ -15,17 +15,17 @@ from flyaround.gui.app import command_table, options_of
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.console import Console
-from flyaround.gui.flight.docking import judge_contact
-from flyaround.gui.flight.session import Session
-from flyaround.gui.flight.telemetry import telemetry_of
 from flyaround.gui.jobs.capture_job import CaptureRequest, Thumbnail
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.capture import CapturePanel
 from flyaround.gui.picture.estimates import Answer, compared
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.label_images import LABELS
+from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.simulator.frame import Frame, take_frame
+from flyaround.simulator.piloting.docking_figures import judge_contact
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from tests.gui.jobs.test_hil_session import row
@@ -51,7 +51,7 @@ def table() -> CommandTable:
 
 @pytest.fixture(scope="module")
 def frame() -> Frame:
-    session = Session.of(load_scenario("tango-space-10m"))
+    session = FlightSession.of(load_scenario("tango-space-10m"))
     scene = session.scene()
     scene = replace(scene, camera=reduced_camera(scene.camera, 4), quality="draft")
     with Renderer() as renderer:
@@ -61,7 +61,7 @@ def frame() -> Frame:
 @pytest.fixture(scope="module")
 def console(frame: Frame, table: CommandTable) -> Console:
     """A flight with something in every panel: burns, bookmarks, a contact, estimates, a session, a capture."""
-    session = Session.of(load_scenario("tango-vbar-closed-loop"))
+    session = FlightSession.of(load_scenario("tango-vbar-closed-loop"))
     console = Console(session, Feed(NoRenderer()), options_of(session), table)
     for line in ("burn.plan 60 0 0.02 0", "steer.pulse forward", "time.rate 1"):
         console.do_line(line)
@@ -75,7 +75,9 @@ def console(frame: Frame, table: CommandTable) -> Console:
     ):
         console.do_line(line)
     assert not [m for m in console.messages if m.level != "note"], console.messages
-    picture = Picture(frame, session.moment, telemetry_of(session.moment.world, frame.scene), 4)
+    picture = Picture(
+        frame, session.state, session.plan.target, telemetry_of(session.craft.world, frame.scene), 4
+    )
     console.feed.newest = picture
     for feed in (console.feeds.setdefault(n, Feed(NoRenderer())) for n in ("orbit-camera", "labels")):
         feed.newest = picture
@@ -94,8 +96,8 @@ def console(frame: Frame, table: CommandTable) -> Console:
         console.estimates.history.append(console.estimates.newest)
     for k, outcome in enumerate(("accepted", "declined", "dropped:timeout")):
         console.hil._add(row(k, outcome, 80.0, ("drop",)))
-    figures = session.docking.figures(session.moment.chaser, session.flight)
-    session.docking.contacts.append(judge_contact(figures, session.docking.limits, at_port=True))
+    figures = session.craft.docking.figures(session.craft.chaser, session.flight)
+    session.craft.docking.contacts.append(judge_contact(figures, session.craft.docking.limits, at_port=True))
     console.options.overlays.docking = console.options.overlays.times = True
     console.capture.thumbnails = [Thumbnail("000000.png", np.zeros((8, 12), np.uint8))]
     console.capture.outcome = "captured: 3 frames"
@@ -106,7 +108,7 @@ def console(frame: Frame, table: CommandTable) -> Console:
 @pytest.fixture(scope="module")
 def fresh(table: CommandTable) -> Console:
     """A console at its first moment."""
-    session = Session.of(load_scenario("tango-flyaround"))
+    session = FlightSession.of(load_scenario("tango-flyaround"))
     return Console(session, Feed(NoRenderer()), options_of(session), table)
 
 

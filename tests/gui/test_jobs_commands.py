@@ -13,9 +13,9 @@ from flyaround.gui.commands.capture import keep_capture
 from flyaround.gui.commands.estimator import keep_estimates
 from flyaround.gui.commands.hil import FAULTS, keep_hil
 from flyaround.gui.console import Console
-from flyaround.gui.flight.session import Session
 from flyaround.gui.jobs.capture_job import CaptureRequest
 from flyaround.gui.picture.feed import Feed
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.no_renderer import NoRenderer
 
@@ -28,7 +28,7 @@ def table() -> CommandTable:
 @pytest.fixture
 def console(table: CommandTable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Console:
     monkeypatch.chdir(tmp_path)
-    session = Session.of(load_scenario("tango-flyaround"))
+    session = FlightSession.of(load_scenario("tango-flyaround"))
     return Console(session, Feed(NoRenderer()), options_of(session), table)
 
 
@@ -61,7 +61,7 @@ def test_a_capture_of_the_flight_is_of_its_scenario(console: Console, asked: lis
 
 def test_an_edited_flight_is_captured_as_it_was_edited(console: Console, asked: list[CaptureRequest]) -> None:
     edited = msgspec.structs.replace(load_scenario("tango-flyaround"), duration_s=30.0)
-    console.session = Session.of(edited)
+    console.session = FlightSession.of(edited)
     console.do("capture.start", 5)
     written = load_scenario(asked[0].what)
     assert written == edited

@@ -8,9 +8,9 @@ import pytest
 
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.flight.session import Session
 from flyaround.gui.layout import Layout, SavedLayout
 from flyaround.gui.picture.feed import Feed
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.headless_imgui import HeadlessWindow
 from tests.harness.no_renderer import NoRenderer
@@ -23,7 +23,7 @@ class Screen:
 
     def __init__(self) -> None:
         self.window = HeadlessWindow()
-        session = Session.of(load_scenario("tango-space-10m"))
+        session = FlightSession.of(load_scenario("tango-space-10m"))
         self.console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
         self.layout = Layout(self.window, SavedLayout(tour_seen=True))
         self.console.shown.update(dict.fromkeys(self.layout.first_shown(), False))

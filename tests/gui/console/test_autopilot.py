@@ -13,10 +13,11 @@ import pytest
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.console import Console
-from flyaround.gui.flight.autopilot import Autopilot
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.script import Script
+from flyaround.simulator.piloting.autopilot import Autopilot
+from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.scenario import Scenario
@@ -36,20 +37,20 @@ def table() -> CommandTable:
 
 
 def console_of(scenario: Scenario, table: CommandTable) -> Console:
-    session = Session.of(scenario)
+    session = FlightSession.of(scenario)
     return Console(session, Feed(NoRenderer()), options_of(session), table)
 
 
 def test_the_example_docks_by_its_script(table: CommandTable) -> None:
     console = console_of(load_scenario(EXAMPLES / "docking.toml"), table)
     console.play(Script.read(EXAMPLES / "docking.script", table))
-    while console.clock_ms < 60_000 and not console.session.docking.contacts:
+    while console.clock_ms < 60_000 and not console.session.craft.docking.contacts:
         console.pass_time(50)
-    contact = console.session.docking.contact
+    contact = console.session.craft.docking.contact
     assert contact is not None, console.messages
     assert contact.docked
     assert contact.score > 90
-    assert [p.decision for p in console.session.docking.hold_points.points] == ["go"] * 4
+    assert [p.decision for p in console.session.craft.docking.hold_points.points] == ["go"] * 4
     assert not console.playing
 
 
@@ -58,14 +59,14 @@ def test_engaged_beside_the_axis_it_holds_on_the_axis(table: CommandTable) -> No
     chaser = msgspec.structs.replace(scenario.chaser, position_lvlh_m=(17.0, 5.0, 0.0), keep_out=None)
     console = console_of(msgspec.structs.replace(scenario, chaser=chaser), table)
     session = console.session
-    docking = session.docking
-    assert 75.0 < docking.figures(session.chaser, session.flight).off_axis_deg < 90.0
+    docking = session.craft.docking
+    assert 75.0 < docking.figures(session.craft.chaser, session.flight).off_axis_deg < 90.0
     console.do("docking.approach", True)
     console.do("time.rate", "10")
-    while docking.not_ready(session.chaser, session.flight):
+    while docking.not_ready(session.craft.chaser, session.flight):
         assert session.t_s < 1500.0, console.messages
         console.pass_time(100)
-    figures = docking.figures(session.chaser, session.flight)
+    figures = docking.figures(session.craft.chaser, session.flight)
     assert figures.axial_m == pytest.approx(10.0, abs=0.5)
     assert figures.off_axis_deg < docking.corridor_deg
     # and it waits there for a go
@@ -93,7 +94,7 @@ def dispersed(seed: int) -> tuple[Scenario, np.ndarray, np.ndarray]:
 def operate(console: Console, held: frozenset[str]) -> None:
     """A pilot who sees the figures and has the console's commands, and nothing else."""
     session = console.session
-    docking, chaser = session.docking, session.chaser
+    docking, chaser = session.craft.docking, session.craft.chaser
     if docking.hold_points.next is not None and not docking.not_ready(chaser, session.flight):
         console.do("docking.go")
     console.pass_time(TICK_MS, held)
@@ -104,9 +105,9 @@ def dock_from_200_m(seed: int, table: CommandTable) -> Console:
     scenario, turned, turning = dispersed(seed)
     console = console_of(scenario, table)
     session = console.session
-    session.take_over()
-    start = session.chaser
-    session._steered = replace(
+    session.craft.take_over()
+    start = session.craft.chaser
+    session.craft.steered = replace(
         start,
         q_camera_from_eci_wxyz=quat(quat_multiply(quat_from_rotvec(turned), start.q_camera_from_eci_wxyz)),
         omega_camera_rad_s=vec3(turning),
@@ -114,13 +115,15 @@ def dock_from_200_m(seed: int, table: CommandTable) -> Console:
     console.do("steer.arm", True)
     console.do("steer.attitude", "dock")
     console.do("time.rate", "10")
-    docking = session.docking
+    docking = session.craft.docking
     pilot = Autopilot(docking.port, docking.radius_m, docking.limits)
     while session.t_s < LONGEST_S and not docking.contacts:
-        figures = docking.figures(session.chaser, session.flight)
+        figures = docking.figures(session.craft.chaser, session.flight)
         point = docking.hold_points.next
-        keys = pilot.keys(figures, None if point is None else point.axial_m, TICK_MS / 1000 * session.rate)
-        operate(console, keys)
+        goal = None if point is None else point.axial_m
+        demand = pilot.demand(figures, goal, TICK_MS / 1000 * session.clock.rate)
+        gain = {COARSE_GAIN: ("coarse",), FINE_GAIN: ("fine",)}.get(demand.gain, ())
+        operate(console, frozenset(f"steer.{name}" for name in (*demand.switches, *gain)))
     return console
 
 
@@ -131,12 +134,12 @@ def test_docks_from_200_m_in_a_hundred_of_a_hundred_seeds(table: CommandTable) -
     scores, spent, took = [], [], []
     for seed in range(SEEDS):
         console = dock_from_200_m(seed, table)
-        contact = console.session.docking.contact
+        contact = console.session.craft.docking.contact
         assert contact is not None, f"seed {seed}: no contact within {LONGEST_S:g} s"
         assert contact.docked, f"seed {seed}: {contact.misses}"
-        assert {p.decision for p in console.session.docking.hold_points.points} == {"go"}
+        assert {p.decision for p in console.session.craft.docking.hold_points.points} == {"go"}
         scores.append(contact.score)
-        spent.append(console.session.steering.propellant.delta_v_m_s)
+        spent.append(console.session.craft.steering.propellant.delta_v_m_s)
         took.append(contact.t_s)
     # said with pytest -rP
     print(  # noqa: T201

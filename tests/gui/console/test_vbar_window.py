@@ -16,14 +16,14 @@ import pytest
 
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.script import Script
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scenario.write import to_toml
 from flyaround.simulator.world.orbit.propagation import propagate
-from tests.gui.flight.test_vbar_by_keys import START_M, beside
+from tests.gui.test_vbar_by_keys import START_M, beside
 from tests.harness.no_renderer import NoRenderer
 from tests.harness.screen import virtual_screen, xdotool
 
@@ -82,13 +82,13 @@ def test_the_v_bar_by_keys_in_a_window(display: str, tmp_path: Path) -> None:
     # the log flies the same again, without a window
     script = Script.read(tmp_path / "log.script", command_table())
     assert sum(str(line).endswith("hold steer.back") for line in script.lines) == PULSES
-    session = Session.of(load_scenario(mine))
+    session = FlightSession.of(load_scenario(mine))
     again = Console(session, Feed(NoRenderer()), options_of(session), command_table())
     again.play(script)
     while again.clock_ms < round(1000 * state["operator_s"]):
         again.pass_time(min(40, round(1000 * state["operator_s"]) - again.clock_ms))
     assert session.t_s == state["t_s"]
-    assert list(session.moment.world.position_lvlh_m) == state["position_lvlh_m"]
+    assert list(session.craft.world.position_lvlh_m) == state["position_lvlh_m"]
 
     # and between the last pulse and the brake it is the world's own free flight
     released = max(line.t_ms for line in script.lines if str(line).endswith("release steer.back")) / 1000

@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.jobs.hil_session import BIN_EDGES_MS, HilSession, SessionNote
 from flyaround.gui.jobs.hil_stream import Row
 from flyaround.hil.host.ledger.frames_csv import LedgerRow
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.orders import PilotCommand
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.faults import Drop, GainStep
 from flyaround.simulator.scenario.load import load_scenario
 
@@ -26,11 +27,11 @@ WAIT_S = 120.0
 
 
 @pytest.fixture(scope="module")
-def session() -> Session:
-    return Session.of(load_scenario("tango-flyaround"))
+def session() -> FlightSession:
+    return FlightSession.of(load_scenario("tango-flyaround"))
 
 
-def config(session: Session, log_dir: Path | None = None) -> RunConfig:
+def config(session: FlightSession, log_dir: Path | None = None) -> RunConfig:
     link = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=10.0, adds_faults=True)
     target = session.plan.target
     return RunConfig(link=link, log_dir=log_dir, target_name=target.name, target_sha256=target.sha256)
@@ -39,7 +40,7 @@ def config(session: Session, log_dir: Path | None = None) -> RunConfig:
 class Turns:
     """The console's loop: the flight goes on, the session is kept up."""
 
-    def __init__(self, hil: HilSession, session: Session) -> None:
+    def __init__(self, hil: HilSession, session: FlightSession) -> None:
         self.hil, self.session = hil, session
         self.notes: list[SessionNote] = []
         self.longest_s = 0.0
@@ -48,7 +49,7 @@ class Turns:
         end = time.monotonic() + WAIT_S
         while not done():
             assert time.monotonic() < end, f"it did not come: {self.notes}"
-            self.session.advance(0.02)
+            self.session.step(PilotCommand(), 0.02)
             start = time.perf_counter()
             self.notes += self.hil.update(self.session)
             self.longest_s = max(self.longest_s, time.perf_counter() - start)
@@ -67,7 +68,7 @@ def row(frame_id: int, outcome: str, e2e_ms: float | None = None, faults: tuple[
     )
 
 
-def test_rows_become_figures(session: Session) -> None:
+def test_rows_become_figures(session: FlightSession) -> None:
     hil = HilSession()
     for r in (
         row(0, "accepted", 120.0),
@@ -86,7 +87,7 @@ def test_rows_become_figures(session: Session) -> None:
     assert np.diff(BIN_EDGES_MS).min() > 0
 
 
-def test_what_needs_a_session_says_so(session: Session) -> None:
+def test_what_needs_a_session_says_so(session: FlightSession) -> None:
     hil = HilSession()
     assert hil.state == "off"
     assert hil.update(session) == []
@@ -99,7 +100,7 @@ def test_what_needs_a_session_says_so(session: Session) -> None:
 
 
 @pytest.mark.slow
-def test_a_board_answers_the_flight_and_faults_strike(session: Session, tmp_path: Path) -> None:
+def test_a_board_answers_the_flight_and_faults_strike(session: FlightSession, tmp_path: Path) -> None:
     with contextlib.closing(HilSession()) as hil:
         turns = Turns(hil, session)
         hil.start(session, config(session, tmp_path / "hil"))
@@ -129,7 +130,7 @@ def test_a_board_answers_the_flight_and_faults_strike(session: Session, tmp_path
 
 
 @pytest.mark.slow
-def test_a_host_that_dies_is_told_and_another_can_begin(session: Session) -> None:
+def test_a_host_that_dies_is_told_and_another_can_begin(session: FlightSession) -> None:
     with contextlib.closing(HilSession()) as hil:
         turns = Turns(hil, session)
         hil.start(session, config(session))
@@ -154,18 +155,18 @@ def test_a_host_that_dies_is_told_and_another_can_begin(session: Session) -> Non
 
 
 @pytest.mark.slow
-def test_another_flight_ends_the_session(session: Session) -> None:
+def test_another_flight_ends_the_session(session: FlightSession) -> None:
     with contextlib.closing(HilSession()) as hil:
         turns = Turns(hil, session)
         hil.start(session, config(session))
         turns.until(lambda: hil.url != "")
-        turns.session = Session.of(load_scenario("tango-space-10m"))
+        turns.session = FlightSession.of(load_scenario("tango-space-10m"))
         turns.until(lambda: not hil.on)
         assert "another flight" in " ".join(n.text for n in turns.notes)
 
 
 @pytest.mark.slow
-def test_a_ledger_whose_folder_is_gone_is_told(session: Session, tmp_path: Path) -> None:
+def test_a_ledger_whose_folder_is_gone_is_told(session: FlightSession, tmp_path: Path) -> None:
     with contextlib.closing(HilSession()) as hil:
         turns = Turns(hil, session)
         hil.start(session, config(session, tmp_path / "hil"))

@@ -11,18 +11,19 @@ import numpy as np
 import pytest
 
 from flyaround.gui.app import options_of
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.command_line import command_lines
 from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.piloting.orders import PilotCommand
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
 
 
 def test_the_line_of_a_picture_draws_it(tmp_path: Path) -> None:
-    session = Session.of(load_scenario("tango-space-10m"))
+    session = FlightSession.of(load_scenario("tango-space-10m"))
     for _ in range(20):
-        session.advance(0.033)
+        session.step(PilotCommand(), 0.033)
     lines = dict(command_lines(session, options_of(session), "tango-space-10m").lines)
     words = shlex.split(lines["this picture"])
     assert words[0] == "flyaround"
@@ -37,10 +38,10 @@ def test_the_line_of_a_picture_draws_it(tmp_path: Path) -> None:
 
 
 def test_what_a_line_cannot_say_is_said() -> None:
-    session = Session.of(load_scenario("tango-space-10m"))
+    session = FlightSession.of(load_scenario("tango-space-10m"))
     options = options_of(session)
     assert command_lines(session, options, "tango-space-10m").left_out == ()
-    session.take_over()
+    session.craft.take_over()
     options.settings.exposure_stops = 1.0
     found = command_lines(session, options, "tango-space-10m", "out/console/x.json")
     assert "this picture" not in dict(found.lines)
@@ -49,7 +50,7 @@ def test_what_a_line_cannot_say_is_said() -> None:
 
 
 def test_a_scenario_of_a_file_is_named_by_it_and_one_of_no_file_by_nothing() -> None:
-    session = Session.of(load_scenario("tango-space-10m"), seed=7)
+    session = FlightSession.of(load_scenario("tango-space-10m"), seed=7)
     options = options_of(session)
     named = dict(command_lines(session, options, "my flights/mine.toml").lines)
     assert named["this console"] == "flyaround sim 'my flights/mine.toml' --seed 7"

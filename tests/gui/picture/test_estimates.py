@@ -13,8 +13,6 @@ from typing import Self
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.session import Session
-from flyaround.gui.flight.telemetry import telemetry_of
 from flyaround.gui.picture.estimates import (
     MOST_DEATHS,
     Answer,
@@ -25,9 +23,11 @@ from flyaround.gui.picture.estimates import (
     known_methods,
 )
 from flyaround.gui.picture.feed import Picture
+from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import NO_RADIANCE, Frame
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 
 WAIT_S = 120.0
@@ -95,16 +95,16 @@ def refuses(_held: Held, request: EstimateRequest) -> Answer:
 
 
 @pytest.fixture(scope="module")
-def session() -> Session:
-    return Session.of(load_scenario("tango-flyaround"))
+def session() -> FlightSession:
+    return FlightSession.of(load_scenario("tango-flyaround"))
 
 
-def picture_of(session: Session, t_s: float = 0.0, size: int = 64) -> Picture:
+def picture_of(session: FlightSession, t_s: float = 0.0, size: int = 64) -> Picture:
     scene = session.scene()
     camera = replace(reduced_camera(scene.camera, 8), width_px=size, height_px=size)
     scene = replace(scene, t_s=t_s, camera=camera)
     frame = Frame(scene, np.full((size, size), 7, np.uint8), NO_RADIANCE)
-    return Picture(frame, session.moment, telemetry_of(session.moment.world, scene), 8)
+    return Picture(frame, session.state, session.plan.target, telemetry_of(session.craft.world, scene), 8)
 
 
 def until(done: Callable[[], bool], turn: Callable[[], object]) -> float:
@@ -119,7 +119,7 @@ def until(done: Callable[[], bool], turn: Callable[[], object]) -> float:
     return longest
 
 
-def test_one_picture_at_a_time_and_the_newest(session: Session) -> None:
+def test_one_picture_at_a_time_and_the_newest(session: FlightSession) -> None:
     with contextlib.closing(Estimates(open_resource=Held, work=answers)) as estimates:
         assert not estimates.update(picture_of(session))
         assert estimates.state == "off"
@@ -141,7 +141,7 @@ def test_one_picture_at_a_time_and_the_newest(session: Session) -> None:
         assert [e.t_s for e in estimates.history] == [0.5], "time that goes back begins the plots again"
 
 
-def test_errors_are_against_the_truth_of_the_picture(session: Session) -> None:
+def test_errors_are_against_the_truth_of_the_picture(session: FlightSession) -> None:
     picture = picture_of(session)
     scene = picture.frame.scene
     request = EstimateRequest(
@@ -165,7 +165,7 @@ def test_errors_are_against_the_truth_of_the_picture(session: Session) -> None:
     assert broken.E_T_m is None
 
 
-def test_one_that_hangs_is_ended_and_another_method_goes_on(session: Session) -> None:
+def test_one_that_hangs_is_ended_and_another_method_goes_on(session: FlightSession) -> None:
     clock = Clock()
     with contextlib.closing(Estimates(open_resource=Held, work=hangs, clock=clock)) as estimates:
         estimates.start()
@@ -184,7 +184,7 @@ def test_one_that_hangs_is_ended_and_another_method_goes_on(session: Session) ->
 
 
 @pytest.mark.slow
-def test_a_stopped_process_holds_nobody_up(session: Session) -> None:
+def test_a_stopped_process_holds_nobody_up(session: FlightSession) -> None:
     clock = Clock()
     estimates = Estimates(open_resource=Held, work=answers, clock=clock)
     with contextlib.closing(estimates):
@@ -202,7 +202,7 @@ def test_a_stopped_process_holds_nobody_up(session: Session) -> None:
 
 
 @pytest.mark.slow
-def test_one_that_dies_again_and_again_is_left_off(session: Session) -> None:
+def test_one_that_dies_again_and_again_is_left_off(session: FlightSession) -> None:
     with contextlib.closing(Estimates(open_resource=Held, work=dies)) as estimates:
         estimates.choose("dies")
         estimates.start()
@@ -220,7 +220,7 @@ def test_one_that_dies_again_and_again_is_left_off(session: Session) -> None:
 @pytest.mark.parametrize(
     ("method", "why"), [("breaks", "nothing of the kind"), ("no-such", "no method no-such")]
 )
-def test_a_method_that_cannot_is_off_with_a_sentence(session: Session, method: str, why: str) -> None:
+def test_a_method_that_cannot_is_off_with_a_sentence(session: FlightSession, method: str, why: str) -> None:
     with contextlib.closing(Estimates(open_resource=Held, work=refuses)) as estimates:
         estimates.choose(method)
         estimates.start()
@@ -236,12 +236,12 @@ def test_every_method_of_evaluate_is_offered() -> None:
 
 
 @pytest.mark.slow
-def test_the_estimators_themselves_answer_with_their_stages(session: Session) -> None:
+def test_the_estimators_themselves_answer_with_their_stages(session: FlightSession) -> None:
     from flyaround.simulator.dataset.single_frames import render_scene
 
     scene = replace(session.scene(), camera=reduced_camera(session.plan.camera, 2), quality="draft")
     frame = render_scene(scene, session.plan.target)
-    picture = Picture(frame, session.moment, telemetry_of(session.moment.world, scene), 2)
+    picture = Picture(frame, session.state, session.plan.target, telemetry_of(session.craft.world, scene), 2)
     found: dict[str, ComparedEstimate] = {}
     with contextlib.closing(Estimates()) as estimates:
         estimates.want_stages(wanted=True)

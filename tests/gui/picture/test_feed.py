@@ -7,12 +7,13 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import DIVISORS, Feed
 from flyaround.gui.picture.view_settings import ViewSettings
 from flyaround.gui.views.camera import shown_passes
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import FrameRequest, FramesLostError
+from flyaround.simulator.piloting.orders import PilotCommand
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.state import SceneState
 
@@ -64,20 +65,20 @@ class Clock:
 
 
 @pytest.fixture
-def session() -> Session:
-    return Session.of(load_scenario("tango-flyaround"))
+def session() -> FlightSession:
+    return FlightSession.of(load_scenario("tango-flyaround"))
 
 
-def look_of(session: Session) -> ViewSettings:
+def look_of(session: FlightSession) -> ViewSettings:
     scene = session.scene()
     return ViewSettings(bands=scene.bands, environment=scene.environment)
 
 
-def live(session: Session, ms_per_mpx: float, pictures: int) -> Feed:
+def live(session: FlightSession, ms_per_mpx: float, pictures: int) -> Feed:
     source, clock = FakeRenderer(ms_per_mpx), Clock()
     feed, settings = Feed(source, clock), look_of(session)
     for _ in range(pictures):
-        session.advance(0.1)
+        session.step(PilotCommand(), 0.1)
         feed.update(session, settings)
         clock.now_s += 0.1
         source.finish()
@@ -85,20 +86,20 @@ def live(session: Session, ms_per_mpx: float, pictures: int) -> Feed:
     return feed
 
 
-def test_no_more_than_two_pictures_are_asked_for(session: Session) -> None:
+def test_no_more_than_two_pictures_are_asked_for(session: FlightSession) -> None:
     source, clock = FakeRenderer(), Clock()
     feed, settings = Feed(source, clock), look_of(session)
     for _ in range(20):
-        session.advance(0.1)
+        session.step(PilotCommand(), 0.1)
         clock.now_s += 1.0
         feed.update(session, settings)
     assert len(source.asked) == 2
 
 
-def test_a_paused_picture_is_drawn_once_and_whole(session: Session) -> None:
+def test_a_paused_picture_is_drawn_once_and_whole(session: FlightSession) -> None:
     source, clock = FakeRenderer(), Clock()
     feed, settings = Feed(source, clock), look_of(session)
-    session.toggle_pause()
+    session.clock.toggle_pause()
     for _ in range(5):
         clock.now_s += 1.0
         feed.update(session, settings)
@@ -109,10 +110,10 @@ def test_a_paused_picture_is_drawn_once_and_whole(session: Session) -> None:
     assert feed.newest.frame.scene.camera == session.plan.camera
 
 
-def test_changed_exposure_redraws_a_paused_picture(session: Session) -> None:
+def test_changed_exposure_redraws_a_paused_picture(session: FlightSession) -> None:
     source, clock = FakeRenderer(), Clock()
     feed, settings = Feed(source, clock), look_of(session)
-    session.toggle_pause()
+    session.clock.toggle_pause()
     feed.update(session, settings)
     source.finish()
     settings.exposure_stops = 1.0
@@ -123,17 +124,17 @@ def test_changed_exposure_redraws_a_paused_picture(session: Session) -> None:
 @pytest.mark.parametrize(
     ("ms_per_mpx", "expected"), [(2.0, 1), (60.0, 2), (200.0, 3), (5000.0, DIVISORS[-1])]
 )
-def test_auto_detail_draws_what_fits(session: Session, ms_per_mpx: float, expected: int) -> None:
+def test_auto_detail_draws_what_fits(session: FlightSession, ms_per_mpx: float, expected: int) -> None:
     feed = live(session, ms_per_mpx, 30)
     assert feed.newest is not None
     assert feed.newest.divisor == expected
 
 
-def test_a_slow_start_does_not_cost_detail(session: Session) -> None:
+def test_a_slow_start_does_not_cost_detail(session: FlightSession) -> None:
     source, clock = FakeRenderer(5000.0), Clock()
     feed, settings = Feed(source, clock), look_of(session)
     for _ in range(20):
-        session.advance(0.1)
+        session.step(PilotCommand(), 0.1)
         feed.update(session, settings)
         clock.now_s += 0.1
         source.finish()
@@ -142,7 +143,7 @@ def test_a_slow_start_does_not_cost_detail(session: Session) -> None:
     assert feed.newest.divisor == 2
 
 
-def test_saving_asks_for_a_whole_picture_with_labels(session: Session) -> None:
+def test_saving_asks_for_a_whole_picture_with_labels(session: FlightSession) -> None:
     source, clock = FakeRenderer(), Clock()
     feed, settings = Feed(source, clock), look_of(session)
     feed.ask_to_save()
@@ -155,10 +156,10 @@ def test_saving_asks_for_a_whole_picture_with_labels(session: Session) -> None:
     assert not feed.saving
 
 
-def test_lost_pictures_are_asked_for_again(session: Session) -> None:
+def test_lost_pictures_are_asked_for_again(session: FlightSession) -> None:
     source, clock = FakeRenderer(), Clock()
     feed, settings = Feed(source, clock), look_of(session)
-    session.toggle_pause()
+    session.clock.toggle_pause()
     feed.ask_to_save()
     feed.update(session, settings)
     source.lose = "the drawing process died"
@@ -174,10 +175,12 @@ def test_lost_pictures_are_asked_for_again(session: Session) -> None:
     assert feed.restarts == 1
 
 
-def test_passes_are_timed_on_request_only_and_a_still_picture_is_drawn_again_for_it(session: Session) -> None:
+def test_passes_are_timed_on_request_only_and_a_still_picture_is_drawn_again_for_it(
+    session: FlightSession,
+) -> None:
     source, clock = FakeRenderer(), Clock()
     feed, settings = Feed(source, clock), look_of(session)
-    session.toggle_pause()
+    session.clock.toggle_pause()
     for timed in (False, False, *(8 * [True])):
         feed.update(session, settings, timed=timed)
         clock.now_s += 1.0
@@ -188,16 +191,16 @@ def test_passes_are_timed_on_request_only_and_a_still_picture_is_drawn_again_for
     passes = dict(shown_passes(feed.pass_ms))
     assert list(passes) == ["earth surface", "other", "sensor"]
     assert passes["other"] == pytest.approx(passes["earth surface"] / 3)
-    session.toggle_pause()
+    session.clock.toggle_pause()
     for _ in range(3):
-        session.advance(0.1)
+        session.step(PilotCommand(), 0.1)
         feed.update(session, settings)
         clock.now_s += 1.0
         source.finish()
     assert feed.pass_ms == {}
 
 
-def test_nothing_of_an_earlier_flight_is_shown_as_the_new_one(session: Session) -> None:
+def test_nothing_of_an_earlier_flight_is_shown_as_the_new_one(session: FlightSession) -> None:
     renderer, clock = FakeRenderer(), Clock()
     feed = Feed(renderer, clock)
     feed.update(session, look_of(session))
@@ -205,23 +208,23 @@ def test_nothing_of_an_earlier_flight_is_shown_as_the_new_one(session: Session) 
     feed.update(session, look_of(session))
     assert feed.newest is not None
     # a second picture of it is under way when another scenario is opened
-    session.advance(0.2)
+    session.step(PilotCommand(), 0.2)
     feed.update(session, look_of(session))
-    other = Session.of(load_scenario("tango-space-10m"))
+    other = FlightSession.of(load_scenario("tango-space-10m"))
     feed.update(other, look_of(other))
     assert feed.newest is None
     while renderer.pending and feed.newest is None:
         renderer.finish()
         feed.update(other, look_of(other))
     assert feed.newest is not None
-    assert feed.newest.moment is other.moment
+    assert feed.newest.state == other.state
 
 
-def test_a_picture_that_is_not_replaced_is_late_and_counts_no_rate(session: Session) -> None:
+def test_a_picture_that_is_not_replaced_is_late_and_counts_no_rate(session: FlightSession) -> None:
     renderer, clock = FakeRenderer(), Clock()
     feed = Feed(renderer, clock)
     for _ in range(10):
-        session.advance(0.2)
+        session.step(PilotCommand(), 0.2)
         feed.update(session, look_of(session))
         clock.now_s += 0.2
         renderer.finish()

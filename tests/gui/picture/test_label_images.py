@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.label_images import (
     LABELS,
     OFF_RGB,
@@ -23,13 +22,14 @@ from flyaround.gui.picture.label_images import (
 from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.simulator.frame import Frame, take_frame
 from flyaround.simulator.labels.part_classes import PART_CLASSES
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 
 
 @pytest.fixture(scope="module")
 def frame() -> Frame:
-    session = Session.of(load_scenario("tango-space-10m"))
+    session = FlightSession.of(load_scenario("tango-space-10m"))
     scene = session.scene()
     scene = replace(scene, camera=reduced_camera(scene.camera, 4), quality="draft")
     with Renderer() as renderer:

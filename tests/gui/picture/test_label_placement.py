@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.label_placement import MARK, NEAR, PlacedLabel, place_labels
 from flyaround.gui.picture.truth_overlay import Marker
 from flyaround.gui.picture.view_settings import Overlays
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 
 PLACE = (0.0, 0.0, 930.0, 580.0)
@@ -34,7 +34,7 @@ def sizes_of(names: list[str]) -> list[tuple[float, float]]:
 
 
 def keypoints(scale: float) -> tuple[list[tuple[float, float]], list[str]]:
-    session = Session.of(load_scenario("tango-flyaround"))
+    session = FlightSession.of(load_scenario("tango-flyaround"))
     marks = Marker(session.plan.target).marks(session.scene(), Overlays(keypoints=True, names=True))
     shown = [(p, n) for p, seen, n in marks.keypoints if seen != "hidden"]
     return [(scale * p[0], scale * p[1]) for p, _ in shown], [n for _, n in shown]

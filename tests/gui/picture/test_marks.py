@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.truth_overlay import AXIS_M, Marker
 from flyaround.gui.picture.view_settings import Overlays
 from flyaround.simulator.labels.keypoints import label_keypoints
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.state import SceneState
 from flyaround.simulator.targets.joined_mesh import mesh_of
@@ -20,8 +20,8 @@ ALL = Overlays(keypoints=True, box=True, axes=True, wireframe=True)
 
 
 @pytest.fixture
-def session() -> Session:
-    return Session.of(load_scenario("tango-flyaround"))
+def session() -> FlightSession:
+    return FlightSession.of(load_scenario("tango-flyaround"))
 
 
 def turned(scene: SceneState, degrees: float) -> SceneState:
@@ -29,7 +29,7 @@ def turned(scene: SceneState, degrees: float) -> SceneState:
     return replace(scene, q_camera_from_target_wxyz=tuple(float(x) for x in q))
 
 
-def test_keypoints_agree_with_the_labels(session: Session) -> None:
+def test_keypoints_agree_with_the_labels(session: FlightSession) -> None:
     scene, target = session.scene(), session.plan.target
     # a checkerboard has contrast everywhere: only geometry decides the labels
     rows, columns = np.indices((scene.camera.height_px, scene.camera.width_px))
@@ -43,7 +43,7 @@ def test_keypoints_agree_with_the_labels(session: Session) -> None:
         np.testing.assert_allclose(pixel, labels[name].pixel_px, atol=1e-9)
 
 
-def test_all_marks_lie_in_the_box_of_the_target(session: Session) -> None:
+def test_all_marks_lie_in_the_box_of_the_target(session: FlightSession) -> None:
     marks = Marker(session.plan.target).marks(session.scene(), ALL)
     assert marks.box is not None
     x0, y0, x1, y1 = marks.box
@@ -53,7 +53,7 @@ def test_all_marks_lie_in_the_box_of_the_target(session: Session) -> None:
     assert np.all(ends <= np.array([x1, y1]) + 1.0)
 
 
-def test_axes_are_half_a_metre_long_and_start_at_the_model_origin(session: Session) -> None:
+def test_axes_are_half_a_metre_long_and_start_at_the_model_origin(session: FlightSession) -> None:
     scene = session.scene()
     marks = Marker(session.plan.target).marks(scene, ALL)
     origin = scene.camera.project(np.array(scene.t_camera_from_target_m))
@@ -61,12 +61,12 @@ def test_axes_are_half_a_metre_long_and_start_at_the_model_origin(session: Sessi
     np.testing.assert_allclose(marks.axes[1], (origin, tip))
 
 
-def test_nothing_is_made_that_nobody_asked_for(session: Session) -> None:
+def test_nothing_is_made_that_nobody_asked_for(session: FlightSession) -> None:
     marks = Marker(session.plan.target).marks(session.scene(), Overlays())
     assert (marks.keypoints, marks.box, marks.axes, marks.wireframe) == ((), None, (), ())
 
 
-def test_visibility_is_asked_again_when_the_view_has_turned(session: Session) -> None:
+def test_visibility_is_asked_again_when_the_view_has_turned(session: FlightSession) -> None:
     scene = session.scene()
     marker = Marker(session.plan.target)
     first = [seen for _, seen, _ in marker.marks(scene, ALL).keypoints]
@@ -76,7 +76,7 @@ def test_visibility_is_asked_again_when_the_view_has_turned(session: Session) ->
     assert after != first
 
 
-def test_a_target_behind_the_camera_has_no_marks(session: Session) -> None:
+def test_a_target_behind_the_camera_has_no_marks(session: FlightSession) -> None:
     scene = replace(session.scene(), t_camera_from_target_m=(0.0, 0.0, -9.0))
     marks = Marker(session.plan.target).marks(scene, ALL)
     assert (marks.keypoints, marks.box, marks.axes, marks.wireframe) == ((), None, (), ())

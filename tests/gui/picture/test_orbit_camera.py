@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.orbit_camera import (
     FARTHEST_M,
     LARGEST_PX,
@@ -16,17 +15,18 @@ from flyaround.gui.picture.orbit_camera import (
 )
 from flyaround.gui.picture.orbit_picture import chaser_marks, orbit_scene, seen_from
 from flyaround.gui.picture.view_settings import ViewSettings
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.limits import scene_problem
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 
 @pytest.fixture(scope="module")
-def session() -> Session:
-    return Session.of(load_scenario("tango-vbar-approach"))
+def session() -> FlightSession:
+    return FlightSession.of(load_scenario("tango-vbar-approach"))
 
 
-def settings_of(session: Session) -> ViewSettings:
+def settings_of(session: FlightSession) -> ViewSettings:
     return ViewSettings(bands="mono", environment=session.scene().environment)
 
 
@@ -47,11 +47,11 @@ def test_it_stays_within_reach(azimuth: float, elevation: float, distance: float
 @pytest.mark.parametrize("azimuth", [-150.0, 0.0, 70.0])
 @pytest.mark.parametrize("elevation", [-89.0, 0.0, 40.0])
 def test_what_it_circles_is_in_the_middle_and_radial_is_up(
-    session: Session, about: str, azimuth: float, elevation: float
+    session: FlightSession, about: str, azimuth: float, elevation: float
 ) -> None:
     look = OrbitCamera("target" if about == "target" else "chaser")
     look.place(azimuth, elevation, 9.0)
-    world, frame = session.moment.world, session.flight.lvlh(session.t_s)
+    world, frame = session.craft.world, session.flight.lvlh(session.t_s)
     seen = seen_from(world, frame, look)
     R = matrix_from_quat(seen.q_camera_from_eci_wxyz)
     focus = np.zeros(3) if about == "target" else np.array(world.relative_eci_m)
@@ -64,9 +64,9 @@ def test_what_it_circles_is_in_the_middle_and_radial_is_up(
     assert v == pytest.approx(np.zeros(3), abs=1e-12)
 
 
-def test_from_the_chasers_place_it_sees_what_the_chaser_sees(session: Session) -> None:
+def test_from_the_chasers_place_it_sees_what_the_chaser_sees(session: FlightSession) -> None:
     scene = session.scene()
-    world, frame = session.moment.world, session.flight.lvlh(session.t_s)
+    world, frame = session.craft.world, session.flight.lvlh(session.t_s)
     p = np.array(world.position_lvlh_m)
     look = OrbitCamera()
     look.place(
@@ -88,12 +88,12 @@ def test_from_the_chasers_place_it_sees_what_the_chaser_sees(session: Session) -
     )
 
 
-def test_the_chaser_is_drawn_where_it_is(session: Session) -> None:
+def test_the_chaser_is_drawn_where_it_is(session: FlightSession) -> None:
     look = OrbitCamera("chaser")
     scene = orbit_scene(session, settings_of(session), look, 1, "draft")
     frame = session.flight.lvlh(session.t_s)
-    trail = np.array([session.moment.world.position_lvlh_m, (0.0, 0.0, 0.0)])
-    marks = chaser_marks(scene, session.moment, session.plan.camera, frame, trail)
+    trail = np.array([session.craft.world.position_lvlh_m, (0.0, 0.0, 0.0)])
+    marks = chaser_marks(scene, session.craft.world, session.plan.camera, frame, trail)
     middle = [(look.size_px[0] - 1) / 2, (look.size_px[1] - 1) / 2]
     assert marks.place == pytest.approx(middle, abs=1e-6)
     assert marks.trail[0] == pytest.approx(middle, abs=1e-3)
@@ -114,7 +114,7 @@ def test_a_view_of_any_size_gives_a_picture_of_its_form() -> None:
     assert min(look.size_px) >= 64
 
 
-def test_its_exposure_is_metered(session: Session) -> None:
+def test_its_exposure_is_metered(session: FlightSession) -> None:
     settings = settings_of(session)
     near = orbit_scene(session, settings, OrbitCamera(), 1, "draft")
     settings.exposure_stops = 1.0

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from flyaround.gui.app import options_of
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.sensor_terms import BINS, checked_change, histogram_of, terms_of
 from flyaround.gui.picture.view_settings import apply_view_settings, changed_sensor
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 
 
@@ -36,7 +36,7 @@ def test_a_number_out_of_its_limits_or_of_another_sensor_is_refused() -> None:
 
 
 def test_changes_reach_the_scene_and_no_noise_is_none() -> None:
-    session = Session.of(load_scenario("tango-flyaround"))
+    session = FlightSession.of(load_scenario("tango-flyaround"))
     settings = options_of(session).settings
     settings.sensor_changes = {"gaussian_variance": 0.5}
     assert apply_view_settings(session.scene(), settings).sensor.gaussian_variance == 0.5

@@ -8,7 +8,6 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import Feed, PictureKind
 from flyaround.gui.picture.turns import Channel, Turns
 from flyaround.gui.picture.view_settings import ViewSettings, apply_view_settings
@@ -16,6 +15,8 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.labels.request import LabelRequest
 from flyaround.simulator.loop import FrameRequest, FramesLostError
+from flyaround.simulator.piloting.orders import PilotCommand
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.runtime.worker import ProcessDiedError
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.state import SceneState
@@ -91,15 +92,15 @@ def _marked(scene: SceneState, exposure_s: float) -> SceneState:
 
 
 @pytest.fixture(scope="module")
-def session() -> Session:
-    return Session.of(load_scenario("tango-flyaround"))
+def session() -> FlightSession:
+    return FlightSession.of(load_scenario("tango-flyaround"))
 
 
 def of_exposure(counter: Counter[float], key: float) -> float:
     return next(v for k, v in counter.items() if k == pytest.approx(key))
 
 
-def test_time_is_shared_evenly_whatever_a_picture_costs(session: Session) -> None:
+def test_time_is_shared_evenly_whatever_a_picture_costs(session: FlightSession) -> None:
     costs = {1e-3: 20.0, 2e-3: 20.0, 4e-3: 300.0}
     bench = Bench(session.scene(), costs, {})
     bench.producer.cost_ms = {s.exposure_s: costs[k] for k, s in bench.scenes.items()}
@@ -109,7 +110,7 @@ def test_time_is_shared_evenly_whatever_a_picture_costs(session: Session) -> Non
     assert sum(bench.taken.values()) > 100
 
 
-def test_a_larger_share_gets_more(session: Session) -> None:
+def test_a_larger_share_gets_more(session: FlightSession) -> None:
     costs = {1e-3: 25.0, 2e-3: 25.0}
     bench = Bench(session.scene(), costs, {1e-3: 3.0})
     bench.producer.cost_ms = {s.exposure_s: costs[k] for k, s in bench.scenes.items()}
@@ -117,7 +118,7 @@ def test_a_larger_share_gets_more(session: Session) -> None:
     assert bench.taken[1e-3] / bench.taken[2e-3] == pytest.approx(3.0, rel=0.1)
 
 
-def test_who_comes_late_does_not_push_the_others_out(session: Session) -> None:
+def test_who_comes_late_does_not_push_the_others_out(session: FlightSession) -> None:
     costs = {1e-3: 20.0, 2e-3: 20.0}
     bench = Bench(session.scene(), costs, {})
     bench.producer.cost_ms = {s.exposure_s: costs[k] for k, s in bench.scenes.items()}
@@ -131,7 +132,7 @@ def test_who_comes_late_does_not_push_the_others_out(session: Session) -> None:
     assert bench.taken[1e-3] - before > 70
 
 
-def test_every_view_hears_of_lost_pictures_and_asks_again(session: Session) -> None:
+def test_every_view_hears_of_lost_pictures_and_asks_again(session: FlightSession) -> None:
     producer = Slow()
     turns = Turns(producer, lambda: producer.now_s)
     settings = ViewSettings(bands="mono", environment=session.scene().environment)
@@ -171,7 +172,7 @@ OUT_OF_MEMORY = RuntimeError(
 )
 
 
-def test_a_picture_of_a_further_view_that_fails_is_told_and_the_others_go_on(session: Session) -> None:
+def test_a_picture_of_a_further_view_that_fails_is_told_and_the_others_go_on(session: FlightSession) -> None:
     producer = Failing()
     turns = Turns(producer, lambda: producer.now_s)
     settings = ViewSettings(bands="mono", environment=session.scene().environment)
@@ -181,7 +182,7 @@ def test_a_picture_of_a_further_view_that_fails_is_told_and_the_others_go_on(ses
     producer.done = 1
     assert camera.update(session, settings)
     for k in range(3):
-        session.advance(0.1)
+        session.step(PilotCommand(), 0.1)
         producer.now_s += 3.0
         further.update(session, settings)
         camera.update(session, settings)
@@ -204,14 +205,14 @@ def test_a_picture_of_a_further_view_that_fails_is_told_and_the_others_go_on(ses
     assert (camera.restarts, further.restarts) == (0, 0)
 
 
-def test_a_picture_of_the_camera_that_fails_is_told_once_there_was_one(session: Session) -> None:
+def test_a_picture_of_the_camera_that_fails_is_told_once_there_was_one(session: FlightSession) -> None:
     producer = Failing()
     feed = Feed(Turns(producer, lambda: producer.now_s).channel(), lambda: producer.now_s)
     settings = ViewSettings(bands="mono", environment=session.scene().environment)
     feed.update(session, settings)
     producer.done = 1
     feed.update(session, settings)
-    session.advance(0.1)
+    session.step(PilotCommand(), 0.1)
     feed.ask_to_save()
     producer.now_s += 1.0
     feed.update(session, settings)
@@ -231,7 +232,7 @@ def test_a_picture_of_the_camera_that_fails_is_told_once_there_was_one(session: 
 @pytest.mark.parametrize(
     "error", [UserError("no OpenGL 4.1"), RuntimeError("no driver"), ProcessDiedError("render process", -9)]
 )
-def test_a_renderer_that_cannot_be_opened_ends_the_console(session: Session, error: Exception) -> None:
+def test_a_renderer_that_cannot_be_opened_ends_the_console(session: FlightSession, error: Exception) -> None:
     producer = Failing()
     feed = Feed(Turns(producer, lambda: producer.now_s).channel(), lambda: producer.now_s)
     settings = ViewSettings(bands="mono", environment=session.scene().environment)
@@ -241,21 +242,21 @@ def test_a_renderer_that_cannot_be_opened_ends_the_console(session: Session, err
         feed.update(session, settings)
 
 
-def test_a_render_process_that_is_gone_for_good_ends_the_console(session: Session) -> None:
+def test_a_render_process_that_is_gone_for_good_ends_the_console(session: FlightSession) -> None:
     producer = Failing()
     feed = Feed(Turns(producer, lambda: producer.now_s).channel(), lambda: producer.now_s)
     settings = ViewSettings(bands="mono", environment=session.scene().environment)
     feed.update(session, settings)
     producer.done = 1
     feed.update(session, settings)
-    session.advance(0.1)
+    session.step(PilotCommand(), 0.1)
     feed.update(session, settings)
     producer.fail = ProcessDiedError("render process", -9)
     with pytest.raises(UserError, match="exit code -9"):
         feed.update(session, settings)
 
 
-def test_a_further_view_whose_moment_cannot_be_drawn_says_so(session: Session) -> None:
+def test_a_further_view_whose_moment_cannot_be_drawn_says_so(session: FlightSession) -> None:
     def nowhere(*_: object) -> SceneState:
         raise ValueError("the free camera is inside the target")
 
@@ -267,14 +268,14 @@ def test_a_further_view_whose_moment_cannot_be_drawn_says_so(session: Session) -
     assert "inside the target" in (feed.take_trouble() or "")
 
 
-def test_a_feed_of_labels_asks_for_them_now_and_then_only(session: Session) -> None:
+def test_a_feed_of_labels_asks_for_them_now_and_then_only(session: FlightSession) -> None:
     producer = Slow()
     kind = PictureKind(labels=LabelRequest(layers=("depth",)), every_s=1.0)
     feed = Feed(producer, lambda: producer.now_s, kind)
     settings = ViewSettings(bands="mono", environment=session.scene().environment)
     asked = 0
     for _ in range(30):
-        session.advance(0.1)
+        session.step(PilotCommand(), 0.1)
         producer.now_s += 0.1
         feed.update(session, settings)
         if producer.asked:
@@ -285,7 +286,7 @@ def test_a_feed_of_labels_asks_for_them_now_and_then_only(session: Session) -> N
     assert feed.saved == []
 
 
-def test_a_view_that_is_not_drawn_is_not_looked_at(session: Session) -> None:
+def test_a_view_that_is_not_drawn_is_not_looked_at(session: FlightSession) -> None:
     producer = Slow()
     feed = Feed(producer, lambda: producer.now_s)
     assert not feed.looked_at

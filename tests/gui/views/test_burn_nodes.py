@@ -8,11 +8,11 @@ import pytest
 
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.flight.planned_burns import burn_of
-from flyaround.gui.flight.relative_map import IN_PLANE, OUT_OF_PLANE, MapLook, ports
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import Feed
+from flyaround.gui.picture.relative_map import IN_PLANE, OUT_OF_PLANE, MapLook, ports
 from flyaround.gui.views.burn_nodes import ARM, FIRST_M_S, PER_M_S, BurnNodes, dragged, handle
+from flyaround.simulator.piloting.planned_burns import burn_of
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.guidance.free_flight import FreeDrift
 from tests.harness.no_renderer import NoRenderer
@@ -30,8 +30,8 @@ def console() -> Console:
     scenario = msgspec.structs.replace(
         load_scenario("tango-flyaround"), chaser=FreeDrift(position_lvlh_m=(0.0, 50.0, 0.0))
     )
-    session = Session.of(scenario)
-    session.take_over()
+    session = FlightSession.of(scenario)
+    session.craft.take_over()
     return Console(session, Feed(NoRenderer()), options_of(session), command_table())
 
 
@@ -54,46 +54,46 @@ def test_a_handle_is_where_it_was_dragged_to() -> None:
 def test_a_right_click_plans_a_burn_there_and_cancels_it(console: Console) -> None:
     nodes = BurnNodes()
     session = console.session
-    drift = session.predicted_burns()
+    drift = session.craft.predicted_burns()
     k = int(np.searchsorted(drift.times_s, 300.0))
     mouse = tuple(float(x) for x in PORTS[0].at(drift.points_lvlh_m[k]))
     assert nodes.take_mouse(console, PORTS, mouse, RIGHT)
-    (burn,) = session.steering.burns.burns
+    (burn,) = session.craft.steering.burns.burns
     assert burn.t_s == pytest.approx(drift.times_s[k], abs=16.0)
     assert burn.delta_v_lvlh_m_s == (0.0, FIRST_M_S, 0.0)
-    node = session.predicted_burns().nodes_lvlh_m[0]
+    node = session.craft.predicted_burns().nodes_lvlh_m[0]
     mouse = tuple(float(x) for x in PORTS[0].at(node))
     assert nodes.take_mouse(console, PORTS, mouse, RIGHT)
-    assert session.steering.burns.burns == ()
+    assert session.craft.steering.burns.burns == ()
     assert not nodes.take_mouse(console, PORTS, mouse, NOTHING)
 
 
 def test_a_handle_is_dragged_by_one_command(console: Console) -> None:
     nodes, session = BurnNodes(), console.session
     console.do("burn.plan", 200.0, 0.0, 0.05, 0.0)
-    node = tuple(float(x) for x in PORTS[0].at(session.predicted_burns().nodes_lvlh_m[0]))
-    start = handle(node, session.steering.burns.burns[0], IN_PLANE)
+    node = tuple(float(x) for x in PORTS[0].at(session.craft.predicted_burns().nodes_lvlh_m[0]))
+    start = handle(node, session.craft.steering.burns.burns[0], IN_PLANE)
     before = len(console.log.lines)
     assert nodes.take_mouse(console, PORTS, start, LEFT_DOWN)
     up = (node[0], node[1] - ARM - 0.03 * PER_M_S)
     assert nodes.take_mouse(console, PORTS, up, HELD)
-    assert session.steering.burns.burns[0].delta_v_lvlh_m_s == (0.0, 0.05, 0.0)
+    assert session.craft.steering.burns.burns[0].delta_v_lvlh_m_s == (0.0, 0.05, 0.0)
     assert nodes.take_mouse(console, PORTS, up, NOTHING)
-    assert session.steering.burns.burns[0].delta_v_lvlh_m_s == pytest.approx((0.03, 0.0, 0.0), abs=1e-9)
+    assert session.craft.steering.burns.burns[0].delta_v_lvlh_m_s == pytest.approx((0.03, 0.0, 0.0), abs=1e-9)
     assert [line.name for line in console.log.lines[before:]] == ["burn.plan"]
 
 
 def test_a_node_is_moved_along_the_path_to_another_time(console: Console) -> None:
     nodes, session = BurnNodes(), console.session
     console.do("burn.plan", 200.0, 0.0, 0.05, 0.0)
-    drift = session.predicted_burns()
+    drift = session.craft.predicted_burns()
     node = tuple(float(x) for x in PORTS[0].at(drift.nodes_lvlh_m[0]))
     k = int(np.searchsorted(drift.times_s, 120.0))
     earlier = tuple(float(x) for x in PORTS[0].at(drift.points_lvlh_m[k]))
     assert nodes.take_mouse(console, PORTS, node, LEFT_DOWN)
     nodes.take_mouse(console, PORTS, earlier, HELD)
     nodes.take_mouse(console, PORTS, earlier, NOTHING)
-    (burn,) = session.steering.burns.burns
+    (burn,) = session.craft.steering.burns.burns
     assert burn.t_s < 190.0
     assert burn.delta_v_lvlh_m_s == (0.0, 0.05, 0.0)
 

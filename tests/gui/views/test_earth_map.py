@@ -7,11 +7,11 @@ import pytest
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.console import Console
-from flyaround.gui.flight.session import Session
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.views import earth_map
 from flyaround.gui.views.earth_map import EarthMap
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.headless_imgui import HeadlessWindow
 from tests.harness.no_renderer import NoRenderer
@@ -32,7 +32,7 @@ def test_a_map_that_cannot_be_read_is_said_in_its_place(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(earth_map, "load_ground_map", damaged)
     monkeypatch.setattr(Canvas, "text", noted)
-    session = Session.of(load_scenario("tango-flyaround"))
+    session = FlightSession.of(load_scenario("tango-flyaround"))
     console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
     window = HeadlessWindow()
     try:

@@ -1,1 +1,0 @@
-"""The flight an operator watches and steers; no window, no GL."""

@@ -1,0 +1,62 @@
+"""Opening a scenario beside the flight: it is read and propagated in a thread, and the window goes on meanwhile."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.session import FlightSession
+from flyaround.simulator.scenario.load import load_scenario
+
+if TYPE_CHECKING:
+    from flyaround.simulator.scenario.scenario import Scenario
+
+
+class ScenarioOpener:
+    """One scenario at a time."""
+
+    def __init__(self) -> None:
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="scenario")
+        self._pending: Future[FlightSession] | None = None
+        self.name = ""
+        self.source = ""
+        """Built-in name or file of what was opened last; empty for a scenario that is in no file."""
+
+    def is_busy(self) -> bool:
+        """Whether one is being opened."""
+        return self._pending is not None
+
+    def open(self, scenario: str | Scenario) -> None:
+        """Begin to open a scenario, by its name, its file or as it is.
+
+        Raises
+        ------
+        UserError
+            If another one is being opened.
+        """
+        if self._pending is not None:
+            raise UserError(f"{self.name} is still being opened")
+        self.name = scenario if isinstance(scenario, str) else scenario.name
+        self.source = scenario if isinstance(scenario, str) else ""
+        self._pending = self._pool.submit(_open, scenario)
+
+    def take(self) -> FlightSession | None:
+        """The flight that was opened, once.
+
+        Raises
+        ------
+        UserError
+            If it could not be; says what is wrong.
+        """
+        if self._pending is None or not self._pending.done():
+            return None
+        pending, self._pending = self._pending, None
+        try:
+            return pending.result()
+        except (ValueError, OSError, MemoryError) as error:
+            raise UserError(f"{self.name} could not be opened: {error}") from error
+
+
+def _open(scenario: str | Scenario) -> FlightSession:
+    return FlightSession.of(load_scenario(scenario) if isinstance(scenario, str) else scenario)

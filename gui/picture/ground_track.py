@@ -1,0 +1,189 @@
+"""Where the target flies over the ground: the last orbit and the next, what of it lies in shadow, when shadow comes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from flyaround.simulator.world.ephemeris.body import bodies_at
+from flyaround.simulator.world.ephemeris.eclipse import add_shares, past_body
+from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.orbit.gravity import Gravity
+from flyaround.simulator.world.orbit.propagation import elements_from_state
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.ephemeris.body import Body
+    from flyaround.simulator.world.flight.flight import Flight
+
+SAMPLES = 181
+"""Points of the track an orbit."""
+AHEAD = 1.7
+"""Orbits that are looked ahead for shadow; one of them is drawn."""
+_EXACT_S = 0.05
+_WHOLE = 1.0 - 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTrack:
+    """The orbit about a moment, on the ground.
+
+    Parameters
+    ----------
+    t_s : the moment.
+    times_s : (n,) from one orbit before it to one after it.
+    latitude_deg, longitude_deg : (n,) geodetic places below the target.
+    sunlit : (n,) share of the Sun's disc that the target sees.
+    enters_s, leaves_s : when shadow next begins and ends; None where it does not within an orbit and a half.
+    """
+
+    t_s: float
+    times_s: FloatArray
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    sunlit: FloatArray
+    enters_s: float | None
+    leaves_s: float | None
+
+
+def ground_track(flight: Flight, t_s: float) -> GroundTrack:
+    """The last orbit and the next about a moment, under the body's attraction and its J2, to about a kilometre.
+
+    Neither burns nor what the flight has not reached yet matter to it, and it takes milliseconds.
+
+    Parameters
+    ----------
+    flight : whose target it is. t_s : the moment, inside the flight.
+    """
+    r, v = flight.orbit(t_s)
+    body, mu = flight.body, flight.body.mu_m3_s2
+    period = 2 * math.pi * math.sqrt(elements_from_state(r, v, mu).semi_major_axis_m ** 3 / mu)
+    now = flight.epoch.plus(t_s)
+    gravity = Gravity.of(body, now)
+    past, coming = (_arc(r, v, span, gravity) for span in (-period, AHEAD * period))
+    steps = np.linspace(0.0, period, SAMPLES)
+    offsets = np.concatenate([-steps[:0:-1], steps])
+    r_eci = np.vstack([past(-steps[:0:-1]), coming(steps)])
+    fixed = r_eci @ matrix_from_quat(body.q_fixed_from_eci(now)).T
+    latitude, longitude = geodetic_deg(fixed, body)
+    longitude = longitude - np.degrees(body.turn_rad_s * offsets)
+    sunlit = _sunlight(flight, t_s, AHEAD * period)
+    enters, leaves = _shadow(lambda dt: float(sunlit(coming(dt)[None], np.array([dt]))[0]), AHEAD * period)
+    return GroundTrack(
+        t_s,
+        t_s + offsets,
+        latitude,
+        (longitude + 180.0) % 360.0 - 180.0,
+        sunlit(r_eci, offsets),
+        None if enters is None else t_s + enters,
+        None if leaves is None else t_s + leaves,
+    )
+
+
+def _arc(
+    r: FloatArray, v: FloatArray, span_s: float, gravity: Gravity
+) -> Callable[[float | FloatArray], FloatArray]:
+    """Positions (3,) or (n, 3) at times from now, forward or backward."""
+
+    def rate(_: float, y: FloatArray) -> FloatArray:
+        return np.concatenate([y[3:], gravity.acceleration(y[:3])])
+
+    solved = solve_ivp(
+        rate, (0.0, span_s), np.concatenate([r, v]), "DOP853", rtol=1e-9, atol=1e-3, dense_output=True
+    )
+    dense = cast("Callable[[float | FloatArray], FloatArray]", solved.sol)
+    return lambda t: np.asarray(dense(t)[:3].T)
+
+
+def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """Share of the Sun's disc seen at positions (n, 3) from the body at times (n,) from now."""
+    now, then = flight.epoch.plus(t_s), flight.epoch.plus(t_s + span_s)
+    sun, sun_then = sun_eci_m(now.tt1, now.tt2), sun_eci_m(then.tt1, then.tt2)
+    bodies = bodies_at(now, flight.body)
+    ways = [
+        np.subtract(later.r_eci_m, state.r_eci_m)
+        for state, later in zip(bodies, bodies_at(then, flight.body), strict=True)
+    ]
+    centre = next(k for k, state in enumerate(bodies) if state.name == flight.body.name)
+
+    def seen(r: FloatArray, offset_s: FloatArray) -> FloatArray:
+        share = (offset_s / span_s)[:, None]
+        suns = sun + share * (sun_then - sun)
+        geocentric = r + bodies[centre].r_eci_m + share * ways[centre]
+        # each body moves: the places are shifted by its way instead
+        past = [
+            past_body(state, geocentric - share * way, suns - share * way)
+            for state, way in zip(bodies, ways, strict=True)
+        ]
+        return np.maximum(add_shares(past), 0.0)
+
+    return seen
+
+
+def _shadow(sunlit: Callable[[float], float], span_s: float) -> tuple[float | None, float | None]:
+    """When shadow next begins and ends, from now."""
+    times = np.linspace(0.0, span_s, int(AHEAD * 150))
+    lit = np.array([sunlit(float(t)) >= _WHOLE for t in times])
+    found: dict[bool, float | None] = {False: None, True: None}
+    for k in np.flatnonzero(lit[1:] != lit[:-1]):
+        becomes_lit = bool(lit[k + 1])
+        if found[becomes_lit] is None:
+            low, high = float(times[k]), float(times[k + 1])
+            while high - low > _EXACT_S:
+                middle = (low + high) / 2
+                low, high = (low, middle) if (sunlit(middle) >= _WHOLE) == becomes_lit else (middle, high)
+            found[becomes_lit] = high
+    return found[False], found[True]
+
+
+def geodetic_deg(r_fixed_m: FloatArray, body: Body) -> tuple[FloatArray, FloatArray]:
+    """Compute geodetic latitude and longitude [deg] of body-fixed places (..., 3), to a metre below 2000 km.
+
+    References
+    ----------
+    Bowring (1976), Transformation from spatial to geographical coordinates, Survey Review 23.
+    """
+    x, y, z = (np.asarray(r_fixed_m, float)[..., k] for k in range(3))
+    flattening = body.flattening
+    a, b = body.radius_m, body.radius_m * (1 - flattening)
+    e2, second = flattening * (2 - flattening), (a * a - b * b) / (b * b)
+    p = np.hypot(x, y)
+    reduced = np.arctan2(z * a, p * b)
+    latitude = np.arctan2(z + second * b * np.sin(reduced) ** 3, p - e2 * a * np.cos(reduced) ** 3)
+    return np.degrees(latitude), np.degrees(np.arctan2(y, x))
+
+
+def unbroken(latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same line with NaN put in where it leaves the map at one side and comes back at the other."""
+    jumps = np.flatnonzero(np.abs(np.diff(longitude_deg)) > 180.0) + 1
+    return np.insert(latitude_deg, jumps, np.nan), np.insert(longitude_deg, jumps, np.nan)
+
+
+def subsolar_deg(r_sun_eci_m: FloatArray, R_fixed_from_eci: FloatArray) -> tuple[float, float]:
+    """Latitude and longitude [deg] below the Sun, on a sphere.
+
+    Parameters
+    ----------
+    r_sun_eci_m : (3,) from the body's centre.
+    """
+    x, y, z = R_fixed_from_eci @ r_sun_eci_m
+    return math.degrees(math.atan2(z, math.hypot(x, y))), math.degrees(math.atan2(y, x))
+
+
+def terminator_deg(
+    subsolar_latitude_deg: float, subsolar_longitude_deg: float, samples: int = 241
+) -> tuple[FloatArray, FloatArray]:
+    """The great circle where the Sun's middle is on the horizon: latitudes and longitudes [deg], in map order."""
+    lat, lon = math.radians(subsolar_latitude_deg), math.radians(subsolar_longitude_deg)
+    east = np.array([-math.sin(lon), math.cos(lon), 0.0])
+    north = np.array([-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)])
+    turn = np.linspace(-np.pi, np.pi, samples)[:, None]
+    x, y, z = (np.cos(turn) * east + np.sin(turn) * north).T
+    return unbroken(np.degrees(np.arcsin(np.clip(z, -1, 1))), np.degrees(np.arctan2(y, x)))

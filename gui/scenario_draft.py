@@ -1,0 +1,126 @@
+"""A scenario's text while it is edited: what is wrong with it, and where it is kept."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario, parse_scenario
+from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scenario.show import show_scenario
+
+_HEADER = re.compile(r"^\s*\[+\s*([\w.]+)\s*\]+")
+_AT_LINE = re.compile(r"\bat line (\d+)\b")
+_UNKNOWN = re.compile(r"unknown key (\w+) (?:in section \[([\w.]+)[\]\[]|at the top level)")
+_LACKS = re.compile(r"section \[([\w.]+)[^\]]*\] lacks")
+_KEY = re.compile(r"\bkey ([\w.]+)")
+_DOTTED = re.compile(r"\b([a-z]\w*(?:\.\w+)+)\b")
+
+
+@dataclass
+class ScenarioDraft:
+    """The text, and what it is of.
+
+    Parameters
+    ----------
+    name : of the scenario that it began as. folder : of files that it names.
+    problem : what is wrong with it, one sentence; nothing where it is right.
+    """
+
+    text: str = ""
+    name: str = ""
+    folder: Path = Path()
+    problem: str = ""
+    changed: bool = False
+
+    def edit(self, name_or_path: str) -> None:
+        """Begin from a built-in scenario or a file.
+
+        Raises
+        ------
+        UserError
+            If there is none; the text stays.
+        """
+        if name_or_path in list_scenarios():
+            text, folder = show_scenario(name_or_path), Path()
+        else:
+            load_scenario(name_or_path)  # says what is wrong with the name
+            path = Path(name_or_path)
+            text, folder = path.read_text("utf-8-sig"), path.parent
+        self.text, self.folder, self.problem, self.changed = text, folder, "", False
+        self.name = Path(name_or_path).stem
+
+    def check(self) -> Scenario:
+        """The scenario that the text is.
+
+        Raises
+        ------
+        UserError
+            If it has a mistake; `problem` says the same.
+        """
+        try:
+            content = self.text.encode()
+            scenario = parse_scenario(content, "this scenario", self.name or "edited", self.folder)
+        except UserError as error:
+            line = line_of(str(error), self.text)
+            self.problem = f"{'' if line is None else f'line {line}: '}{error}"
+            raise UserError(self.problem) from error
+        self.problem = ""
+        return scenario
+
+    def save(self, path: Path) -> None:
+        """Write the text, if it is right.
+
+        Raises
+        ------
+        UserError
+            If it has a mistake, or its place is not there.
+        """
+        self.check()
+        if path.suffix != ".toml":
+            raise UserError(f"a scenario's file ends in .toml, and {path} does not")
+        if not path.parent.is_dir():
+            raise UserError(f"folder {path.parent} does not exist; make it, or name another place")
+        write_atomic(path, self.text.encode())
+        self.name, self.folder, self.changed = path.stem, path.parent, False
+
+
+def line_of(message: str, text: str) -> int | None:
+    """The line of a text that the loader's sentence about it means, from 1; None where it cannot be told."""
+    if match := _AT_LINE.search(message):
+        return int(match[1])
+    if match := _UNKNOWN.search(message):
+        return _line_of_key(text, f"{match[2]}.{match[1]}" if match[2] else match[1])
+    if match := _LACKS.search(message):
+        return _line_of_section(text, match[1])
+    for pattern in (_KEY, _DOTTED):
+        for match in pattern.finditer(message):
+            if (line := _line_of_key(text, match[1])) is not None:
+                return line
+    return None
+
+
+def _line_of_key(text: str, path: str) -> int | None:
+    """Line of a key such as ``sensor.exposure_s``; of its section where the key is not written."""
+    section, _, key = path.rpartition(".")
+    here = ""
+    assignment = re.compile(rf"^\s*{re.escape(key)}\s*(?:=|\.)")
+    for number, line in enumerate(text.splitlines(), 1):
+        if header := _HEADER.match(line):
+            here = header[1]
+            if here == path:
+                return number
+        elif here == section and assignment.match(line):
+            return number
+    return _line_of_section(text, section) if section else None
+
+
+def _line_of_section(text: str, section: str) -> int | None:
+    for number, line in enumerate(text.splitlines(), 1):
+        header = _HEADER.match(line)
+        if header and header[1] == section:
+            return number
+    return None

@@ -1,0 +1,138 @@
+"""A pilot that docks by switches of translation alone, from the docking figures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2, COARSE_GAIN, FINE_GAIN, Demand
+from flyaround.simulator.piloting.docking_figures import PROBE_M
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from flyaround.simulator.piloting.control_laws import Switch
+    from flyaround.simulator.piloting.docking_figures import DockingFigures, DockingLimits
+    from flyaround.simulator.piloting.docking_port import DockingPort
+    from flyaround.simulator.runtime.arrays import FloatArray
+
+PUSHES: tuple[tuple[Switch, Switch], ...] = (("right", "left"), ("down", "up"), ("forward", "back"))
+"""Switches of the positive and of the negative direction along each camera axis."""
+
+ROUND_ABOVE_DEG = 25.0
+"""Farther off the axis than this the chaser goes round the target first."""
+ROUND_M_S = 0.25
+CLEAR_M = 3.0
+"""Between the target's sphere and the chaser's docking point on the way round."""
+CONTACT_M_S = 0.08
+SLOW_WITHIN_M = 4.0
+"""From here to the port the chaser closes at `CONTACT_M_S`."""
+LIMIT_SHARE = 0.8
+"""Of the closing speed that is allowed at a distance."""
+BRAKE_M_S2 = 0.012
+"""Deceleration that the pilot plans with, along the axis and across it."""
+ACROSS_GAIN_1_S, ALONG_GAIN_1_S = 0.12, 0.1
+ACROSS_M_S = 0.3
+DEAD_M_S, DEAD_PER_M = 0.002, 5e-5
+"""Dead band, and its growth with the distance: switches that chatter cost most."""
+COARSE_ABOVE_M_S = 0.3
+"""Velocity errors beyond this are corrected with `COARSE_GAIN`."""
+
+
+class Autopilot:
+    """Flies the docking point to a distance before the port, or into it.
+
+    It sees what the pilot sees, the docking figures, and closes the switches that a pilot closes. Attitude is left to
+    the mode that keeps the docked one.
+
+    Parameters
+    ----------
+    port : of the target. target_radius_m : of the sphere about its centre of mass.
+    limits : whose figures it keeps.
+    """
+
+    def __init__(self, port: DockingPort, target_radius_m: float, limits: DockingLimits) -> None:
+        R_port_from_target = matrix_from_quat(port.q_target_from_port_wxyz).T
+        self._origin = R_port_from_target @ np.array(port.origin_m)
+        self._round_m = target_radius_m + CLEAR_M + PROBE_M[2]
+        self._limits = limits
+
+    def demand(self, figures: DockingFigures, goal_m: float | None, held_s: float) -> Demand:
+        """Return the demand for the next ``held_s``.
+
+        Parameters
+        ----------
+        figures : DockingFigures
+            Now.
+        goal_m : float or None
+            Distance before the port to come to rest at, or None to dock [m].
+        held_s : float
+            Period of control [s].
+        """
+        f = figures
+        velocity = np.array([f.right_m_s, f.down_m_s, f.closing_m_s])
+        missing = f.R_port_from_camera.T @ (self.wanted_velocity(f, goal_m) - velocity)
+        most = float(np.abs(missing).max())
+        step, gain = ACCELERATION_M_S2 * held_s, 1.0
+        if most < step:
+            gain = FINE_GAIN
+        elif most > COARSE_ABOVE_M_S:
+            gain = COARSE_GAIN
+        step *= gain
+        least = max(0.6 * step, DEAD_M_S + DEAD_PER_M * max(f.axial_m, 0.0))
+        closed = [
+            positive if x > 0 else negative
+            for x, (positive, negative) in zip(missing, PUSHES, strict=True)
+            if abs(x) > least
+        ]
+        return Demand(switches=frozenset(closed), gain=gain) if closed else Demand()
+
+    def wanted_velocity(self, figures: DockingFigures, goal_m: float | None) -> FloatArray:
+        """(3,) velocity along the port's axes, right, down, in, that the pilot wants [m s-1]."""
+        f = figures
+        on_axis = f.lateral_m <= self._limits.lateral_m and f.axial_m > 0
+        if f.off_axis_deg > ROUND_ABOVE_DEG and not on_axis:
+            return self._round(f)
+        offset = np.array([f.right_m, f.down_m])
+        away = float(np.linalg.norm(offset))
+        across_m_s = min(ACROSS_GAIN_1_S * away, float(np.sqrt(2 * BRAKE_M_S2 * away)), ACROSS_M_S)
+        across = -offset * (across_m_s / max(away, 1e-9))
+        return np.array([*across, self._closing(f, goal_m)])
+
+    def _closing(self, f: DockingFigures, goal_m: float | None) -> float:
+        limits = self._limits
+        left = f.axial_m - (goal_m or 0.0)
+        allowed = LIMIT_SHARE * max(limits.closing_m_s, limits.closing_per_m * f.axial_m)
+        if goal_m is None and f.axial_m < SLOW_WITHIN_M:
+            speed = CONTACT_M_S if self._ready(f) else 0.0
+            # too far in to wait for the attitude and the offset: a little back
+            return speed if speed or f.axial_m > SLOW_WITHIN_M / 4 else -CONTACT_M_S / 2
+        braking = float(np.sqrt(2 * BRAKE_M_S2 * abs(left)))
+        if goal_m is None:
+            braking = float(np.hypot(CONTACT_M_S, np.sqrt(2 * BRAKE_M_S2 * max(left - SLOW_WITHIN_M, 0.0))))
+            speed = min(allowed, braking)
+        else:
+            speed = float(np.sign(left)) * min(allowed, braking, ALONG_GAIN_1_S * abs(left))
+        # straight at the port only as far as the offset lets it: a funnel about the axis
+        funnel = limits.lateral_m + 0.1 * max(f.axial_m, 0.0)
+        return speed * float(np.clip(2.0 - f.lateral_m / funnel, 0.0, 1.0)) if speed > 0 else speed
+
+    def _ready(self, f: DockingFigures) -> bool:
+        limits = self._limits
+        turned = max(abs(f.roll_deg), abs(f.pitch_deg), abs(f.yaw_deg))
+        return f.lateral_m < 0.5 * limits.lateral_m and turned < 0.7 * limits.attitude_deg
+
+    def _round(self, f: DockingFigures) -> FloatArray:
+        """Along a sphere about the target towards the axis."""
+        p = np.array([f.right_m, f.down_m, -f.axial_m]) + self._origin
+        away = float(np.linalg.norm(p))
+        out = p / away
+        towards = np.array([0.0, 0.0, -1.0]) - (-out[2]) * out
+        if np.linalg.norm(towards) < 1e-3:
+            towards = np.cross(out, [0.0, 1.0, 0.0])
+        towards /= np.linalg.norm(towards)
+        # not inward on the way round, and outward first from too near
+        rise = self._round_m - away
+        outward = float(np.clip(ALONG_GAIN_1_S * rise, 0.0, ROUND_M_S))
+        sideways = ROUND_M_S * float(np.clip(1.5 - max(rise, 0.0), 0.0, 1.0))
+        return np.asarray(sideways * towards + outward * out)

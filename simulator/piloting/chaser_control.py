@@ -1,0 +1,336 @@
+"""Steering: thrust and turn of the chaser at each step, from demands by hand, modes, planned burns and autopilot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from flyaround.simulator.piloting import control_laws as laws
+from flyaround.simulator.piloting.autopilot import Autopilot
+from flyaround.simulator.piloting.control_laws import STILL, THRUST, TURN, Demand
+from flyaround.simulator.piloting.guidance_modes import CONTROL_S
+from flyaround.simulator.piloting.planned_burns import BurnPlan
+from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.guidance.manual_control import guarded_command
+from flyaround.simulator.world.guidance.thruster_control import retreat_impulse
+
+if TYPE_CHECKING:
+    from flyaround.simulator.piloting.control_laws import Switch
+    from flyaround.simulator.piloting.docking_watch import Docking, News
+    from flyaround.simulator.piloting.guidance_modes import Guided
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.frames.lvlh import Lvlh
+    from flyaround.simulator.world.guidance.manual_control import ChaserState, SteeringCommand
+    from flyaround.simulator.world.guidance.thrusters import Thrusters
+
+Axes = Literal["camera", "lvlh"]
+Thrust = Literal["continuous", "pulse"]
+AttitudeMode = Literal["rate", "hold", "target", "dock"]
+ATTITUDE_MODES: tuple[AttitudeMode, ...] = get_args(AttitudeMode)
+
+BORESIGHT: Vec3 = (0.0, 0.0, 1.0)
+ACTIVE_STEP_S = 0.2
+"""Longest step while hand, brake or autopilot push, or contact is possible."""
+PILOT_S = 0.1
+"""The autopilot looks at the figures so often."""
+COAST_STEP_S = 20.0
+ABORT_M_S2 = 0.25
+"""With which an abort turns the chaser round."""
+PLUME_AGAIN_S = 300.0
+"""Between two cautions of it."""
+# radial, along-track, cross-track of thrust to the right, down, forward: up is radial, forward along the flight
+LVLH_FROM_DEMAND = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
+
+NOT_KEPT = frozenset({"docking", "keep_out", "news", "_demand"})
+"""Attributes that a seek does not restore: the rest of the world, news, and the demand by hand."""
+
+
+class Steering:
+    """All that acts on a chaser that the scenario's guidance does not fly.
+
+    Parameters
+    ----------
+    docking : whose figures the autopilot flies by. thrusters : for what it costs.
+    keep_out : what the pilot must not enter.
+    """
+
+    def __init__(self, docking: Docking, thrusters: Thrusters, keep_out: KeepOut | None) -> None:
+        self.docking = docking
+        self.keep_out = keep_out
+        self.axes: Axes = "camera"
+        self.thrust: Thrust = "continuous"
+        self.burns = BurnPlan()
+        self.propellant = Propellant(thrusters)
+        self.news: list[News] = []
+        self._demand = Demand()
+        self.let_go()
+
+    def let_go(self) -> None:
+        """Nothing pushes or turns any more; burns and what was spent stay."""
+        self.attitude: AttitudeMode = "hold"
+        self.aim: Vec3 = BORESIGHT
+        self.braking = False
+        self.guarded = False
+        self.plume = False
+        self._plume_told_s = -np.inf
+        self.guided: Guided | None = None
+        self.aborting = False
+        self.autopilot = False
+        self._demand = replace(self._demand, thrust=STILL, turn=STILL)
+        self._pulse_m_s = np.zeros(3)
+        self._pulse_rad = np.zeros(3)
+        self._guided_m_s2 = np.zeros(3)
+        self._guided_until_s = -np.inf
+        self._pilot_demand = Demand()
+        self._pilot_until_s = -np.inf
+
+    def kept(self) -> dict[str, Any]:
+        """All that must come back with a place of the flight; what hands hold does not."""
+        return {name: value for name, value in vars(self).items() if name not in NOT_KEPT}
+
+    def bring_back(self, kept: dict[str, Any]) -> None:
+        """Be as it was when `kept` was asked."""
+        vars(self).update(kept)
+
+    # --- the pilot's demand
+
+    def hold(self, demand: Demand) -> None:
+        """Hold a demand from now on; in pulses each switch that closes gives one pulse."""
+        if self.thrust == "pulse":
+            closed = demand.switches - self._demand.switches
+            self._add_pulse(closed, demand.gain)
+        self._demand = demand
+        if demand.pushes:
+            self._end_for_hand()
+
+    def _add_pulse(self, switches: frozenset[Switch], gain: float) -> None:
+        self._pulse_m_s = self._pulse_m_s + laws.PULSE_M_S * gain * laws.direction(THRUST, switches)
+        self._pulse_rad = self._pulse_rad + laws.PULSE_RAD * gain * laws.direction(TURN, switches)
+
+    def _drop_demand(self) -> None:
+        """Drop what is demanded, until the next `hold`."""
+        self._demand = Demand()
+        self._pulse_m_s = np.zeros(3)
+
+    def _end_for_hand(self) -> None:
+        if self.doing and not self.docking.docked:
+            self.news.append(("note", f"{self.doing} has ended: you push"))
+        self.braking = False
+        self._end_modes()
+
+    def pulse(self, switch: Switch) -> None:
+        """Give one pulse of a switch's direction, however thrust is given."""
+        self._add_pulse(frozenset({switch}), 1.0)
+        if switch in THRUST:
+            self._end_for_hand()
+
+    @property
+    def takes_over(self) -> bool:
+        """True if something is demanded that the scenario's guidance cannot give."""
+        return not self._demand.idle
+
+    def brake(self) -> None:
+        """To rest beside the target."""
+        self._end_modes()
+        self._drop_demand()
+        self.braking = True
+
+    def guide(self, guided: Guided | None) -> None:
+        """A mode of the world's guidance, or none."""
+        self._end_modes()
+        self.braking = False
+        self.guided = guided
+
+    def engage_autopilot(self) -> None:
+        """Fly to the next hold point and, once all are passed, into the port; with the attitude of docking."""
+        self._end_modes()
+        self.braking = False
+        self.autopilot = True
+        self.attitude = "dock"
+
+    def abort(self) -> None:
+        """Turn away from the target in the next step: straight outward, which keeps to a corridor's cone."""
+        self._end_modes()
+        self.braking = False
+        self.burns = BurnPlan()
+        self._drop_demand()
+        self.docking.docked = False
+        self.aborting = True
+
+    def _end_modes(self) -> None:
+        self.guided, self.autopilot, self.aborting = None, False, False
+        self._guided_until_s = self._pilot_until_s = -np.inf
+        self._pilot_demand = Demand()
+
+    @property
+    def doing(self) -> str:
+        """What flies the chaser, for people; nothing where it coasts by hand."""
+        if self.docking.docked:
+            return "docked"
+        if self.aborting:
+            return "abort"
+        if self.autopilot:
+            return "autopilot"
+        return "" if self.guided is None else self.guided.title
+
+    def take_news(self) -> list[News]:
+        """What is to be told since the last call."""
+        news, self.news = self.news, []
+        return news
+
+    # --- a step
+
+    def step_s(self, chaser: ChaserState, wanted_s: float) -> float:
+        """How long the next step may be.
+
+        Parameters
+        ----------
+        chaser : now. wanted_s : what the clock's rate asks for.
+        """
+        longest = min(wanted_s, self._longest_s(chaser))
+        edge = self.burns.next_edge_s(chaser.t_s) - chaser.t_s
+        return min(longest, edge) if edge > 1e-9 else longest
+
+    def _longest_s(self, chaser: ChaserState) -> float:
+        t_s = chaser.t_s
+        if self.guided is not None:
+            if t_s >= self.guided.coasts_from_s:
+                return COAST_STEP_S
+            left = self._guided_until_s - t_s
+            return left if left > 1e-9 else CONTROL_S
+        if self.autopilot:
+            left = self._pilot_until_s - t_s
+            return left if left > 1e-9 else PILOT_S
+        busy = self.takes_over or self.braking or self.aborting
+        if busy or self._pulse_m_s.any() or self._pulse_rad.any():
+            return ACTIVE_STEP_S
+        # half of the time that a straight way to the target takes
+        speed = max(float(np.linalg.norm(chaser.velocity_eci_m_s)), 1e-3)
+        arrives = 0.5 * max(self.docking.gap_m(chaser), 0.0) / speed
+        return max(ACTIVE_STEP_S, min(COAST_STEP_S, arrives))
+
+    def command(self, chaser: ChaserState, flight: Flight, h: float) -> SteeringCommand:
+        """What holds over a step of length ``h``; what it costs is noted."""
+        frame = flight.orbit.frame(chaser.t_s)
+        R_camera_from_lvlh = matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ frame.R_eci_from_lvlh
+        in_camera, in_lvlh = self._push(chaser, flight, frame, h)
+        asked = laws.slewed_command(in_camera, self._turn(chaser, flight, frame, h), chaser, h)
+        command = replace(asked, acceleration_lvlh_m_s2=vec3(in_lvlh))
+        if self.keep_out is not None:
+            command, self.guarded = guarded_command(chaser, command, h, frame, self.keep_out, laws.BRAKE_M_S2)
+        given = np.array(command.acceleration_camera_m_s2) + R_camera_from_lvlh @ np.array(
+            command.acceleration_lvlh_m_s2
+        )
+        self.propellant = self.propellant.after(given, h)
+        self._watch_plume(chaser.t_s, plume_strikes(chaser, given, self.docking.radius_m))
+        self.burns = self.burns.after(chaser.t_s + h)
+        return command
+
+    def _watch_plume(self, t_s: float, strikes: bool) -> None:  # noqa: FBT001 - what was found
+        if strikes and t_s >= self._plume_told_s + PLUME_AGAIN_S:
+            self._plume_told_s = t_s
+            self.news.append(("caution", "the plume strikes the target: push sideways, or from farther away"))
+        self.plume = strikes
+
+    # --- pushes
+
+    def _push(
+        self, chaser: ChaserState, flight: Flight, frame: Lvlh, h: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """(3,) thrust per mass along camera axes, and (3,) along LVLH axes [m s-2]."""
+        in_lvlh = self.burns.acceleration_lvlh_m_s2(chaser.t_s, chaser.t_s + h)
+        by_hand = self._by_hand(h)
+        if self.axes == "lvlh":
+            in_camera, in_lvlh = np.zeros(3), in_lvlh + LVLH_FROM_DEMAND @ by_hand
+        else:
+            in_camera = by_hand
+        if self.braking:
+            brake, speed = laws.brake_camera_m_s2(chaser, frame, h)
+            in_camera = in_camera + brake
+            self.braking = speed >= laws.BRAKED_M_S
+        if self.aborting:
+            in_lvlh = in_lvlh + self._retreat(chaser, frame, h)
+        elif self.guided is not None:
+            in_lvlh = in_lvlh + self._guidance(self.guided, chaser, frame)
+        elif self.autopilot:
+            in_camera = in_camera + self._pilot(chaser, flight)
+        return in_camera, in_lvlh
+
+    def _by_hand(self, h: float) -> FloatArray:
+        """(3,) demanded thrust and pulses: right, down, forward [m s-2]."""
+        demand = self._demand
+        push = laws.ACCELERATION_M_S2 * demand.gain * np.array(demand.thrust)
+        if self.thrust == "continuous":
+            push = push + demand.switched_thrust_m_s2()
+        if self._pulse_m_s.any():
+            most = laws.ACCELERATION_M_S2 * h
+            given = np.clip(self._pulse_m_s, -most, most)
+            self._pulse_m_s = self._pulse_m_s - given
+            self._pulse_m_s[np.abs(self._pulse_m_s) < 1e-12] = 0.0
+            push = push + given / h
+        return push
+
+    def _retreat(self, chaser: ChaserState, frame: Lvlh, h: float) -> FloatArray:
+        p, v = frame.from_eci(np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s))
+        sphere = self.keep_out or KeepOut(radius_m=2 * self.docking.radius_m + 5.0)
+        wanted = retreat_impulse(p, v, sphere)
+        size = float(np.linalg.norm(wanted))
+        if float(np.linalg.norm(p)) > 2 * sphere.radius_m:
+            self.aborting = False
+            self.news.append(("note", "the abort is done: the chaser drifts"))
+        return wanted / max(size, 1e-12) * min(ABORT_M_S2, size / h)
+
+    def _guidance(self, guided: Guided, chaser: ChaserState, frame: Lvlh) -> FloatArray:
+        if chaser.t_s >= self._guided_until_s - 1e-9:
+            state = frame.from_eci(np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s))
+            self._guided_m_s2 = guided.acceleration_lvlh(chaser.t_s, state)
+            self._guided_until_s = chaser.t_s + CONTROL_S
+        return self._guided_m_s2
+
+    def _pilot(self, chaser: ChaserState, flight: Flight) -> FloatArray:
+        if chaser.t_s >= self._pilot_until_s - 1e-9:
+            docking = self.docking
+            pilot = Autopilot(docking.port, docking.radius_m, docking.limits)
+            point = docking.hold_points.next
+            figures = docking.figures(chaser, flight)
+            goal = None if point is None else point.axial_m
+            self._pilot_demand = pilot.demand(figures, goal, PILOT_S)
+            self._pilot_until_s = chaser.t_s + PILOT_S
+        return self._pilot_demand.switched_thrust_m_s2()
+
+    # --- turns
+
+    def _turn(self, chaser: ChaserState, flight: Flight, frame: Lvlh, h: float) -> FloatArray:
+        """(3,) rate relative to ECI that is wanted, camera axes [rad s-1]."""
+        demand = self._demand
+        asked = laws.RATE_RAD_S * demand.gain * np.array(demand.turn)
+        if self.thrust == "continuous":
+            asked = asked + demand.switched_turn_rad_s()
+        if self._pulse_rad.any():
+            most = laws.PULSE_RAD_S * h
+            given = np.clip(self._pulse_rad, -most, most)
+            self._pulse_rad = self._pulse_rad - given
+            self._pulse_rad[np.abs(self._pulse_rad) < 1e-12] = 0.0
+            asked = asked + given / h
+        match self.attitude:
+            case "rate":
+                # as a joystick commands a wheel: the rate stays until it is pushed back
+                return np.array(chaser.omega_camera_rad_s) + asked * (h / laws.RATE_TIME_S)
+            case "target":
+                self.aim = laws.turned_aim(self.aim, asked, h)
+                return asked + laws.tracking_rate_rad_s(chaser, self.aim, h)
+            case "dock":
+                return asked + laws.docked_rate_rad_s(
+                    chaser, flight.attitude(chaser.t_s), self.docking.port, h
+                )
+            case "hold":
+                if self.axes == "lvlh":
+                    R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)
+                    asked = asked + R_camera_from_eci @ frame.omega_eci_rad_s
+                return asked

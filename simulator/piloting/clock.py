@@ -1,0 +1,99 @@
+"""The clock of a flight: pause, rate, and time that is hurried to a moment."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+RATES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+JUMP_RATE = 1000.0
+STEP_S = 0.02
+"""Integration step at 1x; it grows with the rate as far as `Steering.step_s` allows."""
+MOST_STEPS_PER_S = 1000.0
+"""Steps per second of the pilot's time. Where steps must be short, time runs slower than its rate."""
+_ROUNDING = 1e-9
+"""Relative: sums of equal parts count as the whole."""
+
+Jump = Literal["", "event", "hold-point"]
+
+
+class FlightClock:
+    """Converts the pilot's time to steps of simulated time.
+
+    Attributes
+    ----------
+    paused : bool
+    rate : float
+        Simulated seconds per second of the pilot's time, one of ``RATES``.
+    jump : str
+        Kind of moment that time is hurried to; empty if it is not.
+    jump_until_s : float
+        Simulated time at which a jump ends at the latest [s].
+    """
+
+    def __init__(self) -> None:
+        self.paused = False
+        self.rate = 1.0
+        self.reset()
+
+    def reset(self) -> None:
+        """End a jump without a change of rate, and drop time that was not flown yet."""
+        self._owed_s = 0.0
+        self.jump: Jump = ""
+        self.jump_until_s = 0.0
+
+    def toggle_pause(self) -> None:
+        """Pause, or go on."""
+        self.paused = not self.paused
+
+    def set_rate(self, rate: float) -> None:
+        """Set the rate, and end a jump.
+
+        Raises
+        ------
+        ValueError
+            If it is not one of ``RATES``.
+        """
+        if rate not in RATES:
+            raise ValueError(f"rate {rate} is not one of {RATES}")
+        self.jump, self.rate = "", rate
+
+    def shift_rate(self, places: int) -> None:
+        """Change to a rate some places up or down in ``RATES``; a jump ends at 1x first."""
+        self.end_jump()
+        self.rate = RATES[min(max(RATES.index(self.rate) + places, 0), len(RATES) - 1)]
+
+    def hurry(self, jump: Jump, until_s: float) -> None:
+        """Run at `JUMP_RATE` until `end_jump`, at the latest until ``until_s``."""
+        self.jump, self.jump_until_s, self.paused = jump, until_s, False
+
+    def end_jump(self) -> None:
+        """Go back to 1x if time is hurried."""
+        if self.jump:
+            self.jump, self.rate = "", 1.0
+
+    def slow_down(self) -> None:
+        """Run, at no more than 1x."""
+        self.jump, self.rate, self.paused = "", min(self.rate, 1.0), False
+
+    # --- steps
+
+    @property
+    def _current_rate(self) -> float:
+        return JUMP_RATE if self.jump else self.rate
+
+    @property
+    def step_s(self) -> float:
+        """Step that the rate asks for [s]."""
+        return STEP_S * self._current_rate
+
+    def add(self, dt_s: float) -> None:
+        """Add the pilot's time that is to be flown [s]."""
+        self._owed_s += dt_s
+
+    def pay(self, step_s: float) -> bool:
+        """Take the pilot's time that a step stands for; False if too little is left."""
+        costs = max(step_s / self._current_rate, 1 / MOST_STEPS_PER_S)
+        if self._owed_s < costs * (1 - _ROUNDING):
+            return False
+        self._owed_s = max(self._owed_s - costs, 0.0)
+        return True

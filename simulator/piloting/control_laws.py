@@ -1,0 +1,198 @@
+"""Control laws: demands of thrust and turn, rate slew, brake, and keeping the target in view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+)
+from flyaround.simulator.world.guidance.manual_control import ChaserState, SteeringCommand
+
+if TYPE_CHECKING:
+    from collections.abc import Set as AbstractSet
+
+    from flyaround.simulator.piloting.docking_port import DockingPort
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.frames.lvlh import Lvlh
+
+Switch = str
+"""Name of an on-off controller, one of `SWITCHES`."""
+# Directions along camera axes: x right, y down, z forward.
+THRUST: dict[Switch, Vec3] = {
+    "forward": (0.0, 0.0, 1.0),
+    "back": (0.0, 0.0, -1.0),
+    "left": (-1.0, 0.0, 0.0),
+    "right": (1.0, 0.0, 0.0),
+    "up": (0.0, -1.0, 0.0),
+    "down": (0.0, 1.0, 0.0),
+}
+# Right-handed turns of the camera about its axes: about +x the nose goes up, about +y it goes right.
+TURN: dict[Switch, Vec3] = {
+    "pitch-up": (1.0, 0.0, 0.0),
+    "pitch-down": (-1.0, 0.0, 0.0),
+    "yaw-left": (0.0, -1.0, 0.0),
+    "yaw-right": (0.0, 1.0, 0.0),
+    "roll-left": (0.0, 0.0, -1.0),
+    "roll-right": (0.0, 0.0, 1.0),
+}
+SWITCHES: tuple[Switch, ...] = (*THRUST, *TURN)
+STILL: Vec3 = (0.0, 0.0, 0.0)
+
+ACCELERATION_M_S2 = 0.05
+"""Whole thrust per mass: two seconds of it make 0.1 m/s, an inspection's pace."""
+RATE_RAD_S = np.radians(2.0)
+SLEW_RAD_S2 = np.radians(10.0)
+"""How quickly the attitude control reaches a commanded rate, so that pictures do not jerk."""
+BRAKE_M_S2 = 0.1
+TRACK_GAIN_1_S = 1.0
+COARSE_GAIN, FINE_GAIN = 5.0, 0.2
+PULSE_M_S = 0.01
+"""Delta-v of one pulse."""
+PULSE_RAD = np.radians(0.2)
+"""Turn of one pulse."""
+PULSE_RAD_S = np.radians(0.2)
+"""Rate of a turn by pulses, which the slew reaches in a step."""
+RATE_TIME_S = 1.0
+"""Where the rate is held, a turn reaches the demanded rate in this time."""
+ALIGN_RAD_S = np.radians(5.0)
+"""Largest rate with which the docked attitude is taken."""
+AT_REST_M_S = 1e-6
+BRAKED_M_S = 1e-4
+"""Below this the brake has done its work and lets go."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demand:
+    """Thrust and turn that a pilot demands by hand.
+
+    Parameters
+    ----------
+    thrust : tuple of float
+        Thrust to the right, down and forward, each -1 to 1 of `ACCELERATION_M_S2`.
+    turn : tuple of float
+        Turn up, right and clockwise, each -1 to 1 of `RATE_RAD_S`.
+    switches : frozenset of str
+        On-off controllers that are closed, each for the whole thrust or turn of its direction. While thrust is given in
+        pulses, each gives one pulse when it closes.
+    gain : float
+        Factor of all of them, at most `COARSE_GAIN`.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range, or a switch does not exist.
+    """
+
+    thrust: Vec3 = STILL
+    turn: Vec3 = STILL
+    switches: frozenset[Switch] = frozenset()
+    gain: float = 1.0
+
+    def __post_init__(self) -> None:
+        for axes in (self.thrust, self.turn):
+            if len(axes) != 3 or not all(-1.0 <= share <= 1.0 for share in axes):
+                raise ValueError(f"a demand of {axes} is not three shares from -1 to 1")
+        if not 0.0 < self.gain <= COARSE_GAIN or not self.switches <= set(SWITCHES):
+            raise ValueError(f"gain {self.gain} or one of {sorted(self.switches)} cannot be demanded")
+
+    @property
+    def pushes(self) -> bool:
+        """True if thrust is demanded."""
+        return any(switch in THRUST for switch in self.switches) or any(self.thrust)
+
+    @property
+    def idle(self) -> bool:
+        """True if neither thrust nor turn is demanded."""
+        return not self.switches and not any(self.thrust) and not any(self.turn)
+
+    def switched_thrust_m_s2(self) -> FloatArray:
+        """(3,) acceleration that the switches demand, camera axes [m s-2]."""
+        return ACCELERATION_M_S2 * self.gain * direction(THRUST, self.switches)
+
+    def switched_turn_rad_s(self) -> FloatArray:
+        """(3,) rate relative to ECI that the switches demand, camera axes [rad s-1]."""
+        return RATE_RAD_S * self.gain * direction(TURN, self.switches)
+
+
+def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3, dt_s: float) -> FloatArray:
+    """Rate that keeps the target in a direction of the camera frame [rad s-1].
+
+    The line of sight's own rate, plus a turn that takes out what is left of the error.
+
+    Parameters
+    ----------
+    chaser : the state now.
+    aim_camera : unit vector where the target shall appear. dt_s : the rate is held so long.
+    """
+    R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)
+    los = -R_camera_from_eci @ np.array(chaser.position_eci_m)
+    los_rate = -R_camera_from_eci @ np.array(chaser.velocity_eci_m_s)
+    distance = float(np.linalg.norm(los))
+    seen = los / distance
+    # in a long step no more than the error itself
+    gain_1_s = min(TRACK_GAIN_1_S, 1 / dt_s)
+    return np.cross(seen, los_rate) / distance + gain_1_s * np.cross(np.array(aim_camera), seen)
+
+
+def docked_rate_rad_s(
+    chaser: ChaserState, attitude: tuple[FloatArray, FloatArray], port: DockingPort, dt_s: float
+) -> FloatArray:
+    """Rate that takes and keeps the attitude of a docked chaser [rad s-1].
+
+    Parameters
+    ----------
+    chaser : the state now. attitude : of the target, ``q_eci_from_target_wxyz`` and its rate in its axes.
+    port : of the target. dt_s : the rate is held so long.
+    """
+    q_target, omega = attitude
+    q_camera_from_target = quat_multiply(chaser.q_camera_from_eci_wxyz, q_target)
+    turned = quat_multiply(quat_conjugate(port.q_target_from_port_wxyz), quat_conjugate(q_camera_from_target))
+    sine, cosine = float(np.linalg.norm(turned[1:])), float(turned[0])
+    angle = 2 * np.arctan2(sine, abs(cosine))
+    axis = turned[1:] / max(sine, 1e-12) * (1.0 if cosine >= 0 else -1.0)
+    back = min(min(TRACK_GAIN_1_S, 1 / dt_s) * angle, ALIGN_RAD_S)
+    return matrix_from_quat(q_camera_from_target) @ omega - back * axis
+
+
+def turned_aim(aim_camera: Vec3, rate_camera_rad_s: FloatArray, dt_s: float) -> Vec3:
+    """Where a direction is in the camera once it has turned at a rate for ``dt_s``."""
+    turn = matrix_from_quat(quat_from_rotvec(-np.asarray(rate_camera_rad_s) * dt_s))
+    return vec3(turn @ np.array(aim_camera))
+
+
+def brake_camera_m_s2(chaser: ChaserState, frame: Lvlh, dt_s: float) -> tuple[FloatArray, float]:
+    """Acceleration that takes the chaser to rest in LVLH, bounded, and the speed that is left [m s-1]."""
+    _, v_lvlh = frame.from_eci(np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s))
+    v_camera = matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ frame.R_eci_from_lvlh @ v_lvlh
+    speed = float(np.linalg.norm(v_camera))
+    if speed < AT_REST_M_S:
+        return np.zeros(3), speed
+    return -v_camera / speed * min(BRAKE_M_S2, speed / dt_s), speed
+
+
+def slewed_command(
+    acceleration: FloatArray, wanted_rate: FloatArray, chaser: ChaserState, dt_s: float
+) -> SteeringCommand:
+    """The command of one step: the rate moves towards the wanted one no quicker than the slew allows."""
+    change = wanted_rate - np.array(chaser.omega_camera_rad_s)
+    size = float(np.linalg.norm(change))
+    most = SLEW_RAD_S2 * dt_s
+    if size > most:
+        change = change * (most / size)
+    return SteeringCommand(
+        acceleration_camera_m_s2=vec3(acceleration),
+        rate_camera_rad_s=vec3(np.array(chaser.omega_camera_rad_s) + change),
+    )
+
+
+def direction(directions: dict[Switch, Vec3], switches: AbstractSet[Switch]) -> FloatArray:
+    """(3,) sum of the directions of the closed switches."""
+    return np.sum([directions[s] for s in directions if s in switches] or [STILL], axis=0)

@@ -1,0 +1,350 @@
+"""Docking in figures: where the chaser is before the port, how that compares with limits, and contact judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.frames.vectors import cross
+
+if TYPE_CHECKING:
+    from flyaround.simulator.piloting.docking_port import DockingPort
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.guidance.manual_control import ChaserState
+
+State = Literal["within", "near", "outside"]
+
+PROBE_M: Vec3 = (0.0, 0.0, 1.0)
+"""The chaser's docking point in camera axes: on the boresight, a metre before the camera."""
+CAPTURE_M = 0.5
+"""The docking point touches the port if it comes into its plane nearer than this to its middle."""
+CORRIDOR_DEG = 10.0
+"""Half angle of the corridor before the port, where the scenario has none."""
+NEAR = 2.0
+"""Up to so many times its limit a figure is near it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DockingFigures:
+    """The chaser's docking point before the port, and its attitude against the docked one.
+
+    Parameters
+    ----------
+    axial_m : distance before the plane of the port; negative behind it. closing_m_s : how fast that shrinks.
+    right_m, down_m : offset across the axis, as a docked camera sees right and down.
+    right_m_s, down_m_s : its rate; all velocities are those that the turning target sees.
+    roll_deg, pitch_deg, yaw_deg : attitude against the docked one: clockwise, up, right.
+    roll_deg_s, pitch_deg_s, yaw_deg_s : rate of the chaser against the target, camera axes z, x, y.
+    """
+
+    t_s: float
+    axial_m: float
+    closing_m_s: float
+    right_m: float
+    down_m: float
+    right_m_s: float
+    down_m_s: float
+    roll_deg: float
+    pitch_deg: float
+    yaw_deg: float
+    roll_deg_s: float
+    pitch_deg_s: float
+    yaw_deg_s: float
+
+    @property
+    def range_m(self) -> float:
+        """From the docking point to the middle of the port."""
+        return float(np.sqrt(self.axial_m**2 + self.lateral_m**2))
+
+    @property
+    def lateral_m(self) -> float:
+        """Distance from the axis."""
+        return float(np.hypot(self.right_m, self.down_m))
+
+    @property
+    def lateral_m_s(self) -> float:
+        """Speed across the axis."""
+        return float(np.hypot(self.right_m_s, self.down_m_s))
+
+    @property
+    def turn_deg_s(self) -> float:
+        """Size of the rate of the attitude."""
+        return float(np.linalg.norm([self.roll_deg_s, self.pitch_deg_s, self.yaw_deg_s]))
+
+    @property
+    def speed_m_s(self) -> float:
+        """Size of the velocity."""
+        return float(np.hypot(self.closing_m_s, self.lateral_m_s))
+
+    @property
+    def R_port_from_camera(self) -> FloatArray:
+        """(3, 3) the attitude that the three angles say."""
+        r, p, y = np.radians([self.roll_deg, self.pitch_deg, self.yaw_deg])
+        cr, sr, cp, sp, cy, sy = np.cos(r), np.sin(r), np.cos(p), np.sin(p), np.cos(y), np.sin(y)
+        about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+        about_x = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
+        about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
+        return np.asarray(about_y @ about_x @ about_z)
+
+    def in_camera_m(self, points_port_m: FloatArray) -> FloatArray:
+        """Points (N, 3) of the port's axes, from its middle, in the camera's [m]."""
+        R = self.R_port_from_camera
+        tip = np.array([self.right_m, self.down_m, -self.axial_m])
+        return np.asarray((points_port_m - (tip - R @ np.array(PROBE_M))) @ R)
+
+    @property
+    def aimed_at_m(self) -> tuple[float, float] | None:
+        """Where the docking point will meet the plane of the port, right and down, unless it does not close in."""
+        if self.closing_m_s < 1e-3 or self.axial_m <= 0:
+            return None
+        left_s = self.axial_m / self.closing_m_s
+        return self.right_m + left_s * self.right_m_s, self.down_m + left_s * self.down_m_s
+
+    @property
+    def off_axis_deg(self) -> float:
+        """Angle at the port between its axis and the docking point: 0 on the axis, 180 behind the target."""
+        return float(np.degrees(np.arctan2(self.lateral_m, self.axial_m)))
+
+
+def docking_figures(
+    chaser: ChaserState, attitude: tuple[FloatArray, FloatArray], port: DockingPort
+) -> DockingFigures:
+    """The figures of a moment.
+
+    Parameters
+    ----------
+    chaser : its state. port : of the target.
+    attitude : of the target at that time: ``q_eci_from_target_wxyz`` and its rate, target axes [rad s-1].
+    """
+    q_target, omega = attitude
+    R_target_from_eci = matrix_from_quat(q_target).T
+    R_eci_from_camera = matrix_from_quat(chaser.q_camera_from_eci_wxyz).T
+    omega_camera = np.array(chaser.omega_camera_rad_s)
+    arm = np.array(PROBE_M)
+    p = R_target_from_eci @ (np.array(chaser.position_eci_m) + R_eci_from_camera @ arm)
+    v = R_target_from_eci @ (np.array(chaser.velocity_eci_m_s) + R_eci_from_camera @ cross(omega_camera, arm))
+    R_port_from_target = matrix_from_quat(port.q_target_from_port_wxyz).T
+    x, y, z = R_port_from_target @ (p - np.array(port.origin_m))
+    vx, vy, vz = R_port_from_target @ (v - cross(omega, p))
+    R = R_port_from_target @ R_target_from_eci @ R_eci_from_camera
+    turn = np.degrees(omega_camera - (R_target_from_eci @ R_eci_from_camera).T @ omega)
+    return DockingFigures(
+        t_s=chaser.t_s,
+        axial_m=-float(z),
+        closing_m_s=float(vz),
+        right_m=float(x),
+        down_m=float(y),
+        right_m_s=float(vx),
+        down_m_s=float(vy),
+        # R_port_from_camera = R_y(yaw) R_x(pitch) R_z(roll)
+        roll_deg=float(np.degrees(np.arctan2(R[1, 0], R[1, 1]))),
+        pitch_deg=float(np.degrees(np.arcsin(np.clip(-R[1, 2], -1.0, 1.0)))),
+        yaw_deg=float(np.degrees(np.arctan2(R[0, 2], R[2, 2]))),
+        roll_deg_s=float(turn[2]),
+        pitch_deg_s=float(turn[0]),
+        yaw_deg_s=float(turn[1]),
+    )
+
+
+def docking_point_target_m(chaser: ChaserState, q_eci_from_target_wxyz: FloatArray) -> FloatArray:
+    """(3,) the chaser's docking point from the target's centre of mass, target axes [m]."""
+    R_eci_from_camera = matrix_from_quat(chaser.q_camera_from_eci_wxyz).T
+    reach = np.array(chaser.position_eci_m) + R_eci_from_camera @ np.array(PROBE_M)
+    return np.asarray(matrix_from_quat(q_eci_from_target_wxyz).T @ reach)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DockingLimits:
+    """What figures may be at contact; closing speed and offset may be larger farther away.
+
+    Parameters
+    ----------
+    name, title : for commands and for people. source : whose they are.
+    closing_m_s, lateral_m, lateral_m_s, attitude_deg, rate_deg_s : largest at contact; the last two for each axis.
+    slowest_m_s : closing at contact must not be slower.
+    closing_per_m : closing speed allowed for a metre of distance [s-1]; the larger counts.
+    lateral_per_m : offset and its rate may grow by this share of the distance.
+    """
+
+    name: str
+    title: str
+    source: str
+    closing_m_s: float
+    lateral_m: float
+    lateral_m_s: float
+    attitude_deg: float
+    rate_deg_s: float
+    slowest_m_s: float = 0.0
+    closing_per_m: float = 1 / 200
+    lateral_per_m: float = 0.02
+
+    def lateral_at_m(self, axial_m: float) -> float:
+        """Offset allowed at a distance before the port, along each of the two directions."""
+        return self.lateral_m + self.lateral_per_m * axial_m
+
+
+TWO_TENTHS = DockingLimits(
+    name="two-tenths",
+    title="All below 0.2",
+    source="SpaceX's docking simulator (iss-sim.spacex.com): every figure below 0.2",
+    closing_m_s=0.2,
+    lateral_m=0.2,
+    lateral_m_s=0.2,
+    attitude_deg=0.2,
+    rate_deg_s=0.2,
+)
+IDSS = DockingLimits(
+    name="idss",
+    title="IDSS standard",
+    source="International Docking System Standard, initial contact conditions",
+    closing_m_s=0.10,
+    slowest_m_s=0.05,
+    lateral_m=0.10,
+    lateral_m_s=0.04,
+    attitude_deg=4.0,
+    rate_deg_s=0.2,
+)
+PRESETS: dict[str, DockingLimits] = {p.name: p for p in (TWO_TENTHS, IDSS)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """A figure beside its limit.
+
+    Parameters
+    ----------
+    name, unit : for people. value : signed where it has a sign. limit : of its size, now.
+    """
+
+    name: str
+    unit: str
+    value: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        """The value with its sign and two places; nothing is minus zero."""
+        return f"{round(self.value, 2) + 0.0:+.2f}"
+
+    @property
+    def share(self) -> float:
+        """Size over limit."""
+        return abs(self.value) / self.limit
+
+    @property
+    def state(self) -> State:
+        """Within the limit, near it (up to twice as large), or outside."""
+        return "within" if self.share <= 1.0 else "near" if self.share <= NEAR else "outside"
+
+
+def judge(
+    figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG
+) -> tuple[Judged, ...]:
+    """Each figure beside its limit at the distance where the chaser is."""
+    f, away = figures, max(figures.axial_m, 0.0)
+    closing = max(limits.closing_m_s, limits.closing_per_m * away)
+    across = limits.lateral_at_m(away)
+    across_rate = limits.lateral_m_s * (1 + limits.lateral_per_m * away)
+    # within the offset allowed at the port the angle at it says nothing
+    off_axis = 0.0 if f.lateral_m <= limits.lateral_m and f.axial_m > -limits.lateral_m else f.off_axis_deg
+    rows = (
+        ("closing", "m/s", f.closing_m_s, closing),
+        ("offset right", "m", f.right_m, across),
+        ("offset down", "m", f.down_m, across),
+        ("rate right", "m/s", f.right_m_s, across_rate),
+        ("rate down", "m/s", f.down_m_s, across_rate),
+        ("roll", "deg", f.roll_deg, limits.attitude_deg),
+        ("pitch", "deg", f.pitch_deg, limits.attitude_deg),
+        ("yaw", "deg", f.yaw_deg, limits.attitude_deg),
+        ("roll rate", "deg/s", f.roll_deg_s, limits.rate_deg_s),
+        ("pitch rate", "deg/s", f.pitch_deg_s, limits.rate_deg_s),
+        ("yaw rate", "deg/s", f.yaw_deg_s, limits.rate_deg_s),
+        ("off axis", "deg", off_axis, corridor_deg),
+    )
+    return tuple(Judged(name=n, unit=u, value=v, limit=most) for n, u, v, most in rows)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """A touch, judged.
+
+    Parameters
+    ----------
+    t_s : when. figures : right before it. at_port : whether the docking point met the port, not the body elsewhere.
+    misses : what was wrong, in words; a docking if nothing. score : 0 to 100.
+    """
+
+    t_s: float
+    figures: DockingFigures
+    at_port: bool
+    misses: tuple[str, ...]
+    score: int
+
+    @property
+    def docked(self) -> bool:
+        """Whether it was a docking within all limits."""
+        return not self.misses
+
+    def document(self) -> dict[str, Any]:
+        """As a JSON-able object."""
+        return {
+            "t_s": self.t_s,
+            "docked": self.docked,
+            "score": self.score,
+            "misses": list(self.misses),
+            **{name: value for name, value in vars(self.figures).items() if name != "t_s"},
+        }
+
+
+def judge_contact(figures: DockingFigures, limits: DockingLimits, *, at_port: bool) -> Contact:
+    """What a touch is worth.
+
+    Each figure gives 100 points at zero, 50 at its limit, none from twice that on; the score is their mean, and 0 for
+    a touch elsewhere than at the port. The corridor has no part in it.
+    """
+    rows = judge(figures, limits)[:-1]
+    misses = [f"{r.name} {abs(r.value):.3g} {r.unit} (limit {r.limit:g})" for r in rows if r.share > 1.0]
+    if figures.closing_m_s < limits.slowest_m_s:
+        misses.append(f"closing {figures.closing_m_s:.3g} m/s (at least {limits.slowest_m_s:g})")
+    if not at_port:
+        misses.insert(0, "the body was touched beside the port")
+    points = float(np.mean([max(0.0, 100.0 - 50.0 * r.share) for r in rows]))
+    return Contact(
+        t_s=figures.t_s,
+        figures=figures,
+        at_port=at_port,
+        misses=tuple(misses),
+        score=round(points) if at_port else 0,
+    )
+
+
+def touches_port(before: DockingFigures, after: DockingFigures) -> bool:
+    """Whether the docking point came into the plane of the port from outside, near its middle."""
+    if not before.axial_m > 0.0 >= after.axial_m:
+        return False
+    # where the straight line between the two meets the plane
+    share = before.axial_m / (before.axial_m - after.axial_m)
+    right = before.right_m + share * (after.right_m - before.right_m)
+    down = before.down_m + share * (after.down_m - before.down_m)
+    return float(np.hypot(right, down)) <= CAPTURE_M
+
+
+def docked_state(
+    attitude: tuple[FloatArray, FloatArray], port: DockingPort
+) -> tuple[Vec3, Vec3, FloatArray, Vec3]:
+    """The chaser held by the port: position and velocity along GCRS axes, ``R_camera_from_eci`` and its rate.
+
+    Parameters
+    ----------
+    attitude : of the target: ``q_eci_from_target_wxyz`` and its rate, target axes [rad s-1]. port : of the target.
+    """
+    q_target, omega = attitude
+    R_eci_from_target = matrix_from_quat(q_target)
+    R_eci_from_port = R_eci_from_target @ matrix_from_quat(port.q_target_from_port_wxyz)
+    p = R_eci_from_target @ np.array(port.origin_m) - R_eci_from_port @ np.array(PROBE_M)
+    turn = R_eci_from_target @ omega
+    return vec3(p), vec3(cross(turn, p)), R_eci_from_port.T, vec3(R_eci_from_port.T @ turn)

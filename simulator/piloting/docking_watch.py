@@ -1,0 +1,212 @@
+"""Docking over a flight: port, limits, hold points, contacts, and what the body does that is touched."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from flyaround.simulator.piloting.docking_figures import (
+    CAPTURE_M,
+    CORRIDOR_DEG,
+    TWO_TENTHS,
+    Contact,
+    docked_state,
+    docking_figures,
+    docking_point_target_m,
+    judge_contact,
+    touches_port,
+)
+from flyaround.simulator.piloting.docking_port import (
+    docking_port,
+    port_along,
+    radius_m,
+    target_from_lvlh,
+    way_to_surface_m,
+)
+from flyaround.simulator.piloting.hold_points import HoldPoints, not_ready
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+
+if TYPE_CHECKING:
+    from flyaround.simulator.piloting.docking_figures import DockingFigures, DockingLimits
+    from flyaround.simulator.piloting.docking_port import DockingPort
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.guidance.keep_out import KeepOut
+    from flyaround.simulator.world.guidance.manual_control import ChaserState
+
+    News = tuple[Literal["note", "caution", "warning"], str]
+
+WATCHED_M = 1.5
+"""Contact is looked for when the docking point is within this of the target's sphere."""
+REBOUND = 0.3
+"""Share of the closing speed that a touch which is no docking sends back."""
+JUDGED_AGAIN_M = 0.5
+"""A second touch counts once the docking point has been so far from the port."""
+
+KEPT = frozenset({"limits", "contacts", "docked", "_armed", "_port", "hold_points"})
+"""Attributes that a seek restores; hold points once they are known."""
+
+
+class Docking:
+    """Watches one flight's approach to one port.
+
+    Parameters
+    ----------
+    target : the model. flight : its start says where the port looks.
+    keep_out : whose corridor bounds the approach, if it has one.
+    """
+
+    def __init__(self, target: Target, flight: Flight, keep_out: KeepOut | None) -> None:
+        self._target = target
+        self._start = flight
+        self.limits: DockingLimits = TWO_TENTHS
+        closed = keep_out is None or keep_out.corridor_axis_lvlh is None
+        self.corridor_deg = CORRIDOR_DEG if keep_out is None or closed else keep_out.corridor_half_angle_deg
+        self.contacts: list[Contact] = []
+        self.docked = False
+        self._armed = True
+        self._port: DockingPort | None = None
+
+    @property
+    def port(self) -> DockingPort:
+        """The port; found at the first question."""
+        if self._port is None:
+            self._port = docking_port(self._target, self._start)
+        return self._port
+
+    @cached_property
+    def hold_points(self) -> HoldPoints:
+        """From where the scenario's chaser begins."""
+        return HoldPoints(self.figures(self._start.chaser(0.0), self._start).range_m)
+
+    @property
+    def contact(self) -> Contact | None:
+        """The last one."""
+        return self.contacts[-1] if self.contacts else None
+
+    @cached_property
+    def radius_m(self) -> float:
+        """Of the sphere about the target's centre of mass."""
+        return radius_m(self._target)
+
+    def figures(self, chaser: ChaserState, flight: Flight) -> DockingFigures:
+        """Of a state of the chaser."""
+        return docking_figures(chaser, flight.attitude(chaser.t_s), self.port)
+
+    def take_axis_here(self, chaser: ChaserState, flight: Flight) -> None:
+        """Dock along the axis on which the chaser is now: a port where it enters the body."""
+        to_target = matrix_from_quat(flight.attitude(chaser.t_s)[0]).T
+        axis = to_target @ np.array(chaser.position_eci_m)
+        self._port = port_along(self._target, axis, target_from_lvlh(flight, chaser.t_s), flight)
+        self.hold_points = HoldPoints(self.figures(chaser, flight).range_m)
+
+    def not_ready(self, chaser: ChaserState, flight: Flight) -> tuple[str, ...]:
+        """What is against leaving the next hold point; nothing where there is none."""
+        point = self.hold_points.next
+        if point is None:
+            return ()
+        return not_ready(point, self.figures(chaser, flight), self.limits, self.corridor_deg)
+
+    def kept(self) -> dict[str, Any]:
+        """All that must come back with a place of the flight."""
+        return {name: copy(value) for name, value in vars(self).items() if name in KEPT}
+
+    def bring_back(self, kept: dict[str, Any]) -> None:
+        """Be as it was when `kept` was asked."""
+        vars(self).update(kept)
+
+    # --- touch
+
+    def is_near(self, chaser: ChaserState) -> bool:
+        """Whether contact is possible soon."""
+        return self.gap_m(chaser) < WATCHED_M
+
+    def gap_m(self, chaser: ChaserState) -> float:
+        """From the target's sphere to the nearest that the docking point can be."""
+        return float(np.linalg.norm(chaser.position_eci_m)) - self.radius_m - 1.0
+
+    def after_step(
+        self, before: ChaserState, after: ChaserState, flight: Flight
+    ) -> tuple[ChaserState, tuple[News, ...]]:
+        """The state after a step that may have touched the target, and what is to be told."""
+        if not self.is_near(after):
+            self._armed = True
+            return after, ()
+        was, now = self.figures(before, flight), self.figures(after, flight)
+        self._armed = self._armed or now.range_m > JUDGED_AGAIN_M
+        at_port = touches_port(was, now)
+        if not at_port:
+            if not self._strikes(before, after, flight):
+                return after, ()
+            # guides and latches stand out about a port
+            at_port = was.lateral_m <= CAPTURE_M and 0.0 < was.axial_m <= CAPTURE_M
+        contact = judge_contact(was, self.limits, at_port=at_port)
+        news: tuple[News, ...] = ()
+        if self._armed:
+            self._armed = False
+            contact = replace(contact, t_s=after.t_s)
+            self.contacts.append(contact)
+            news = (_told(contact),)
+        if at_port and contact.docked:
+            self.docked = True
+            return self.held_at(after.t_s, flight), news
+        return self._rebound(before, after, flight), news
+
+    def held_at(self, t_s: float, flight: Flight) -> ChaserState:
+        """The docked chaser."""
+        p, v, R_camera_from_eci, turn = docked_state(flight.attitude(t_s), self.port)
+        q = quat(quat_from_matrix(R_camera_from_eci))
+        return replace(
+            flight.chaser(t_s),
+            position_eci_m=p,
+            velocity_eci_m_s=v,
+            q_camera_from_eci_wxyz=q,
+            omega_camera_rad_s=turn,
+        )
+
+    def _strikes(self, before: ChaserState, after: ChaserState, flight: Flight) -> bool:
+        """Whether the way of the docking point, or of the camera, went through the surface."""
+        com = np.array(self._target.mass.com_m)
+        for point in (docking_point_target_m, _camera_point):
+            a, b = (com + point(s, flight.attitude(s.t_s)[0]) for s in (before, after))
+            way = b - a
+            length = float(np.linalg.norm(way))
+            if length == 0.0:
+                continue
+            hit = way_to_surface_m(self._target, a, way / length)
+            if hit is not None and hit <= length:
+                return True
+        return False
+
+    def _rebound(self, before: ChaserState, after: ChaserState, flight: Flight) -> ChaserState:
+        """Back where it was before the step, sent away from the target with a part of its closing speed."""
+        _, omega = flight.attitude(before.t_s)
+        R_eci_from_target = matrix_from_quat(flight.attitude(before.t_s)[0])
+        p = np.array(before.position_eci_m)
+        surface = np.cross(R_eci_from_target @ omega, p)
+        relative = np.array(before.velocity_eci_m_s) - surface
+        out = p / np.linalg.norm(p)
+        closing = max(-float(relative @ out), 0.0)
+        relative = relative + (closing + max(REBOUND * closing, 0.01)) * out
+        return replace(
+            after,
+            position_eci_m=before.position_eci_m,
+            velocity_eci_m_s=vec3(surface + relative),
+            q_camera_from_eci_wxyz=before.q_camera_from_eci_wxyz,
+        )
+
+
+def _camera_point(chaser: ChaserState, q_eci_from_target_wxyz: FloatArray) -> FloatArray:
+    return np.asarray(matrix_from_quat(q_eci_from_target_wxyz).T @ np.array(chaser.position_eci_m))
+
+
+def _told(contact: Contact) -> News:
+    if contact.docked:
+        return "note", f"docked at T+{contact.t_s:.1f} s, score {contact.score}"
+    return "warning", f"contact at T+{contact.t_s:.1f} s is no docking: {'; '.join(contact.misses)}"

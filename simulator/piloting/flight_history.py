@@ -1,0 +1,295 @@
+"""The states of a flight, kept compactly while it is flown: any place of it can be gone back to and flown on from.
+
+A sample is the clock, the steered chaser's 13 numbers and what steered it (one packed text, shared by neighbours that
+are alike): an hour in tenths of a second takes a few megabytes.
+"""
+
+from __future__ import annotations
+
+import pickle
+import zlib
+from array import array
+from bisect import bisect_right
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.world.flight.recording import Recording
+from flyaround.simulator.world.guidance.manual_control import ChaserState
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+EVERY_S = 0.1
+"""Simulated time between samples; at higher rates each step of the session is one."""
+WIDTH = 15
+"""Numbers of a sample: time, the chaser's 13 (NaN while guided), which controls."""
+MOST_SAMPLES = 400_000
+"""Eleven hours in tenths of a second; beyond it every second sample is dropped."""
+MOST_CONTROLS_BYTES = 40_000_000
+LONGEST_NOTE = 200
+MOST_BOOKMARKS = 500
+ROUNDING_S = 5e-4
+"""Of sums of steps."""
+
+
+@dataclass(frozen=True)
+class FlownPlace:
+    """One sample, unpacked.
+
+    Parameters
+    ----------
+    steered : the chaser where it is steered, None while the scenario's guidance flies it.
+    controls : what steered it, as it was given to `Timeline.add`.
+    """
+
+    t_s: float
+    steered: ChaserState | None
+    controls: Any
+
+
+@dataclass(frozen=True)
+class Bookmark:
+    """A place with a note."""
+
+    t_s: float
+    note: str
+
+
+class FlownRows:
+    """Rows of numbers in the order of time, which is the first of each, and the future that was left last.
+
+    Parameters
+    ----------
+    width : int
+        Numbers of a row.
+
+    Attributes
+    ----------
+    numbers : array
+        Row after row.
+    left : tuple or None
+        How many rows that future shares with these, and the rest of it.
+    """
+
+    def __init__(self, width: int) -> None:
+        self._width = width
+        self.numbers = array("d")
+        self.left: tuple[int, array[float]] | None = None
+
+    def __len__(self) -> int:
+        return len(self.numbers) // self._width
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last row [s]; 0 where there is none."""
+        return self.numbers[-self._width] if self.numbers else 0.0
+
+    def wants(self, t_s: float, every_s: float) -> bool:
+        """Return True if a row is due at a time."""
+        return not self.numbers or t_s >= self.end_s + every_s - ROUNDING_S
+
+    def time_of(self, k: int) -> float:
+        """Return the time of a row [s]."""
+        return self.numbers[self._width * k]
+
+    def at(self, t_s: float) -> int:
+        """Return the number of the row at or before a time, or -1."""
+        return bisect_right(range(len(self)), t_s, key=self.time_of) - 1
+
+    def rows(self, k: int, count: int = 1) -> array[float]:
+        """Return some rows, as many as there are."""
+        return self.numbers[self._width * k : self._width * (k + count)]
+
+    def leave_after(self, k: int) -> None:
+        """Leave all that comes after row k, or everything for -1."""
+        self.left = k + 1, self._cut(k + 1)
+
+    def swap_future(self) -> int:
+        """Exchange the future with the one that was left, and return how many rows both share."""
+        if self.left is None:
+            return len(self)
+        shared, future = self.left
+        self.left = shared, self._cut(shared)
+        self.numbers.extend(future)
+        return shared
+
+    def _cut(self, k: int) -> array[float]:
+        gone = self.numbers[self._width * k :]
+        del self.numbers[self._width * k :]
+        return gone
+
+
+class Timeline:
+    """Samples of one flight in the order of time, its bookmarks, and the future that was left last.
+
+    To fly on from an earlier place leaves what came after it. That is kept until another future is left, and
+    `swap_future` brings it back.
+    """
+
+    def __init__(self) -> None:
+        self._rows = FlownRows(WIDTH)
+        self._packed: list[bytes] = []
+        self._packed_bytes = 0
+        self._first = b""
+        self._every_s = EVERY_S
+        self.bookmarks: tuple[Bookmark, ...] = ()
+
+    # --- while it is flown
+
+    def wants(self, t_s: float) -> bool:
+        """Return True if the state at a time is due."""
+        return self._rows.wants(t_s, self._every_s)
+
+    def add(self, t_s: float, steered: ChaserState | None, controls: object) -> None:
+        """Keep a state; one that is not later than the last is kept already."""
+        if len(self) and t_s <= self.end_s:
+            return
+        self._rows.numbers.extend((t_s, *_numbers(steered), self._pack(controls)))
+        if len(self) > MOST_SAMPLES or self._packed_bytes > MOST_CONTROLS_BYTES:
+            self._thin()
+
+    def _pack(self, controls: object) -> int:
+        plain = pickle.dumps(controls, protocol=5)
+        # all are much alike: what is told of each is how it differs from the first
+        self._first = self._first or plain
+        packer = zlib.compressobj(1, zdict=self._first)
+        packed = packer.compress(plain) + packer.flush()
+        if not self._packed or self._packed[-1] != packed:
+            self._packed.append(packed)
+            self._packed_bytes += len(packed)
+        return len(self._packed) - 1
+
+    def _thin(self) -> None:
+        """The whole flight stays, at half the density; a future that was left is forgotten."""
+        table = np.array(self._rows.numbers).reshape(-1, WIDTH)[::2]
+        kept, table[:, -1] = np.unique(table[:, -1], return_inverse=True)
+        self._packed = [self._packed[int(k)] for k in kept]
+        self._packed_bytes = sum(map(len, self._packed))
+        self._rows.numbers, self._rows.left = array("d", table.tobytes()), None
+        self._every_s *= 2
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last sample [s]; 0 where there is none."""
+        return self._rows.end_s
+
+    @property
+    def bytes_kept(self) -> int:
+        """Of memory, about."""
+        return len(self) * 8 * WIDTH + self._packed_bytes + 40 * len(self._packed)
+
+    # --- to look back
+
+    def at(self, t_s: float) -> int:
+        """Number of the sample at or before a time."""
+        return max(self._rows.at(t_s + ROUNDING_S), 0)
+
+    def time_of(self, k: int) -> float:
+        """Of a sample [s]."""
+        return self._rows.time_of(k)
+
+    def place(self, k: int) -> FlownPlace:
+        """A sample."""
+        t_s, *numbers, packed = self._rows.rows(k)
+        plain = zlib.decompressobj(zdict=self._first).decompress(self._packed[int(packed)])
+        # what was packed here, not what came from outside
+        controls = pickle.loads(plain)  # noqa: S301
+        return FlownPlace(t_s, _chaser(t_s, numbers), controls)
+
+    def chaser_between(self, t_s: float) -> ChaserState | None:
+        """The steered chaser at any time, by a cubic between two samples; None where guidance flies it."""
+        table = np.array(self._rows.rows(self.at(t_s), 2)).reshape(-1, WIDTH)
+        here = _chaser(float(table[0, 0]), table[0, 1:-1].tolist())
+        if here is None or len(table) < 2 or np.isnan(table[1, 1]):
+            return here
+        pair = {
+            "t_s": table[:, 0],
+            "relative_eci_m": table[:, 1:4],
+            "relative_eci_m_s": table[:, 4:7],
+            "q_camera_from_eci_wxyz": table[:, 7:11],
+            "omega_camera_rad_s": table[:, 11:14],
+        }
+        return Recording(pair).chaser(t_s)
+
+    def leave_after(self, k: int) -> None:
+        """Leave all that comes after sample k, or everything for -1; see `swap_future`."""
+        if k + 1 < len(self):
+            self._rows.leave_after(k)
+
+    @property
+    def left_s(self) -> tuple[float, float] | None:
+        """From when to when the future goes that was left last [s]."""
+        if self._rows.left is None:
+            return None
+        shared, future = self._rows.left
+        return self.time_of(shared - 1) if shared else 0.0, future[-WIDTH]
+
+    def swap_future(self) -> int:
+        """The future that was left comes back, and the one flown since is left for it; the last sample of both.
+
+        Raises
+        ------
+        UserError
+            If none was left.
+        """
+        if self._rows.left is None:
+            raise UserError("no future was left: go back with timeline.seek and fly on from there first")
+        shared = self._rows.swap_future()
+        if not self._rows.left[1]:
+            self._rows.left = None
+        return max(shared - 1, 0)
+
+    # --- bookmarks
+
+    def bookmark(self, t_s: float, note: str) -> Bookmark:
+        """Keep a place by a note, in the order of time.
+
+        Raises
+        ------
+        UserError
+            If there are too many.
+        """
+        if len(self.bookmarks) >= MOST_BOOKMARKS:
+            raise UserError(
+                f"there are {MOST_BOOKMARKS} bookmarks; take one away first (timeline.unbookmark)"
+            )
+        mark = Bookmark(t_s, " ".join(note.split())[:LONGEST_NOTE])
+        others = (b for b in self.bookmarks if abs(b.t_s - t_s) > ROUNDING_S)
+        self.bookmarks = tuple(sorted((*others, mark), key=lambda b: b.t_s))
+        return mark
+
+    def unbookmark(self, t_s: float) -> None:
+        """Take away the bookmark nearest to a time."""
+        gone = min(self.bookmarks, key=lambda b: abs(b.t_s - t_s), default=None)
+        self.bookmarks = tuple(b for b in self.bookmarks if b is not gone)
+
+
+def _numbers(steered: ChaserState | None) -> Sequence[float]:
+    if steered is None:
+        return (np.nan,) * (WIDTH - 2)
+    return (
+        *steered.position_eci_m,
+        *steered.velocity_eci_m_s,
+        *steered.q_camera_from_eci_wxyz,
+        *steered.omega_camera_rad_s,
+    )
+
+
+def _chaser(t_s: float, numbers: Sequence[float]) -> ChaserState | None:
+    row = np.array(numbers)
+    if np.isnan(row[0]):
+        return None
+    return ChaserState(
+        t_s=t_s,
+        position_eci_m=vec3(row[:3]),
+        velocity_eci_m_s=vec3(row[3:6]),
+        q_camera_from_eci_wxyz=quat(row[6:10]),
+        omega_camera_rad_s=vec3(row[10:]),
+    )

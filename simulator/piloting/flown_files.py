@@ -1,0 +1,82 @@
+"""What was flown so far as files: the recording, and the scenario that replays it; made a few states at a time."""
+
+from __future__ import annotations
+
+import time
+from array import array
+from typing import TYPE_CHECKING
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.recorder import write_flight
+from flyaround.simulator.runtime.files import empty_folder
+from flyaround.simulator.world.flight.recording import Recording, state_row
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from flyaround.simulator.piloting.session import FlightSession
+
+MOST_FOLDERS = 10_000
+
+
+class FlownFiles:
+    """Writes a flight as the timeline has it, up to its last sample; call `go_on` until it is done.
+
+    Parameters
+    ----------
+    session : whose flight. folder : empty or to be made.
+
+    Raises
+    ------
+    UserError
+        If nothing was flown yet, or the folder is not empty or cannot be written.
+    """
+
+    def __init__(self, session: FlightSession, folder: Path) -> None:
+        session.look_back.keep(always=True)
+        self._timeline = session.look_back.timeline
+        self._flight, self._scenario = session.flight, session.plan.scenario
+        self._count = len(self._timeline)
+        if self._count < 2:
+            raise UserError("nothing was flown yet, so there is no flight to keep")
+        self.folder = empty_folder(folder, option="another name")
+        self._rows = array("d")
+        self._next = 0
+
+    @property
+    def share(self) -> float:
+        """How much of it is done."""
+        return self._next / self._count
+
+    def go_on(self, longest_s: float) -> Path | None:
+        """Some more of it, for about ``longest_s``; the scenario's path once it is whole.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written.
+        """
+        until = time.perf_counter() + longest_s
+        while self._next < min(self._count, len(self._timeline)):
+            place = self._timeline.place(self._next)
+            chaser = place.steered or self._flight.chaser(place.t_s)
+            self._rows.extend(state_row(self._flight.state_with_chaser(chaser)))
+            self._next += 1
+            if time.perf_counter() >= until:
+                return None
+        return write_flight(self.folder, self._scenario, Recording.of_rows(self._rows))
+
+
+def free_folder(parent: Path, name: str) -> Path:
+    """A folder of this name and a number that is not there yet.
+
+    Raises
+    ------
+    UserError
+        If there are too many.
+    """
+    for k in range(1, MOST_FOLDERS):
+        folder = parent / f"{name}-{k:03d}"
+        if not folder.exists():
+            return folder
+    raise UserError(f"{parent} holds {MOST_FOLDERS} flights of {name}; move some away")

@@ -1,0 +1,130 @@
+"""Flying a guidance mode from where the chaser is: a path to the mode's start, then the mode's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.world.guidance.thruster_control import path_impulse
+from flyaround.simulator.world.orbit.propagation import elements_from_state
+from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
+from flyaround.simulator.world.relative.yamanaka_ankersen import true_anomaly_after
+
+if TYPE_CHECKING:
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.world.guidance.chaser import Chaser
+    from flyaround.simulator.world.orbit.propagation import OrbitTrack
+
+    LvlhState = tuple[FloatArray, FloatArray]
+
+CONTROL_S = 1.0
+"""Period of control; thrust is constant over it."""
+LARGEST_M_S2 = 0.05
+"""Thrust per mass along each LVLH axis."""
+JOIN_M_S = 0.2
+"""Mean speed of the way to where a mode begins."""
+LEAST_JOIN_S = 10.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Guided:
+    """A mode that was begun.
+
+    Parameters
+    ----------
+    title : for people. mode : of the world. n_rad_s : mean motion. start_s : when it was begun.
+    join : states of the chaser then and of the mode's start. join_s : how long the way between them takes.
+    """
+
+    title: str
+    mode: Chaser
+    n_rad_s: float
+    start_s: float
+    join: tuple[LvlhState, LvlhState]
+    join_s: float
+
+    @property
+    def coasts_from_s(self) -> float:
+        """When its control ends and gravity alone is left; never for a path."""
+        return self.start_s + self.join_s if self.mode.ballistic else float("inf")
+
+    def aim(self, t_s: float) -> LvlhState:
+        """Where the chaser should be at a time, and how fast."""
+        since = t_s - self.start_s
+        if since >= self.join_s:
+            if not self.mode.ballistic:
+                return self.mode.state_lvlh(since - self.join_s, self.n_rad_s)
+            # a step of control that reaches beyond the end of the way aims along the free flight
+            p, v = self.join[1]
+            later = transition_matrix(self.n_rad_s, since - self.join_s) @ np.concatenate([p, v])
+            return later[:3], later[3:]
+        return cubic_between(*self.join, self.join_s, since)
+
+    def phase(self, t_s: float) -> str:
+        """What it does at a time, in a word or two."""
+        since = t_s - self.start_s
+        return "on the way to its start" if since < self.join_s else self.mode.phase(since - self.join_s)
+
+    def acceleration_lvlh(self, t_s: float, state: LvlhState) -> FloatArray:
+        """(3,) thrust per mass to hold for the next period of control [m s-2].
+
+        Parameters
+        ----------
+        state : position [m] and velocity [m s-1] of the chaser now, LVLH.
+        """
+        if t_s >= self.coasts_from_s:
+            return np.zeros(3)
+        decide = getattr(self.mode, "impulse_lvlh", None)
+        if decide is not None and t_s - self.start_s >= self.join_s:
+            wanted = decide(*state, self.n_rad_s)
+        else:
+            Phi = transition_matrix(self.n_rad_s, CONTROL_S)
+            wanted = path_impulse(state, self.aim(t_s + CONTROL_S), Phi, CONTROL_S)
+        return np.asarray(np.clip(wanted / CONTROL_S, -LARGEST_M_S2, LARGEST_M_S2))
+
+
+def begin_mode(
+    title: str, mode: Chaser, state: LvlhState, n_rad_s: float, t_s: float, orbit: OrbitTrack | None = None
+) -> Guided:
+    """A mode begun now; the chaser first flies to its start on a curve that suits both velocities.
+
+    Parameters
+    ----------
+    orbit : of the target, to whose eccentricity free flight is fitted; a circular one unless given.
+    """
+    end = mode.state_lvlh(0.0, n_rad_s)
+    join_s = _join_s(state, end)
+    if orbit is not None and mode.ballistic:
+        mu = orbit.forces.mu_m3_s2
+        now = elements_from_state(*orbit(t_s), mu)
+        end = mode.start_lvlh(replace(now, true_anomaly_rad=true_anomaly_after(now, join_s, mu)), mu)
+    return Guided(title=title, mode=mode, n_rad_s=n_rad_s, start_s=t_s, join=(state, end), join_s=join_s)
+
+
+def _join_s(start: LvlhState, end: LvlhState) -> float:
+    """Long enough for the speed and for half the thrust there is."""
+    way = float(np.linalg.norm(end[0] - start[0]))
+    speeds = float(np.linalg.norm(start[1]) + np.linalg.norm(end[1]))
+    most = LARGEST_M_S2 / 2
+    return max(LEAST_JOIN_S, way / JOIN_M_S, float(np.sqrt(6 * way / most)), 4 * speeds / most)
+
+
+def cubic_between(start: LvlhState, end: LvlhState, duration_s: float, t_s: float) -> LvlhState:
+    """Position and velocity on the cubic of Hermite between two states.
+
+    Parameters
+    ----------
+    duration_s : between them. t_s : since the first.
+    """
+    (p0, v0), (p1, v1) = start, end
+    x, T = t_s / duration_s, duration_s
+    p = (
+        (1 + 2 * x) * (1 - x) ** 2 * p0
+        + x * (1 - x) ** 2 * T * v0
+        + x * x * (3 - 2 * x) * p1
+        - x * x * (1 - x) * T * v1
+    )
+    v = 6 * x * (1 - x) / T * (p1 - p0) + (1 - x) * (1 - 3 * x) * v0 + x * (3 * x - 2) * v1
+    return p, v

@@ -1,0 +1,243 @@
+"""Orders to fly a guidance mode from where the chaser is."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.guidance_modes import begin_mode
+from flyaround.simulator.piloting.orders import Order
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.guidance.free_flight import NaturalCircumnavigation, RangeKeeping, SafeEllipse
+from flyaround.simulator.world.guidance.paths import (
+    ForcedFlyaround,
+    Glideslope,
+    Hold,
+    RbarApproach,
+    VbarApproach,
+    Waypoints,
+)
+
+if TYPE_CHECKING:
+    from flyaround.simulator.piloting.docking_watch import News
+    from flyaround.simulator.piloting.guidance_modes import LvlhState
+    from flyaround.simulator.piloting.piloted_craft import PilotedCraft
+    from flyaround.simulator.world.guidance.chaser import Chaser
+
+CLEAR_RADII = 1.5
+"""No mode may lead nearer to the centre of mass than so many radii of the target."""
+NEAR_M = 10.0
+"""Default distance of a hold point from the centre of mass; farther from a large target."""
+APPROACH_M_S = 0.1
+TURN_S = 900.0
+"""Default period of a fly-around."""
+KEPT_M = 5.0
+"""Default swing of range keeping to both sides."""
+LEAST_SWING_M = 4.0
+
+
+@dataclass(frozen=True)
+class GuidanceOrder(Order):
+    """An order to fly a guidance mode of the world."""
+
+    title: ClassVar[str]
+
+    def carry_out(self, craft: PilotedCraft) -> News:
+        """Take over, and begin the mode."""
+        craft.take_over()
+        state, flight = craft.state_lvlh(), craft.flight
+        mode = self.mode(state, craft.docking.radius_m)
+        craft.steering.guide(begin_mode(self.title, mode, state, flight.n_rad_s, craft.t_s, flight.orbit))
+        return "note", f"guidance: {self.title}"
+
+    @abstractmethod
+    def mode(self, state: LvlhState, radius_m: float) -> Chaser:
+        """Return the mode that begins at a state of the chaser, about a target of a radius.
+
+        Raises
+        ------
+        UserError
+            If it leads into the target, or nowhere.
+        """
+
+
+@dataclass(frozen=True)
+class KeepStation(GuidanceOrder):
+    """Keep a place of LVLH [m], or the one where the chaser is."""
+
+    title = "station keeping"
+    place_lvlh_m: Vec3 | None = None
+
+    def mode(self, state: LvlhState, radius_m: float) -> Hold:
+        """Return station keeping."""
+        if self.place_lvlh_m is None:
+            return Hold(position_lvlh_m=vec3(state[0]))
+        _check_clear(float(np.linalg.norm(self.place_lvlh_m)), radius_m, "the point")
+        return Hold(position_lvlh_m=self.place_lvlh_m)
+
+
+@dataclass(frozen=True)
+class ApproachVbar(GuidanceOrder):
+    """Approach along the velocity axis to a hold point, on the side where the chaser is."""
+
+    title = "V-bar"
+    path: ClassVar[type[VbarApproach | RbarApproach]] = VbarApproach
+    along: ClassVar[int] = 1
+    hold_m: float | None = None
+    speed_m_s: float = APPROACH_M_S
+
+    def mode(self, state: LvlhState, radius_m: float) -> VbarApproach | RbarApproach:
+        """Return the approach."""
+        hold_m = _near_m(radius_m) if self.hold_m is None else self.hold_m
+        _check_clear(hold_m, radius_m, "the hold point")
+        side = -1.0 if state[0][self.along] < 0 else 1.0
+        away = max(float(np.linalg.norm(state[0])), hold_m)
+        return self.path(start_m=side * away, hold_m=side * hold_m, speed_m_s=self.speed_m_s)
+
+
+@dataclass(frozen=True)
+class ApproachRbar(ApproachVbar):
+    """Approach along the radius to a hold point, on the side where the chaser is."""
+
+    title = "R-bar"
+    path = RbarApproach
+    along = 0
+
+
+@dataclass(frozen=True)
+class FlyGlideslope(GuidanceOrder):
+    """Fly straight in to a distance; a hundredth of the way left a second, at last 1 cm/s."""
+
+    title = "glideslope"
+    end_m: float | None = None
+
+    def mode(self, state: LvlhState, radius_m: float) -> Glideslope:
+        """Return the glideslope."""
+        end_m = _near_m(radius_m) if self.end_m is None else self.end_m
+        _check_clear(end_m, radius_m, "the end of the glideslope")
+        p = state[0]
+        away = float(np.linalg.norm(p))
+        if away <= end_m:
+            raise UserError(
+                f"the chaser is {away:.1f} m from the target, inside {end_m:g} m; name a nearer end"
+            )
+        return Glideslope(
+            start_lvlh_m=vec3(p),
+            end_lvlh_m=vec3(p * (end_m / away)),
+            start_m_s=max(0.01 * (away - end_m), 0.0101),
+            end_m_s=0.01,
+        )
+
+
+@dataclass(frozen=True)
+class FlyTo(GuidanceOrder):
+    """Fly along a straight line to a place of LVLH [m], and hold there."""
+
+    title = "waypoint"
+    place_lvlh_m: Vec3
+    speed_m_s: float = APPROACH_M_S
+
+    def mode(self, state: LvlhState, radius_m: float) -> Waypoints:
+        """Return the line."""
+        a, b = state[0], np.array(self.place_lvlh_m, float)
+        along = b - a
+        share = float(np.clip(-(a @ along) / max(float(along @ along), 1e-12), 0.0, 1.0))
+        _check_clear(float(np.linalg.norm(a + share * along)), radius_m, "the straight line to that point")
+        return Waypoints(points_lvlh_m=[vec3(a), vec3(b)], speed_m_s=self.speed_m_s)
+
+
+@dataclass(frozen=True)
+class FlyAround(GuidanceOrder):
+    """Fly a forced circle through the chaser's direction, in the plane nearest to that of the orbit."""
+
+    title = "fly-around"
+    circle_m: float | None = None
+    period_s: float = TURN_S
+
+    def mode(self, state: LvlhState, radius_m: float) -> ForcedFlyaround:
+        """Return the circle, through where the chaser is unless its radius is given."""
+        p = state[0]
+        circle_m = float((p @ p) ** 0.5) if self.circle_m is None else self.circle_m
+        _check_clear(circle_m, radius_m, "the circle")
+        in_plane = float(np.hypot(p[0], p[1]))
+        # the node where the chaser is, and the plane raised until it holds the chaser a quarter turn before
+        phase = float(np.degrees(np.arctan2(p[1], p[0])))
+        tilt = float(np.degrees(np.arctan2(abs(p[2]), in_plane)))
+        node = phase - 90.0 if p[2] >= 0 else phase + 90.0
+        return ForcedFlyaround(
+            radius_m=circle_m,
+            period_s=self.period_s,
+            inclination_deg=tilt,
+            node_deg=(node + 360.0) % 360.0,
+            phase_deg=90.0 if p[2] >= 0 else 270.0,
+        )
+
+
+@dataclass(frozen=True)
+class Circumnavigate(GuidanceOrder):
+    """Fly the natural 2:1 ellipse about the target, through the chaser's place unless a size is given."""
+
+    title = "natural circumnavigation"
+    radial_m: float | None = None
+
+    def mode(self, state: LvlhState, radius_m: float) -> NaturalCircumnavigation | SafeEllipse:
+        """Return the ellipse."""
+        size, phase_deg = self.ellipse(state, radius_m)
+        return NaturalCircumnavigation(radial_m=size, phase_deg=phase_deg)
+
+    def ellipse(self, state: LvlhState, radius_m: float) -> tuple[float, float]:
+        """Return half of the radial size [m] and the phase [deg]."""
+        x, y = float(state[0][0]), float(state[0][1])
+        size = float(np.hypot(x, y / 2)) if self.radial_m is None else self.radial_m
+        _check_clear(size, radius_m, "the ellipse")
+        return size, float(np.degrees(np.arctan2(-y / 2, x)))
+
+
+@dataclass(frozen=True)
+class FlySafeEllipse(Circumnavigate):
+    """Fly the natural ellipse with an equal swing out of plane that keeps clear of the velocity axis."""
+
+    title = "safe ellipse"
+
+    def mode(self, state: LvlhState, radius_m: float) -> SafeEllipse:
+        """Return the ellipse."""
+        size, phase_deg = self.ellipse(state, radius_m)
+        return SafeEllipse(radial_m=size, cross_track_m=size, phase_deg=phase_deg)
+
+
+@dataclass(frozen=True)
+class KeepRange(GuidanceOrder):
+    """Drift, turned back at two distances."""
+
+    title = "range keeping"
+    near_m: float | None = None
+    far_m: float | None = None
+
+    def mode(self, state: LvlhState, radius_m: float) -> RangeKeeping:
+        """Return range keeping."""
+        away = float((state[0] @ state[0]) ** 0.5)
+        near_m = max(away - KEPT_M, CLEAR_RADII * radius_m) if self.near_m is None else self.near_m
+        far_m = away + KEPT_M if self.far_m is None else self.far_m
+        _check_clear(near_m, radius_m, "the nearer distance")
+        away = float(np.linalg.norm(state[0]))
+        if not near_m <= away <= far_m or far_m - near_m < LEAST_SWING_M:
+            raise UserError(
+                f"the chaser is {away:.1f} m away; name two distances, at least 4 m apart, that it is between"
+            )
+        return RangeKeeping(position_lvlh_m=vec3(state[0]), near_m=near_m, far_m=far_m)
+
+
+def _near_m(radius_m: float) -> float:
+    return max(NEAR_M, 2 * CLEAR_RADII * radius_m)
+
+
+def _check_clear(away_m: float, radius_m: float, what: str) -> None:
+    least = CLEAR_RADII * radius_m
+    if away_m < least:
+        raise UserError(
+            f"{what} comes within {away_m:.1f} m of the target's centre of mass; allowed: at least {least:.1f} m"
+        )

@@ -1,0 +1,118 @@
+"""Hold points on the axis of approach: where the chaser waits, what must be right there, go or no-go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+from flyaround.simulator.piloting.docking_figures import CORRIDOR_DEG, judge
+
+if TYPE_CHECKING:
+    from flyaround.simulator.piloting.docking_figures import DockingFigures, DockingLimits
+
+Decision = Literal["open", "go", "no-go", "passed"]
+
+DISTANCES_M = (150.0, 100.0, 50.0, 20.0, 10.0, 5.0)
+"""Before the port; those that the chaser starts beyond count."""
+AT_SHARE, AT_LEAST_M = 0.03, 0.2
+"""The chaser is at a hold point within this share of its distance, or this far."""
+RESTS_BELOW_M_S = 0.02
+"""At a hold point the chaser rests; the distance adds a thousandth of itself a second, for the orbit's pull."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HoldPoint:
+    """One of them.
+
+    Parameters
+    ----------
+    axial_m : distance of the docking point before the port. decision : open until the operator decides or it is passed.
+    """
+
+    name: str
+    axial_m: float
+    decision: Decision = "open"
+
+    @property
+    def within_m(self) -> float:
+        """How near counts as there."""
+        return max(AT_LEAST_M, AT_SHARE * self.axial_m)
+
+
+class HoldPoints:
+    """The list, from far to near, and what was decided at each.
+
+    Parameters
+    ----------
+    start_m : distance at which the approach begins. distances_m : of the points.
+    """
+
+    def __init__(self, start_m: float, distances_m: tuple[float, ...] = DISTANCES_M) -> None:
+        self._distances_m = distances_m
+        self.begin(start_m)
+
+    def begin(self, start_m: float) -> None:
+        """All open again, from a distance on."""
+        ahead = sorted((d for d in self._distances_m if d < start_m), reverse=True)
+        self.points = tuple(HoldPoint(name=f"H{k}", axial_m=d) for k, d in enumerate(ahead, start=1))
+
+    @property
+    def next(self) -> HoldPoint | None:
+        """The first that the operator has not let the chaser pass; None when contact is next."""
+        return next((p for p in self.points if p.decision in ("open", "no-go")), None)
+
+    def watch(self, figures: DockingFigures, corridor_deg: float = CORRIDOR_DEG) -> HoldPoint | None:
+        """Note the next point as passed if the chaser is in the corridor beyond it without a go; return it then."""
+        point = self.next
+        beyond = point is not None and figures.axial_m < point.axial_m - 2 * point.within_m
+        if point is None or not beyond or figures.off_axis_deg > corridor_deg:
+            return None
+        self._decide(point, "passed")
+        return point
+
+    def rearm(self, figures: DockingFigures, corridor_deg: float = CORRIDOR_DEG) -> None:
+        """Open the points ahead of an approach that begins outside the corridor; at least the nearest one."""
+        if figures.off_axis_deg > corridor_deg:
+            nearest_m = min(self._distances_m)
+            self.begin(max(figures.range_m, nearest_m * (1 + AT_SHARE)))
+
+    def go(
+        self, figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG
+    ) -> tuple[str, ...]:
+        """Let the chaser pass the next point; what is against it, in words, in which case it stays."""
+        point = self.next
+        if point is None:
+            return ("there is no hold point left",)
+        against = not_ready(point, figures, limits, corridor_deg)
+        if not against:
+            self._decide(point, "go")
+        return against
+
+    def no_go(self) -> HoldPoint | None:
+        """Keep the chaser at the next point; which, if there is one."""
+        point = self.next
+        if point is not None:
+            self._decide(point, "no-go")
+        return point
+
+    def _decide(self, point: HoldPoint, decision: Decision) -> None:
+        self.points = tuple(replace(p, decision=decision) if p.name == point.name else p for p in self.points)
+
+
+def not_ready(
+    point: HoldPoint, figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG
+) -> tuple[str, ...]:
+    """Why the chaser may not leave a hold point for the next; nothing if it may."""
+    against = []
+    away = figures.axial_m - point.axial_m
+    if abs(away) > point.within_m:
+        where = "before" if away > 0 else "behind"
+        against.append(f"{abs(away):.1f} m {where} {point.name}")
+    if figures.speed_m_s > RESTS_BELOW_M_S + 1e-3 * point.axial_m:
+        against.append(f"moving at {figures.speed_m_s:.2f} m/s")
+    against += [
+        f"{row.name} {row.value:+.2f} {row.unit}"
+        for row in judge(figures, limits, corridor_deg)
+        if row.state != "within"
+    ]
+    return tuple(against)

@@ -1,0 +1,121 @@
+"""Moments that an operator jumps to: the next eclipse or end of one, and the next crossing of the terminator."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.open_end import orbit_ahead
+from flyaround.simulator.world.ephemeris.body import bodies_at
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
+from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.world.flight.flight import Flight
+
+Event = Literal["eclipse", "sunrise", "terminator"]
+
+EVENTS: dict[Event, str] = {
+    "eclipse": "the target begins to enter the shadow",
+    "sunrise": "the target is wholly in sunlight again",
+    "terminator": "the target flies over the line between day and night",
+}
+EXACT_S = 0.01
+NEAR_S = 300.0
+"""An event is no later than so long after when a simpler orbit has it."""
+_STEPS_AN_ORBIT = 200
+"""A shadow of the Earth takes a third of a low orbit, and a twentieth of a geostationary one."""
+
+
+def event_ahead_s(plan: Plan, flight: Flight, event: Event, now_s: float) -> float:
+    """When it happens next, however far the flight has been worked out.
+
+    Raises
+    ------
+    UserError
+        If it does not within two orbits.
+    """
+    end_s = now_s + search_s(flight)
+    if end_s <= flight.duration_s:
+        when = next_event_s(flight, event, now_s)
+    else:
+        # two days of all forces take a quarter of a minute: first about when, then when
+        when = next_event_s(orbit_ahead(plan, end_s + 1.0, quick=True), event, now_s)
+        if when is not None:
+            near_s = when + NEAR_S
+            near = orbit_ahead(plan, near_s + 1.0, quick=False)
+            when = next_event_s(near, event, now_s, until_s=near_s)
+    if when is None:
+        raise UserError(f"within the next two orbits there is no moment at which {EVENTS[event]}")
+    return when
+
+
+def search_s(flight: Flight) -> float:
+    """How far ahead events are looked for: two orbits [s]."""
+    return 2 * 2 * np.pi / flight.n_rad_s
+
+
+def next_event_s(flight: Flight, event: Event, after_s: float, until_s: float | None = None) -> float | None:
+    """When it happens next, to a hundredth of a second, or None within the next two orbits.
+
+    Parameters
+    ----------
+    flight : must reach ``until_s``, or else `search_s` beyond ``after_s``.
+    """
+    margin = margin_of(flight, event)
+    end_s = after_s + search_s(flight) if until_s is None else until_s
+    step = search_s(flight) / (2 * _STEPS_AN_ORBIT)
+    # a moment that was jumped to must not be found again
+    low_s = after_s + 2 * EXACT_S
+    low = margin(low_s)
+    while low_s < end_s:
+        high_s = min(low_s + step, end_s)
+        high = margin(high_s)
+        if (low > 0) != (high > 0) and (event == "terminator" or high > 0):
+            return _crossing_s(margin, low_s, high_s)
+        low_s, low = high_s, high
+    return None
+
+
+def margin_of(flight: Flight, event: Event) -> Callable[[float], float]:
+    """A figure that is above zero once the event has happened."""
+    margins: dict[Event, Callable[[float], float]] = {
+        "eclipse": lambda t_s: 1.0 - 1e-9 - sun_fraction(flight, t_s),
+        "sunrise": lambda t_s: sun_fraction(flight, t_s) - (1.0 - 1e-9),
+        "terminator": lambda t_s: sun_height(flight, t_s),
+    }
+    return margins[event]
+
+
+def sun_fraction(flight: Flight, t_s: float) -> float:
+    """Share of the Sun's disc that the target sees, 0 to 1."""
+    now = flight.epoch.plus(t_s)
+    r_body, _ = flight.body.geocentric_state(now)
+    r = r_body + flight.orbit(t_s)[0]
+    return sun_fraction_past_bodies(bodies_at(now, flight.body), r, sun_eci_m(now.tt1, now.tt2))
+
+
+def sun_height(flight: Flight, t_s: float) -> float:
+    """Sine of the Sun's height over the ground below the target, which is taken for a sphere."""
+    now = flight.epoch.plus(t_s)
+    r_body, _ = flight.body.geocentric_state(now)
+    up = flight.orbit(t_s)[0]
+    to_sun = sun_eci_m(now.tt1, now.tt2) - r_body
+    return float(up @ to_sun / (np.linalg.norm(up) * np.linalg.norm(to_sun)))
+
+
+def _crossing_s(margin: Callable[[float], float], low_s: float, high_s: float) -> float:
+    """Where a margin changes its sign, just after it has."""
+    before = margin(low_s) > 0
+    while high_s - low_s > EXACT_S:
+        middle = (low_s + high_s) / 2
+        if (margin(middle) > 0) == before:
+            low_s = middle
+        else:
+            high_s = middle
+    return high_s

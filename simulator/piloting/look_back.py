@@ -1,0 +1,206 @@
+"""The flown past of a flight: any time of it again, playing it, and flying on from there.
+
+Looking back loses nothing: playing shows what was flown, up to its end. Steering, or any order that changes what flies
+the chaser, takes the flight up from the place that is shown, and leaves what came after it.
+"""
+
+from __future__ import annotations
+
+import pickle
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.flight_history import Timeline
+from flyaround.simulator.runtime.arrays import Vec3, vec3
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from flyaround.simulator.piloting.clock import FlightClock
+    from flyaround.simulator.piloting.piloted_craft import PilotedCraft
+    from flyaround.simulator.piloting.recorder import FlightRecorder
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.guidance.manual_control import ChaserState
+
+MOST_TRAIL_POINTS = 4000
+TRAIL_EVERY_S = 0.5
+SWAPPED_TRAIL_POINTS = 400
+"""Points of the trail of a future that comes back."""
+
+
+class LookBack:
+    """Records a flight, and shows earlier times of it.
+
+    Parameters
+    ----------
+    craft : PilotedCraft
+        Put back to states of its past.
+    clock : FlightClock
+        Reset whenever the time changes.
+    recorder : FlightRecorder, optional
+        Follows what belongs to the flight.
+    """
+
+    def __init__(self, craft: PilotedCraft, clock: FlightClock, recorder: FlightRecorder | None) -> None:
+        self._craft, self._clock, self.recorder = craft, clock, recorder
+        self.timeline = Timeline()
+        self.trail = Trail()
+        self.active = False
+        """True while an earlier time is shown than the end of what was flown."""
+        self._restored = b""
+        self.leave_trail()
+
+    # --- recording
+
+    def record(self) -> None:
+        """Record the state before a step, where it is due."""
+        self.keep()
+        recorder = self.recorder
+        if recorder is not None and recorder.wants(self._craft.t_s):
+            recorder.add(self._craft.world)
+
+    def keep(self, *, always: bool = False) -> None:
+        """Add the state now to the timeline, if it is due."""
+        craft = self._craft
+        if not self.active and (always or self.timeline.wants(craft.t_s)):
+            self.timeline.add(craft.t_s, craft.steered, craft.controls())
+
+    def leave_trail(self) -> None:
+        """Add the place now to the trail, if one is due."""
+        craft = self._craft
+        if self.trail.wants(craft.t_s):
+            self.trail.add(craft.t_s, lvlh_position(craft.flight, craft.chaser))
+
+    # --- earlier times
+
+    def seek(self, t_s: float) -> float:
+        """Go to the recorded state at or before a time, and return its time [s].
+
+        Raises
+        ------
+        UserError
+            If nothing was flown yet.
+        """
+        self.keep(always=True)
+        if len(self.timeline) < 2:
+            raise UserError("nothing was flown yet, so there is nothing to look back at")
+        return self._go(self.timeline.at(t_s))
+
+    def step(self, samples: int) -> float:
+        """Go some samples on, or back, and return the time [s]."""
+        self.keep(always=True)
+        here = self.timeline.at(self._craft.t_s)
+        return self._go(min(max(here + samples, 0), len(self.timeline) - 1))
+
+    def _go(self, k: int) -> float:
+        place = self.timeline.place(k)
+        self._restore(place.t_s, place.steered, place.controls)
+        self.active = k < len(self.timeline) - 1
+        return place.t_s
+
+    def _restore(self, t_s: float, steered: ChaserState | None, controls: object) -> None:
+        self._clock.reset()
+        self._craft.restore(t_s, steered, controls)
+        self._restored = self._packed()
+
+    def _packed(self) -> bytes:
+        return pickle.dumps(self._craft.controls(), protocol=5)
+
+    @property
+    def changed(self) -> bool:
+        """True if an order has changed what flies the chaser since the time was shown."""
+        return self.active and self._packed() != self._restored
+
+    def play(self, dt_s: float) -> bool:
+        """Show what was flown ``dt_s`` later; return True at the end of it."""
+        t_s = self._craft.t_s + dt_s
+        if t_s >= self.timeline.end_s:
+            self._go(len(self.timeline) - 1)
+            return True
+        place = self.timeline.place(self.timeline.at(t_s))
+        self._restore(t_s, self.timeline.chaser_between(t_s), place.controls)
+        return False
+
+    # --- futures
+
+    def fly_on(self) -> None:
+        """Take the flight up from the time that is shown."""
+        if not self.active:
+            return
+        k = self.timeline.at(self._craft.t_s)
+        if self._craft.t_s > self.timeline.time_of(k) and not self.changed:
+            # the sample itself, to the last bit, and not what was interpolated
+            self._go(k)
+        self._leave_after(k)
+
+    def restart(self) -> None:
+        """Begin the flight again; what was flown is the future that was left."""
+        self.keep(always=True)
+        self._leave_after(-1)
+
+    def _leave_after(self, k: int) -> None:
+        self.active = False
+        if k + 1 < len(self.timeline) or k < 0:
+            t_s = self.timeline.time_of(k) if k >= 0 else -1.0
+            self.trail.cut(t_s)
+            if self.recorder is not None:
+                self.recorder.leave_after(t_s)
+            self.timeline.leave_after(k)
+
+    def swap_future(self) -> float:
+        """Exchange the flight's future with the one left last; go to where they part, and return its time [s].
+
+        Raises
+        ------
+        UserError
+            If none was left.
+        """
+        self.keep(always=True)
+        k = self.timeline.swap_future()
+        flight, times = self._craft.flight, np.linspace(0.0, self.timeline.end_s, SWAPPED_TRAIL_POINTS)
+        flown = [(float(t), self.timeline.chaser_between(float(t))) for t in times]
+        self.trail.replace((t, lvlh_position(flight, c or flight.chaser(t))) for t, c in flown)
+        if self.recorder is not None:
+            self.recorder.swap_future()
+        return self._go(k)
+
+
+class Trail:
+    """Places of the chaser by time, LVLH [m], thinned so that a whole flight stays in view."""
+
+    def __init__(self) -> None:
+        self.points: list[Vec3] = []
+        self._times_s: list[float] = []
+        self._every_s = TRAIL_EVERY_S
+
+    def wants(self, t_s: float) -> bool:
+        """Return True if a place is due."""
+        return not self._times_s or t_s - self._times_s[-1] >= self._every_s
+
+    def add(self, t_s: float, place: Vec3) -> None:
+        """Add a place, later than the last."""
+        self.points.append(place)
+        self._times_s.append(t_s)
+        if len(self.points) > MOST_TRAIL_POINTS:
+            self.points, self._times_s = self.points[::2], self._times_s[::2]
+            self._every_s *= 2
+
+    def cut(self, t_s: float) -> None:
+        """Remove all that is later; an empty trail begins at full density."""
+        kept = sum(t <= t_s for t in self._times_s)
+        del self.points[kept:], self._times_s[kept:]
+        if not kept:
+            self._every_s = TRAIL_EVERY_S
+
+    def replace(self, places: Iterable[tuple[float, Vec3]]) -> None:
+        """Replace all places by others, in the order of their times."""
+        flown = list(places)
+        self._times_s, self.points = [t for t, _ in flown], [p for _, p in flown]
+
+
+def lvlh_position(flight: Flight, chaser: ChaserState) -> Vec3:
+    """Return the chaser's position along LVLH axes [m]."""
+    p, v = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
+    return vec3(flight.lvlh(chaser.t_s).from_eci(p, v)[0])

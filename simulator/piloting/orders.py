@@ -1,0 +1,266 @@
+"""The pilot's command as a value: a demand by hand, and orders that are carried out once."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.chaser_control import BORESIGHT
+from flyaround.simulator.piloting.control_laws import SWITCHES, Demand
+from flyaround.simulator.piloting.docking_figures import PRESETS
+
+if TYPE_CHECKING:
+    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Axes, Thrust
+    from flyaround.simulator.piloting.control_laws import Switch
+    from flyaround.simulator.piloting.docking_watch import News
+    from flyaround.simulator.piloting.piloted_craft import PilotedCraft
+    from flyaround.simulator.piloting.planned_burns import PlannedBurn
+
+
+class Order(ABC):
+    """An order that is carried out once."""
+
+    @abstractmethod
+    def carry_out(self, craft: PilotedCraft) -> News | None:
+        """Change what flies the craft, and return what the pilot is answered.
+
+        Raises
+        ------
+        UserError
+            If the order is refused.
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class PilotCommand(Demand):
+    """The command of one step: orders that are carried out once, then a demand that is held.
+
+    Parameters
+    ----------
+    orders : tuple of Order
+        In the order in which they are carried out.
+    """
+
+    orders: tuple[Order, ...] = ()
+
+
+# --- who flies
+
+
+@dataclass(frozen=True)
+class TakeOver(Order):
+    """Steer from the state the chaser has."""
+
+    def carry_out(self, craft: PilotedCraft) -> None:
+        """Take over, if the guidance flies."""
+        craft.take_over()
+
+
+@dataclass(frozen=True)
+class FollowGuidance(Order):
+    """Put the chaser back onto the scenario's trajectory.
+
+    Parameters
+    ----------
+    steered : bool
+        Go on steering from there.
+    """
+
+    steered: bool = False
+
+    def carry_out(self, craft: PilotedCraft) -> None:
+        """Put the chaser back, if it is steered."""
+        if craft.mode == "steer":
+            craft.follow_guidance()
+            if self.steered:
+                craft.take_over()
+
+
+# --- by hand
+
+
+@dataclass(frozen=True)
+class Control(Order):
+    """Select how the pilot's demand acts; what is None stays.
+
+    Parameters
+    ----------
+    axes : str, optional
+        Axes of thrust: ``camera`` or ``lvlh``.
+    thrust : str, optional
+        ``continuous``, or one ``pulse`` for each switch that closes.
+    attitude : str, optional
+        What is kept: ``rate``, ``hold``, ``target`` or ``dock``.
+    """
+
+    axes: Axes | None = None
+    thrust: Thrust | None = None
+    attitude: AttitudeMode | None = None
+
+    def carry_out(self, craft: PilotedCraft) -> None:
+        """Select them; an attitude mode takes over."""
+        if self.attitude is not None:
+            craft.set_attitude(self.attitude)
+        craft.steering.axes = self.axes or craft.steering.axes
+        craft.steering.thrust = self.thrust or craft.steering.thrust
+
+
+@dataclass(frozen=True)
+class Centre(Order):
+    """Turn to the target and track it."""
+
+    def carry_out(self, craft: PilotedCraft) -> None:
+        """Track the target along the boresight."""
+        craft.set_attitude("target")
+        craft.steering.aim = BORESIGHT
+
+
+@dataclass(frozen=True)
+class Pulse(Order):
+    """Give one pulse of a switch's direction."""
+
+    switch: Switch
+
+    def carry_out(self, craft: PilotedCraft) -> None:
+        """Take over, and give the pulse."""
+        if self.switch not in SWITCHES:
+            raise UserError(f"there is no switch {self.switch}, only {', '.join(SWITCHES)}")
+        craft.take_over()
+        craft.steering.pulse(self.switch)
+
+
+@dataclass(frozen=True)
+class Stop(Order):
+    """Brake to rest relative to the target's LVLH frame; a turn stops at once."""
+
+    def carry_out(self, craft: PilotedCraft) -> None:
+        """Take over, and brake."""
+        craft.take_over()
+        craft.steering.brake()
+
+
+@dataclass(frozen=True)
+class Abort(Order):
+    """Turn away from the target in the next step, at no more than the clock's own rate."""
+
+    def carry_out(self, craft: PilotedCraft) -> News:
+        """Take over, and retreat."""
+        craft.take_over()
+        craft.steering.abort()
+        return "warning", "abort: the chaser retreats from the target"
+
+
+# --- guidance and burns
+
+
+@dataclass(frozen=True)
+class Drift(Order):
+    """End guidance and autopilot."""
+
+    def carry_out(self, craft: PilotedCraft) -> News:
+        """Take over, and let the chaser drift."""
+        craft.take_over()
+        craft.steering.guide(None)
+        return "note", "guidance: none, the chaser drifts"
+
+
+@dataclass(frozen=True)
+class PlanBurn(Order):
+    """Plan a burn; one at the same time is replaced."""
+
+    burn: PlannedBurn
+
+    def carry_out(self, craft: PilotedCraft) -> News:
+        """Take over, and add the burn to the plan."""
+        craft.take_over()
+        craft.steering.burns = craft.steering.burns.with_burn(self.burn, craft.t_s)
+        return "note", f"a burn of {self.burn.size_m_s:.3g} m/s is planned at T+{self.burn.t_s:.1f} s"
+
+
+@dataclass(frozen=True)
+class CancelBurns(Order):
+    """Cancel the planned burn nearest to a time [s], or all of them."""
+
+    t_s: float | None = None
+
+    def carry_out(self, craft: PilotedCraft) -> News:
+        """Remove them from the plan."""
+        before = craft.steering.burns
+        craft.steering.burns = before.without(self.t_s)
+        return "note", f"{len(before.burns) - len(craft.steering.burns.burns)} planned burn(s) cancelled"
+
+
+# --- docking
+
+
+@dataclass(frozen=True)
+class Approach(Order):
+    """Switch the autopilot on or off; it flies to the next hold point and, once all are passed, into the port."""
+
+    on: bool = True
+
+    def carry_out(self, craft: PilotedCraft) -> News:
+        """Engage the autopilot, or let the chaser drift."""
+        if not self.on:
+            craft.steering.guide(None)
+            return "note", "the autopilot is off: the chaser drifts"
+        craft.take_over()
+        docking = craft.docking
+        docking.hold_points.rearm(docking.figures(craft.chaser, craft.flight), docking.corridor_deg)
+        craft.steering.engage_autopilot()
+        point = docking.hold_points.next
+        where = "the port" if point is None else f"{point.name}, {point.axial_m:g} m before the port"
+        return "note", f"the autopilot flies to {where}"
+
+
+@dataclass(frozen=True)
+class Go(Order):
+    """Let the chaser pass the hold point where it waits; refused while a figure is out of its limits."""
+
+    def carry_out(self, craft: PilotedCraft) -> News:
+        """Take over, and pass the point."""
+        craft.take_over()
+        docking, point = craft.docking, craft.docking.hold_points.next
+        figures = docking.figures(craft.chaser, craft.flight)
+        against = docking.hold_points.go(figures, docking.limits, docking.corridor_deg)
+        if against:
+            raise UserError(f"no go{'' if point is None else f' at {point.name}'}: {'; '.join(against)}")
+        return "note", f"go at {'' if point is None else point.name}"
+
+
+@dataclass(frozen=True)
+class NoGo(Order):
+    """Keep the chaser at the next hold point."""
+
+    def carry_out(self, craft: PilotedCraft) -> News:
+        """Decide so."""
+        point = craft.docking.hold_points.no_go()
+        if point is None:
+            return "note", "there is no hold point left"
+        return "note", f"no-go: the chaser stays at {point.name}"
+
+
+@dataclass(frozen=True)
+class JudgeBy(Order):
+    """Select the docking limits by the name of a preset."""
+
+    preset: str
+
+    def carry_out(self, craft: PilotedCraft) -> News:
+        """Judge by them."""
+        if self.preset not in PRESETS:
+            raise UserError(f"there are no limits {self.preset}, only {', '.join(PRESETS)}")
+        limits = craft.docking.limits = PRESETS[self.preset]
+        return "note", f"limits: {limits.title} ({limits.source})"
+
+
+@dataclass(frozen=True)
+class TakeAxisHere(Order):
+    """Dock along the line from the chaser through the target's centre of mass, which turns with the target."""
+
+    def carry_out(self, craft: PilotedCraft) -> News:
+        """Put the port where the line enters the target."""
+        craft.docking.take_axis_here(craft.chaser, craft.flight)
+        return "note", "the docking axis now leads from the chaser through the target's centre of mass"

@@ -1,0 +1,200 @@
+"""The chaser beside its target at one time: flown by the scenario's guidance, or steered."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from flyaround.simulator.piloting.chaser_control import Steering
+from flyaround.simulator.piloting.docking_watch import Docking
+from flyaround.simulator.piloting.open_end import longer_flight
+from flyaround.simulator.piloting.planned_burns import predicted_path
+from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.guidance.manual_control import step
+
+if TYPE_CHECKING:
+    from flyaround.simulator.piloting.chaser_control import AttitudeMode
+    from flyaround.simulator.piloting.guidance_modes import LvlhState
+    from flyaround.simulator.piloting.planned_burns import BurnPlan, PredictedPath
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.flight.world_state import WorldState
+    from flyaround.simulator.world.guidance.manual_control import ChaserState
+
+Mode = Literal["guidance", "steer"]
+
+HOLD_POINTS_EVERY_S = 0.5
+"""Period of the check whether a hold point was passed."""
+FIRST_SPAN_S = 1800.0
+MARGIN_S = 60.0
+"""The flight is propagated at least this far ahead."""
+PREDICTION_S = 600.0
+"""Span of the prediction after the last burn."""
+
+
+class PilotedCraft:
+    """The chaser, what controls it, and the flight of its target, as far as it is propagated.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the scenario; its guidance flies until `take_over`.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.flight: Flight = plan.flight
+        self._guided_until_s = plan.flight.duration_s
+        self._guided: tuple[Flight, ChaserState] | None = None
+        self._world: tuple[Flight, ChaserState, WorldState] | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Go back to the flight's start, flown by the guidance."""
+        self.t_s = 0.0
+        self.steered: ChaserState | None = None
+        """The chaser while it is steered; None while the guidance flies it."""
+        self._hold_points_at_s = 0.0
+        scenario = self.plan.scenario
+        self.docking = Docking(self.plan.target, self.plan.flight, scenario.chaser.keep_out)
+        self.steering = Steering(self.docking, scenario.chaser_thrusters, scenario.chaser.keep_out)
+
+    # --- state
+
+    @property
+    def mode(self) -> Mode:
+        """Which of guidance and steering flies the chaser."""
+        return "guidance" if self.steered is None else "steer"
+
+    @property
+    def tracking(self) -> bool:
+        """True while the steered chaser's attitude follows the target."""
+        return self.steered is not None and self.steering.attitude == "target"
+
+    @property
+    def chaser(self) -> ChaserState:
+        """State of the chaser now."""
+        if self.steered is not None:
+            return self.steered
+        if self._guided is None or self._guided[0] is not self.flight or self._guided[1].t_s != self.t_s:
+            self._guided = self.flight, self.flight.chaser(self.t_s)
+        return self._guided[1]
+
+    @property
+    def world(self) -> WorldState:
+        """State of the world now, with the chaser."""
+        chaser = self.chaser
+        if self._world is None or self._world[0] is not self.flight or self._world[1] is not chaser:
+            self._world = self.flight, chaser, self.flight.state_with_chaser(chaser)
+        return self._world[2]
+
+    def state_lvlh(self) -> LvlhState:
+        """Return position [m] and velocity [m s-1] of the chaser now, LVLH, (3,) each."""
+        chaser = self.chaser
+        p, v = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
+        return self.flight.orbit.frame(chaser.t_s).from_eci(p, v)
+
+    def predicted_burns(
+        self, plan: BurnPlan | None = None, after_s: float = PREDICTION_S, samples: int = 60
+    ) -> PredictedPath:
+        """Predict the path through planned burns.
+
+        Parameters
+        ----------
+        plan : BurnPlan, optional
+            Instead of the burns that are planned.
+        after_s : float
+            Span after the last burn [s].
+        samples : int
+            Points of each leg between burns.
+        """
+        burns = self.steering.burns if plan is None else plan
+        return predicted_path(self.flight.orbit, self.chaser, burns, after_s, samples)
+
+    # --- who flies
+
+    def take_over(self) -> None:
+        """Steer from the state the chaser has; the attitude goes on following the target."""
+        if self.steered is None:
+            self.steered = self.flight.chaser(self.t_s)
+            self.set_attitude("target")
+
+    def follow_guidance(self) -> None:
+        """Put the chaser back onto the scenario's trajectory."""
+        self.steered = None
+        self.reach(self.t_s)
+        self.docking.docked = False
+        self.steering.let_go()
+
+    def set_attitude(self, mode: AttitudeMode) -> None:
+        """Take over and select an attitude mode; ``target`` keeps the target where it is in the picture."""
+        self.take_over()
+        if mode == "target":
+            chaser = self.chaser
+            los = -matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ np.array(chaser.position_eci_m)
+            self.steering.aim = vec3(los / np.linalg.norm(los))
+        self.steering.attitude = mode
+
+    # --- a step
+
+    def step_s(self, wanted_s: float) -> float:
+        """Return how long the next step may be, at most ``wanted_s`` [s]."""
+        if self.steered is None or self.docking.docked:
+            return wanted_s
+        return self.steering.step_s(self.steered, wanted_s)
+
+    def reach(self, t_s: float) -> None:
+        """Propagate the flight beyond ``t_s``, with the track of its guidance if that flies.
+
+        Raises
+        ------
+        UserError
+            If nothing can fly that long.
+        """
+        guided, end_s = self.steered is None, t_s + MARGIN_S
+        reached_s = self._guided_until_s if guided else self.flight.duration_s
+        if end_s <= reached_s:
+            return
+        span_s = max(FIRST_SPAN_S, 2 * reached_s, end_s + MARGIN_S)
+        self.flight = longer_flight(self.plan, self.flight, (span_s, end_s + MARGIN_S), guided=guided)
+        if guided:
+            self._guided_until_s = self.flight.duration_s
+
+    def step(self, h: float) -> None:
+        """Fly one step of length ``h`` [s]; the flight must `reach` its end."""
+        if self.steered is None:
+            self.t_s += h
+        elif self.docking.docked:
+            self.t_s += h
+            self.steered = self.docking.held_at(self.t_s, self.flight)
+        else:
+            self.steered = self._pushed(self.steered, h)
+            self.t_s = self.steered.t_s
+
+    def _pushed(self, before: ChaserState, h: float) -> ChaserState:
+        """Return the chaser a step later, off the target where it touched it."""
+        command = self.steering.command(before, self.flight, h)
+        moved = step(before, command, h, self.flight.orbit)
+        after, news = self.docking.after_step(before, moved, self.flight)
+        self.steering.news += news
+        if self.docking.docked:
+            self.steering.let_go()
+        elif after.t_s >= self._hold_points_at_s:
+            self._hold_points_at_s = after.t_s + HOLD_POINTS_EVERY_S
+            figures = self.docking.figures(after, self.flight)
+            self.docking.hold_points.watch(figures, self.docking.corridor_deg)
+        return after
+
+    # --- seeking
+
+    def controls(self) -> tuple[Mode, dict[str, Any], dict[str, Any]]:
+        """Return the guidance state that a seek must restore, without pressed keys."""
+        return self.mode, self.steering.kept(), self.docking.kept()
+
+    def restore(self, t_s: float, steered: ChaserState | None, controls: Any) -> None:  # noqa: ANN401 - of `controls`
+        """Go to a state that was flown."""
+        self.t_s, self.steered, self._hold_points_at_s = t_s, steered, t_s
+        self.steering.bring_back(controls[1])
+        self.docking.bring_back(controls[2])

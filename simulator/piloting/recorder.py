@@ -1,0 +1,198 @@
+"""The operator's flight on file, from its first second on: states at even times, and the scenario that replays them.
+
+While it is flown each state is a line of ``flight.csv`` at once, and ``replay.toml`` follows once a second: a console
+that is killed loses no more than that. A flight that ends leaves ``flight.npz`` in place of the lines.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from typing import TYPE_CHECKING, TextIO
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.flight_history import EVERY_S, FlownRows
+from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.scenario.write import replay_scenario
+from flyaround.simulator.world.flight.recording import (
+    CSV_SUFFIX,
+    NUMBERS,
+    Recording,
+    csv_header,
+    csv_line,
+    state_row,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from flyaround.simulator.scenario.scenario import Scenario
+    from flyaround.simulator.world.flight.world_state import WorldState
+
+REPLAY_EVERY_S = 1.0
+"""Between two writings of ``replay.toml``, which says how long the flight is."""
+WHOLE, REPLAY = "flight.npz", "replay.toml"
+
+
+class FlightRecorder:
+    """Keeps the states of a session from its start; `keep_in` writes them and a replay of them all along.
+
+    Parameters
+    ----------
+    clock : seconds, monotonic.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._rows = FlownRows(NUMBERS)
+        self.trouble: str | None = None
+        """Why the flight is not on disk, if it is not."""
+        self._untold: str | None = None
+        self._clock = clock
+        self._kept: tuple[Path, Scenario] | None = None
+        self._lines: TextIO | None = None
+        self._replay_due_s = 0.0
+
+    def keep_in(self, folder: Path, scenario: Scenario) -> None:
+        """Keep the flight in a folder while it is flown; what there is of it is written at once.
+
+        Raises
+        ------
+        UserError
+            If the folder is not empty or cannot be written.
+        """
+        empty_folder(folder, option="--record")
+        self._kept = folder, scenario
+        self._begin()
+        if self.trouble is not None:
+            raise UserError(self.trouble)
+
+    def __len__(self) -> int:
+        """States that are kept."""
+        return len(self._rows)
+
+    @property
+    def recording(self) -> Recording:
+        """What is kept."""
+        return Recording.of_rows(self._rows.numbers)
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last state [s]; 0 where there is none."""
+        return self._rows.end_s
+
+    def wants(self, t_s: float) -> bool:
+        """Whether the state at a time is due."""
+        return self._rows.wants(t_s, EVERY_S)
+
+    def add(self, state: WorldState) -> None:
+        """Keep a state, later than the last. A disk that is full does not end a flight: see `trouble`."""
+        row = state_row(state)
+        self._rows.numbers.extend(row)
+        self._put(row)
+
+    def leave_after(self, t_s: float) -> None:
+        """The flight is taken up from an earlier time: what came after it does not belong to it any more."""
+        k = self._rows.at(t_s)
+        if not 0 < k + 1 == len(self):
+            self._rows.leave_after(k)
+            self._begin()
+
+    def swap_future(self) -> None:
+        """What was left last belongs to the flight again, instead of what came since."""
+        if self._rows.left is not None:
+            self._rows.swap_future()
+            self._begin()
+
+    def close(self) -> Path | None:
+        """End what `keep_in` began: the whole flight in place of its lines; the replay's path, if there is one.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written; its lines stay.
+        """
+        if self._kept is None:
+            return None
+        (folder, scenario), self._kept = self._kept, None
+        self._stop()
+        # the folder may be gone meanwhile
+        with contextlib.suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+        replay = write_flight(folder, scenario, self.recording) if self.long_enough else None
+        with contextlib.suppress(OSError):
+            (folder / WHOLE).with_suffix(CSV_SUFFIX).unlink(missing_ok=True)
+        return replay
+
+    @property
+    def long_enough(self) -> bool:
+        """Whether there is something to replay."""
+        return len(self) > 1
+
+    def take_trouble(self) -> str | None:
+        """Why the flight is not on disk, said once."""
+        trouble, self._untold = self._untold, None
+        return trouble
+
+    def _begin(self) -> None:
+        """Begin the lines, over those of a flight that was begun again."""
+        if self._kept is None:
+            return
+        folder, _ = self._kept
+        self._stop()
+        self.trouble, self._replay_due_s = None, self._clock() + REPLAY_EVERY_S
+        try:
+            (folder / REPLAY).unlink(missing_ok=True)
+            self._lines = (folder / WHOLE).with_suffix(CSV_SUFFIX).open("w", encoding="ascii")
+            self._lines.write(csv_header())
+            self._lines.flush()
+        except OSError as error:
+            self._fail(error)
+        for k in range(len(self)):
+            self._put(self._rows.rows(k))
+
+    def _put(self, row: Sequence[float]) -> None:
+        if self._lines is None or self._kept is None:
+            return
+        folder, scenario = self._kept
+        try:
+            self._lines.write(csv_line(row))
+            # to the system, which keeps it when this program is killed
+            self._lines.flush()
+            if self.long_enough and self._clock() >= self._replay_due_s:
+                self._replay_due_s = self._clock() + REPLAY_EVERY_S
+                name = (folder / WHOLE).with_suffix(CSV_SUFFIX).name
+                _write_replay(folder, scenario, name, row[0])
+        except (OSError, UserError) as error:
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        self.trouble = self._untold = (
+            f"the flight is not recorded any more ({why}); it is tried again at the end"
+        )
+        self._stop()
+
+    def _stop(self) -> None:
+        if self._lines is not None:
+            with contextlib.suppress(OSError):
+                self._lines.close()
+            self._lines = None
+
+
+def write_flight(folder: Path, scenario: Scenario, recording: Recording) -> Path:
+    """Write a recorded flight and the scenario that replays it, and return the scenario's path.
+
+    Raises
+    ------
+    UserError
+        If it cannot be written.
+    """
+    write_atomic(folder / WHOLE, recording.to_bytes())
+    return _write_replay(folder, scenario, WHOLE, recording.duration_s)
+
+
+def _write_replay(folder: Path, scenario: Scenario, recording: str, duration_s: float) -> Path:
+    path = folder / REPLAY
+    write_atomic(path, replay_scenario(scenario, recording, duration_s).encode())
+    return path

@@ -1,0 +1,322 @@
+"""A piloted flight that is stepped by commands: no window, no keys, no pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.clock import FlightClock
+from flyaround.simulator.piloting.jumps import event_ahead_s
+from flyaround.simulator.piloting.look_back import LookBack
+from flyaround.simulator.piloting.orders import Abort
+from flyaround.simulator.piloting.piloted_craft import PilotedCraft
+from flyaround.simulator.scenario.plan import plan_flight
+
+if TYPE_CHECKING:
+    from flyaround.simulator.piloting.chaser_control import AttitudeMode
+    from flyaround.simulator.piloting.docking_figures import Contact
+    from flyaround.simulator.piloting.docking_watch import News
+    from flyaround.simulator.piloting.jumps import Event
+    from flyaround.simulator.piloting.orders import Order, PilotCommand
+    from flyaround.simulator.piloting.piloted_craft import Mode
+    from flyaround.simulator.piloting.propellant import Propellant
+    from flyaround.simulator.piloting.recorder import FlightRecorder
+    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.scenario.scenario import Scenario
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.flight.world_state import WorldState
+    from flyaround.simulator.world.guidance.manual_control import ChaserState
+
+LONGEST_JUMP_S = 7200.0
+"""A jump to a hold point that is not reached ends after this."""
+FRAME_STEP_S = 0.1
+"""Simulated time of a single frame at 1x."""
+QUIET_S = 5.0
+"""A keep-out sphere that lets go for less than this has not let go."""
+FUEL_SHARE = 0.04
+"""Share of the chaser's mass at the start; the tanks of small craft hold some 5 %."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightState:
+    """State of a piloted flight at one time.
+
+    Parameters
+    ----------
+    t_s : float
+        Simulated time since the scenario's start [s].
+    world : WorldState
+        Both craft, Sun and Moon: relative position and velocity, attitudes, rates.
+    chaser : ChaserState
+        The chaser relative to its target.
+    mode : str
+        ``guidance`` while the scenario's guidance flies, ``steer`` once the pilot has taken over.
+    attitude : str
+        Attitude mode while steering.
+    doing : str
+        Automatic mode that flies the steered chaser; empty if it coasts by hand.
+    propellant : Propellant
+        Delta-v and propellant that steering has used.
+    contact : Contact or None
+        The last touch, judged.
+    docked, braking, guarded, plume : bool
+        True while the port holds the chaser; while the brake works; while the keep-out sphere overrules the pilot;
+        while the plume strikes the target.
+    news : tuple of (level, text)
+        Notes, cautions and warnings that began in the last step.
+    """
+
+    t_s: float
+    world: WorldState
+    chaser: ChaserState
+    mode: Mode
+    attitude: AttitudeMode
+    doing: str
+    propellant: Propellant
+    contact: Contact | None
+    docked: bool
+    braking: bool
+    guarded: bool
+    plume: bool
+    news: tuple[News, ...] = ()
+
+
+class FlightSession:
+    """A flight that a pilot watches, slows, hurries and takes over.
+
+    The scenario's guidance flies until the first thrust or turn is commanded; from then on the chaser is integrated
+    from the state it had. Time goes in fixed steps, so the result depends on the commands and the simulated time alone
+    and not on how often `step` is called.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the scenario, from `flyaround.simulator.scenario.plan.plan_flight`; its camera, sensor and seed are used.
+    recorder : FlightRecorder, optional
+        Keeps the states for a replay.
+
+    Attributes
+    ----------
+    clock : FlightClock
+        Pause, rate and jumps.
+    craft : PilotedCraft
+        The chaser with its steering, docking and guidance.
+    look_back : LookBack
+        What was flown, and the way back to any time of it.
+    """
+
+    def __init__(self, plan: Plan, recorder: FlightRecorder | None = None) -> None:
+        self.plan = plan
+        self.clock = FlightClock()
+        self.craft = PilotedCraft(plan)
+        self.look_back = LookBack(self.craft, self.clock, recorder)
+        self._cautions = CautionWatch()
+
+    @staticmethod
+    def of(
+        scenario: Scenario, *, seed: int | None = None, recorder: FlightRecorder | None = None
+    ) -> FlightSession:
+        """Return a session on a scenario."""
+        return FlightSession(plan_flight(scenario, n=1, seed=seed), recorder)
+
+    @property
+    def t_s(self) -> float:
+        """Simulated time since the scenario's start [s]."""
+        return self.craft.t_s
+
+    @property
+    def flight(self) -> Flight:
+        """The flight as far as it is propagated."""
+        return self.craft.flight
+
+    @property
+    def state(self) -> FlightState:
+        """State now, without news."""
+        craft, steering = self.craft, self.craft.steering
+        return FlightState(
+            t_s=craft.t_s,
+            world=craft.world,
+            chaser=craft.chaser,
+            mode=craft.mode,
+            attitude=steering.attitude,
+            doing=steering.doing,
+            propellant=steering.propellant,
+            contact=craft.docking.contact,
+            docked=craft.docking.docked,
+            braking=steering.braking,
+            guarded=steering.guarded,
+            plume=steering.plume,
+        )
+
+    def scene(self) -> SceneState:
+        """Return the picture to draw now, as the scenario's own camera takes it.
+
+        The frame number is the simulated time in hundredths of a second, so that a moment has one noise.
+        """
+        return self.plan.scene_of(self.craft.world, round(self.t_s * 100))
+
+    # --- time
+
+    def step(self, command: PilotCommand, dt_s: float) -> FlightState:
+        """Carry out a command's orders, then fly with its thrust and turn for ``dt_s``.
+
+        Parameters
+        ----------
+        command : PilotCommand
+            Held over the whole span.
+        dt_s : float
+            The pilot's time [s]: the flight advances by this times the clock's rate, which is 1 unless changed, in
+            whole steps of `STEP_S`; a remainder is added to the next call. While the clock is paused, only orders
+            are carried out.
+
+        Returns
+        -------
+        FlightState
+            The state reached, with the news of this step.
+
+        Raises
+        ------
+        UserError
+            If an order is refused, or the flight cannot go on.
+        """
+        news = tuple(said for order in command.orders if (said := self.order(order)) is not None)
+        steering = self.craft.steering
+        steering.hold(command)
+        if self.look_back.active and not (steering.takes_over or self.look_back.changed):
+            if not self.clock.paused and self.look_back.play(dt_s * self.clock.rate):
+                self.clock.paused = True
+            return replace(self.state, news=(*news, *steering.take_news()))
+        self.look_back.fly_on()
+        if steering.takes_over:
+            self.craft.take_over()
+        if not self.clock.paused:
+            self.clock.add(dt_s)
+            self._run()
+        begun = self._cautions.news(self.craft.world, steering.propellant, guarded=steering.guarded)
+        return replace(self.state, news=(*news, *steering.take_news(), *begun))
+
+    def order(self, order: Order) -> News | None:
+        """Carry out one order now, and return what the pilot is answered.
+
+        Raises
+        ------
+        UserError
+            If it is refused.
+        """
+        news = order.carry_out(self.craft)
+        if isinstance(order, Abort):
+            self.clock.slow_down()
+        return news
+
+    def step_frame(self) -> None:
+        """Advance by one frame and pause."""
+        self.clock.paused = True
+        if self.look_back.active:
+            self.look_back.step(1)
+            return
+        end = self.t_s + FRAME_STEP_S * self.clock.rate
+        try:
+            while self.t_s < end - 1e-9 * self.clock.rate:
+                self._fly(min(self._step_s(), end - self.t_s))
+        finally:
+            self.look_back.leave_trail()
+
+    def restart(self) -> None:
+        """Go back to the beginning, with the guidance; pause and rate stay."""
+        self.look_back.restart()
+        self.clock.reset()
+        self.craft.restart()
+        self.look_back.leave_trail()
+        self._cautions = CautionWatch()
+
+    def _run(self) -> None:
+        stepped = False
+        try:
+            while not self.clock.paused and self.clock.pay(h := self._step_s()):
+                self._fly(h)
+                stepped = True
+        finally:
+            # also where the flight cannot go on: it is shown where it got to
+            if stepped:
+                self.look_back.leave_trail()
+
+    def _step_s(self) -> float:
+        h = self.craft.step_s(self.clock.step_s)
+        return min(h, self.clock.jump_until_s - self.t_s) if self.clock.jump else h
+
+    def _fly(self, h: float) -> None:
+        self.craft.reach(self.t_s + 2 * h)
+        self.look_back.record()
+        self.craft.step(h)
+        if self.clock.jump and self._jump_is_done():
+            self.clock.end_jump()
+
+    # --- jumps
+
+    def jump_to_event(self, event: Event) -> float:
+        """Hurry to the next event of the sky, and return its time [s].
+
+        Raises
+        ------
+        UserError
+            If there is none within two orbits.
+        """
+        self.look_back.fly_on()
+        when = event_ahead_s(self.plan, self.flight, event, self.t_s)
+        self.clock.hurry("event", when)
+        return when
+
+    def jump_to_hold_point(self) -> None:
+        """Hurry until the autopilot rests at the next hold point, or has docked.
+
+        Raises
+        ------
+        UserError
+            If the autopilot does not fly.
+        """
+        if not self.craft.steering.autopilot:
+            raise UserError("nothing flies to a hold point; engage the autopilot first (docking.approach)")
+        self.look_back.fly_on()
+        self.clock.hurry("hold-point", self.t_s + LONGEST_JUMP_S)
+
+    def _jump_is_done(self) -> bool:
+        craft = self.craft
+        if self.t_s >= self.clock.jump_until_s - 1e-9:
+            return True
+        if self.clock.jump != "hold-point":
+            return False
+        if not craft.steering.autopilot or craft.steered is None:
+            return True
+        if craft.docking.hold_points.next is None:
+            return False
+        return not craft.docking.not_ready(craft.steered, craft.flight)
+
+
+class CautionWatch:
+    """Compares a flight with its last state, and gives each caution once when it begins."""
+
+    def __init__(self) -> None:
+        self._guarded_s = -QUIET_S
+        self._before: tuple[bool, bool] | None = None
+
+    def news(self, world: WorldState, propellant: Propellant, *, guarded: bool) -> list[News]:
+        """Return what has begun since the last call; nothing at the first."""
+        t_s = world.t_s
+        lit = world.sun_visible_fraction > 0.0
+        fuel_low = propellant.used_kg >= FUEL_SHARE * propellant.thrusters.mass_kg
+        was_lit, was_low = self._before or (lit, fuel_low)
+        news: list[News] = []
+        if guarded and not self._guarded_s <= t_s < self._guarded_s + QUIET_S:
+            news.append(("caution", "keep-out sphere: the steering is overruled, the chaser turned away"))
+        if lit and not was_lit:
+            news.append(("note", "the target is in sunlight again"))
+        if was_lit and not lit:
+            news.append(("caution", "eclipse: the target has lost the Sun"))
+        if fuel_low and not was_low:
+            news.append(("caution", f"fuel is low: {propellant.used_kg:.1f} kg of propellant are burnt"))
+        if guarded:
+            self._guarded_s = t_s
+        self._before = lit, fuel_low
+        return news

@@ -1,0 +1,50 @@
+"""Cautions of the flight: told once, when they begin."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgspec
+
+from flyaround.simulator.piloting.orders import Centre
+from flyaround.simulator.piloting.session import FlightSession
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.world.guidance.keep_out import KeepOut
+from tests.harness.pilot import fly
+
+
+def told(session: FlightSession, seconds: float, *held: str) -> list[str]:
+    return [text for _, text in fly(session, seconds, *held) if not text.startswith("the plume")]
+
+
+def test_a_keep_out_sphere_that_overrules_is_told_once() -> None:
+    scenario = load_scenario("tango-flyaround")
+    chaser = msgspec.structs.replace(scenario.chaser, keep_out=KeepOut(radius_m=7.0))
+    session = FlightSession.of(msgspec.structs.replace(scenario, chaser=chaser))
+    session.order(Centre())
+    news = told(session, 20.0, "forward", "coarse")
+    assert sum("keep-out sphere" in text for text in news) == 1
+
+
+def test_an_eclipse_is_told_as_it_begins_and_ends() -> None:
+    session = FlightSession.of(load_scenario("tango-flyaround"))
+    session.clock.set_rate(100.0)
+    news = told(session, 60.0)
+    assert [text.split(":")[0] for text in news[:2]] in (
+        ["eclipse", "the target is in sunlight again"],
+        ["the target is in sunlight again", "eclipse"],
+    )
+    # looking back tells nothing again
+    session.look_back.seek(0.0)
+    session.clock.paused = False
+    assert told(session, 5.0) == []
+
+
+def test_low_fuel_is_told_once() -> None:
+    session = FlightSession.of(load_scenario("tango-flyaround"))
+    session.craft.take_over()
+    told(session, 0.1)
+    spent = replace(session.craft.steering.propellant, used_kg=3.99)
+    session.craft.steering.propellant = spent
+    news = told(session, 3.0, "forward", "coarse")
+    assert [text.split(":")[0] for text in news] == ["fuel is low"]

@@ -1,0 +1,398 @@
+"""The operator's session without a window: clock, rates, steering, restart, what is asked to be drawn."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.clock import RATES, STEP_S
+from flyaround.simulator.piloting.control_laws import (
+    ACCELERATION_M_S2,
+    BRAKE_M_S2,
+    COARSE_GAIN,
+    RATE_RAD_S,
+    SLEW_RAD_S2,
+    THRUST,
+    TURN,
+)
+from flyaround.simulator.piloting.orders import Centre, FollowGuidance, Stop
+from flyaround.simulator.piloting.recorder import FlightRecorder
+from flyaround.simulator.piloting.session import FRAME_STEP_S, FlightSession
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.world.flight.recording import Recording, csv_header
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.guidance.thrusters import Thrusters
+from tests.harness.pilot import TICK_S, fly, holding
+from tests.harness.small_disk import small_disk
+
+
+@pytest.fixture
+def session() -> FlightSession:
+    return FlightSession.of(load_scenario("tango-flyaround"))
+
+
+def off_boresight_deg(session: FlightSession) -> float:
+    world = session.craft.world
+    x, y, z = -matrix_from_quat(world.q_camera_from_eci_wxyz) @ np.array(world.relative_eci_m)
+    return float(np.degrees(np.arctan2(np.hypot(x, y), z)))
+
+
+def camera_velocity(session: FlightSession) -> np.ndarray:
+    chaser = session.craft.chaser
+    return matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ np.array(chaser.velocity_eci_m_s)
+
+
+def test_pause_freezes_time_and_the_picture(session: FlightSession) -> None:
+    fly(session, 1.0)
+    session.clock.toggle_pause()
+    before = session.scene()
+    fly(session, 5.0)
+    assert session.scene() == before
+    session.clock.toggle_pause()
+    fly(session, 1.0)
+    assert session.t_s == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_simulated_time_runs_at_the_rate(session: FlightSession, rate: float) -> None:
+    session.clock.set_rate(rate)
+    fly(session, 2.0)
+    assert session.t_s == pytest.approx(2.0 * rate, abs=1.01 * STEP_S * rate)
+
+
+def test_faster_and_slower_stop_at_the_ends(session: FlightSession) -> None:
+    for _ in range(20):
+        session.clock.shift_rate(1)
+    assert session.clock.rate == RATES[-1]
+    for _ in range(20):
+        session.clock.shift_rate(-1)
+    assert session.clock.rate == RATES[0]
+
+
+def test_a_rate_that_is_not_offered_is_refused(session: FlightSession) -> None:
+    with pytest.raises(ValueError, match="not one of"):
+        session.clock.set_rate(3.0)
+
+
+def test_one_frame_advances_once_and_stays_paused(session: FlightSession) -> None:
+    session.step_frame()
+    assert session.clock.paused
+    assert session.t_s == pytest.approx(FRAME_STEP_S)
+    fly(session, 1.0)
+    assert session.t_s == pytest.approx(FRAME_STEP_S)
+
+
+def test_guidance_is_the_scenarios_own_flight(session: FlightSession) -> None:
+    fly(session, 3.0)
+    expected = session.plan.flight.state(session.t_s)
+    assert session.craft.mode == "guidance"
+    assert session.craft.world == expected
+
+
+def test_the_first_key_takes_over_without_a_jump(session: FlightSession) -> None:
+    fly(session, 2.0)
+    before = session.craft.chaser
+    session.clock.toggle_pause()
+    session.step(holding("forward"), TICK_S)
+    assert session.craft.mode == "steer"
+    assert session.craft.chaser == before
+
+
+@pytest.mark.parametrize("action", list(THRUST))
+def test_a_thrust_key_accelerates_along_its_camera_axis(session: FlightSession, action: str) -> None:
+    coasting = FlightSession.of(session.plan.scenario)
+    for one in (session, coasting):
+        one.craft.take_over()
+    seconds = 0.4
+    fly(session, seconds, action)
+    fly(coasting, seconds)
+    gained = camera_velocity(session) - camera_velocity(coasting)
+    direction = np.array(THRUST[action])
+    assert gained @ direction == pytest.approx(ACCELERATION_M_S2 * seconds, rel=0.02)
+    # the camera turns by half a degree meanwhile, so a little shows across the axis
+    assert np.linalg.norm(gained - (gained @ direction) * direction) < 0.03 * ACCELERATION_M_S2 * seconds
+
+
+@pytest.mark.parametrize("action", list(TURN))
+def test_a_turn_key_turns_the_camera_about_its_axis(session: FlightSession, action: str) -> None:
+    session.craft.take_over()
+    session.craft.set_attitude("hold")
+    assert not session.craft.tracking
+    fly(session, 1.0, action)
+    rate = np.array(session.craft.chaser.omega_camera_rad_s)
+    np.testing.assert_allclose(rate, RATE_RAD_S * np.array(TURN[action]), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("action", "axis", "sign"),
+    [
+        ("yaw-right", 0, -1),
+        ("yaw-left", 0, 1),
+        ("pitch-up", 1, 1),
+        ("pitch-down", 1, -1),
+    ],
+)
+def test_the_target_moves_the_other_way_in_the_picture(
+    session: FlightSession, action: str, axis: int, sign: int
+) -> None:
+    before = np.array(session.scene().t_camera_from_target_m)
+    fly(session, 1.5, action)
+    moved = np.array(session.scene().t_camera_from_target_m) - before
+    # three degrees at nine metres
+    assert sign * moved[axis] == pytest.approx(
+        np.tan(1.5 * RATE_RAD_S) * session.craft.world.range_m, rel=0.1
+    )
+    assert abs(moved[1 - axis]) < 0.1
+
+
+def test_coarse_key_is_five_times_as_strong(session: FlightSession) -> None:
+    other = FlightSession.of(session.plan.scenario)
+    for one in (session, other):
+        one.craft.take_over()
+        one.order(Stop())
+        fly(one, 6.0)
+    fly(session, 0.2, "back")
+    fly(other, 0.2, "back", "coarse")
+    ratio = np.linalg.norm(other.craft.world.velocity_lvlh_m_s) / np.linalg.norm(
+        session.craft.world.velocity_lvlh_m_s
+    )
+    assert ratio == pytest.approx(COARSE_GAIN, rel=0.05)
+
+
+def test_stop_brings_the_chaser_to_rest_in_lvlh(session: FlightSession) -> None:
+    speed = np.linalg.norm(session.craft.world.velocity_lvlh_m_s)
+    session.order(Stop())
+    fly(session, float(speed) / BRAKE_M_S2 + 1.0)
+    assert not session.craft.steering.braking
+    assert np.linalg.norm(session.craft.world.velocity_lvlh_m_s) < 3e-4
+
+
+def test_tracking_keeps_the_target_in_the_middle_while_thrusting(session: FlightSession) -> None:
+    fly(session, 4.0, "right")
+    assert session.craft.tracking
+    assert off_boresight_deg(session) < 0.1
+
+
+def test_tracking_brings_a_lost_target_back(session: FlightSession) -> None:
+    fly(session, 2.0, "yaw-right")
+    assert off_boresight_deg(session) > 2.0
+    session.order(Centre())
+    fly(session, 8.0)
+    assert off_boresight_deg(session) < 0.1
+
+
+def test_the_rate_changes_no_faster_than_the_slew(session: FlightSession) -> None:
+    session.craft.take_over()
+    session.craft.set_attitude("hold")
+    before = np.array(session.craft.chaser.omega_camera_rad_s)
+    session.step(holding("yaw-left"), TICK_S)
+    change = np.linalg.norm(np.array(session.craft.chaser.omega_camera_rad_s) - before)
+    assert change == pytest.approx(SLEW_RAD_S2 * STEP_S, rel=1e-6)
+
+
+def test_the_flight_does_not_depend_on_how_often_the_window_is_drawn(session: FlightSession) -> None:
+    other = FlightSession.of(session.plan.scenario)
+    for _ in range(100):
+        session.step(holding("right"), 0.02)
+    for _ in range(20):
+        other.step(holding("right"), 0.1)
+    assert other.craft.chaser == session.craft.chaser
+
+
+def test_restart_gives_the_first_picture_again(session: FlightSession) -> None:
+    first = session.scene()
+    fly(session, 2.0, "forward", "roll-left")
+    session.restart()
+    assert session.scene() == first
+    assert session.craft.mode == "guidance"
+    assert len(session.look_back.trail.points) == 1
+
+
+def test_reset_puts_the_chaser_back_and_keeps_steering(session: FlightSession) -> None:
+    fly(session, 3.0, "back")
+    session.order(FollowGuidance(steered=True))
+    assert session.craft.mode == "steer"
+    assert session.craft.world == session.flight.state(session.t_s)
+
+
+def test_the_flight_goes_on_past_the_scenarios_end(session: FlightSession) -> None:
+    down = session.flight.pointing
+    session.clock.set_rate(100.0)
+    early = session.craft.world.r_target_eci_m
+    fly(session, 1.0)
+    assert session.t_s > session.plan.scenario.duration_s
+    assert session.flight.pointing == down
+    session.restart()
+    np.testing.assert_allclose(session.craft.world.r_target_eci_m, early, atol=1e-6)
+
+
+def test_steered_time_equals_the_clock_at_high_rate(session: FlightSession) -> None:
+    session.clock.set_rate(50.0)
+    fly(session, 2.0, "forward")
+    assert session.t_s == pytest.approx(100.0, abs=1.1)
+    assert session.craft.world.t_s == session.t_s
+
+
+def guarded_session(radius_m: float) -> FlightSession:
+    scenario = load_scenario("tango-flyaround")
+    thrusters = Thrusters()
+    chaser = msgspec.structs.replace(
+        scenario.chaser, keep_out=KeepOut(radius_m=radius_m), thrusters=thrusters
+    )
+    return FlightSession.of(msgspec.structs.replace(scenario, chaser=chaser))
+
+
+def test_keep_out_sphere_stops_an_operator_who_pushes_on() -> None:
+    session = guarded_session(7.0)
+    session.order(Centre())
+    ranges, guarded = [], False
+    for _ in range(20):
+        fly(session, 1.0, "forward", "coarse")
+        ranges.append(session.craft.world.range_m)
+        guarded = guarded or session.craft.steering.guarded
+    assert guarded
+    assert min(ranges) > 6.95
+    free = FlightSession.of(load_scenario("tango-flyaround"))
+    free.order(Centre())
+    fly(free, 9.0, "forward", "coarse")
+    assert free.craft.world.range_m < 7.0
+
+
+class Clock:
+    """A clock that the test turns."""
+
+    now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def test_a_flight_is_on_disk_while_it_is_flown(tmp_path: Path) -> None:
+    clock = Clock()
+    recorder = FlightRecorder(clock)
+    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
+    recorder.keep_in(tmp_path / "flown", session.plan.scenario)
+    for _ in range(3):
+        fly(session, 0.5, "forward", "yaw-left")
+        clock.now_s += 1.01
+    fly(session, 0.5)
+    lines = tmp_path / "flown" / "flight.csv"
+    # what a console leaves that is killed while it writes a line
+    with lines.open("a") as file:
+        file.write("2.0,6778137.0,")
+    replay = load_scenario(tmp_path / "flown" / "replay.toml")
+    assert replay.duration_s == pytest.approx(1.5)
+    flight = plan_flight(replay, n=1).flight
+    flown = recorder.recording.arrays
+    times = [t for t in flown["t_s"] if t <= replay.duration_s]
+    for name, values in Recording.of(flight.state(float(t)) for t in times).arrays.items():
+        assert np.array_equal(values, flown[name][: len(times)]), name
+    assert recorder.close() == tmp_path / "flown" / "replay.toml"
+    assert sorted(path.name for path in (tmp_path / "flown").iterdir()) == ["flight.npz", "replay.toml"]
+    assert load_scenario(tmp_path / "flown" / "replay.toml").duration_s == recorder.end_s
+
+
+def test_a_restart_begins_another_recording(tmp_path: Path) -> None:
+    clock = Clock()
+    recorder = FlightRecorder(clock)
+    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
+    recorder.keep_in(tmp_path, session.plan.scenario)
+    clock.now_s = 2.0
+    fly(session, 1.0)
+    assert (tmp_path / "replay.toml").is_file()
+    session.restart()
+    assert [path.name for path in tmp_path.iterdir()] == ["flight.csv"]
+    # nothing to replay
+    assert recorder.close() is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_is_not_written_over(tmp_path: Path) -> None:
+    (tmp_path / "flight.npz").write_bytes(b"an earlier one")
+    with pytest.raises(UserError, match="is not empty; name a new one with --record"):
+        FlightRecorder().keep_in(tmp_path, load_scenario("tango-flyaround"))
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path: Path) -> None:
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("no /dev/full")
+    recorder = FlightRecorder()
+    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
+    recorder.keep_in(tmp_path, session.plan.scenario)
+    (tmp_path / "flight.csv").unlink()
+    (tmp_path / "flight.csv").symlink_to(full)
+    session.restart()
+    fly(session, 1.0)
+    assert "No space left on device" in str(recorder.take_trouble())
+    assert recorder.take_trouble() is None
+    # whole at the end, from memory
+    replay = recorder.close()
+    assert replay is not None
+    assert load_scenario(replay).duration_s == recorder.end_s
+
+
+def test_a_recording_whose_folder_is_gone_is_told_and_made_again_at_the_end(tmp_path: Path) -> None:
+    clock = Clock()
+    recorder = FlightRecorder(clock)
+    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
+    recorder.keep_in(tmp_path / "flown", session.plan.scenario)
+    shutil.rmtree(tmp_path / "flown")
+    clock.now_s = 2.0
+    fly(session, 1.0)
+    assert "is not recorded any more" in str(recorder.take_trouble())
+    replay = recorder.close()
+    assert replay is not None
+    assert load_scenario(replay).duration_s == recorder.end_s
+
+
+def test_a_disk_that_stays_full_leaves_no_half_flight(tmp_path: Path) -> None:
+    with small_disk(tmp_path / "disk", 40) as disk:
+        recorder = FlightRecorder()
+        session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
+        recorder.keep_in(disk / "flown", session.plan.scenario)
+        (disk / "other").write_bytes(bytes(24 * 1024))
+        fly(session, 8.0)
+        assert "No space left on device" in str(recorder.take_trouble())
+        assert session.t_s > 7.0
+        with pytest.raises(UserError, match="no space left"):
+            recorder.close()
+        assert not (disk / "flown" / "flight.npz").exists()
+        # its lines stay, as far as they went
+        assert Recording.read(disk / "flown" / "flight.csv").duration_s > 0.5
+
+
+def test_lines_that_are_no_flight_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "flight.csv"
+    for text in ("", "t_s,x\n0.0,1.0\n", csv_header() + "0.0,1.0\n", csv_header()):
+        path.write_text(text)
+        with pytest.raises(UserError, match=r"flight\.csv"):
+            Recording.read(path)
+
+
+def test_a_steered_flight_is_replayed_bit_for_bit(tmp_path: Path) -> None:
+    recorder = FlightRecorder()
+    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
+    fly(session, 1.0)
+    fly(session, 1.5, "forward", "yaw-left")
+    fly(session, 0.5)
+    recorder.keep_in(tmp_path / "flown", session.plan.scenario)
+    path = recorder.close()
+    assert path is not None
+    replay = load_scenario(path)
+    assert replay.duration_s == pytest.approx(2.9)
+    flight = plan_flight(replay, n=1).flight
+    flown = recorder.recording.arrays
+    assert flown["t_s"][:3] == pytest.approx([0.0, 0.1, 0.2])
+    for name, values in Recording.of(flight.state(float(t)) for t in flown["t_s"]).arrays.items():
+        assert np.array_equal(values, flown[name]), name
+    # back to the start: another flight
+    session.restart()
+    assert not recorder.long_enough
