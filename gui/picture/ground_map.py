@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.render.earth.maps import DAY, NIGHT, decode_file
-from flyaround.simulator.render.globe.globe_pass import albedo_of
+from flyaround.simulator.render.irradiance import albedo_of
 from flyaround.simulator.render.moon.moon_pass import moon_map
 
 if TYPE_CHECKING:

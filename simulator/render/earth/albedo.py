@@ -11,8 +11,7 @@ import numpy as np
 
 from flyaround.simulator.render.earth.maps import maps_entry, packed_maps
 from flyaround.simulator.render.earth.sea_ice import sea_ice
-from flyaround.simulator.render.globe.globe_pass import albedo_of
-from flyaround.simulator.render.irradiance import dark_field, globe_shine, moon_plate_irradiance
+from flyaround.simulator.render.irradiance import albedo_of, dark_field, globe_shine, moon_plate_irradiance
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
