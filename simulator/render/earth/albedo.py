@@ -15,9 +15,13 @@ import numpy as np
 
 from flyaround.simulator.render.earth.maps import asset_bytes
 from flyaround.simulator.render.earth.sea_ice import sea_ice
-from flyaround.simulator.render.globe.globe_pass import albedo_of
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
-from flyaround.simulator.scene.illumination.irradiance import dark_field, globe_shine, moon_plate_irradiance
+from flyaround.simulator.scene.illumination.irradiance import (
+    albedo_of,
+    dark_field,
+    globe_shine,
+    moon_plate_irradiance,
+)
 from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 

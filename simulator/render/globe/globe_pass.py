@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import cv2
-import numpy as np
-
-from flyaround.simulator.errors import UserError
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.programs import FULL_SCREEN
 from flyaround.simulator.render.globe.air_pass import AIR_SAMPLERS, TABLE_DEFINES, Air, AirPass
 from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
+from flyaround.simulator.scene.illumination.irradiance import albedo_of
 
 if TYPE_CHECKING:
     import moderngl
@@ -20,26 +16,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.frame_images import FrameImages
     from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
     from flyaround.simulator.render.globe.globe_view import GlobeView
-    from flyaround.simulator.runtime.arrays import Float32Array
     from flyaround.simulator.scene.illumination.bands import Bands
     from flyaround.simulator.world.ephemeris.body import Body
-
-
-@lru_cache(maxsize=2)
-def albedo_of(body: Body) -> Float32Array:
-    """Return the albedo of a body's ground: its map (H, W), or its mean (1, 1).
-
-    Raises
-    ------
-    UserError
-        If the map cannot be read.
-    """
-    if body.albedo_map is None:
-        return np.full((1, 1), body.albedo, np.float32)
-    image = cv2.imread(body.albedo_map, cv2.IMREAD_GRAYSCALE)
-    if image is None:
-        raise UserError(f"the albedo map of {body.title}, {body.albedo_map}, cannot be read")
-    return np.asarray(image, np.float32) / np.float32(255)
 
 
 class GlobePass:

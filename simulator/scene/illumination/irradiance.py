@@ -9,15 +9,19 @@ and radiance of the Earth's disc as a linear function of direction, for reflecti
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.geometry.directions import orthonormal_basis, spherical_fibonacci
 from flyaround.simulator.scene.illumination.moonlight import moonlight_share
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.world.ephemeris.body import Body
 
 _SAMPLES = 256
 _PLATES = 96
@@ -110,6 +114,23 @@ def field_of_samples(
     normal_equations[_GRADIENT, _GRADIENT] += 1e-4 * len(directions)
     linear = np.linalg.solve(normal_equations, design.T @ radiance)
     return IrradianceField(_fit_irradiance(axis, falling), np.asarray(linear.T, float), disc_cosine, axis)
+
+
+@lru_cache(maxsize=2)
+def albedo_of(body: Body) -> Float32Array:
+    """Return the albedo of a body's ground: its map (H, W), or its mean (1, 1).
+
+    Raises
+    ------
+    UserError
+        If the map cannot be read.
+    """
+    if body.albedo_map is None:
+        return np.full((1, 1), body.albedo, np.float32)
+    image = cv2.imread(body.albedo_map, cv2.IMREAD_GRAYSCALE)
+    if image is None:
+        raise UserError(f"the albedo map of {body.title}, {body.albedo_map}, cannot be read")
+    return np.asarray(image, np.float32) / np.float32(255)
 
 
 def globe_shine(

@@ -79,6 +79,6 @@ def test_parse():
 
 def test_the_card_names_every_field_of_the_records():
     named = {word.split("[]")[0].split(".")[0].strip() for key in RECORD_FIELDS for word in key.split(",")}
-    assert set(Truth.__struct_fields__) | set(ImportedTruth.__struct_fields__) <= named
+    assert set(Truth.__struct_encode_fields__) | set(ImportedTruth.__struct_fields__) <= named
     assert "record_fields" in DatasetCard.__struct_fields__
     assert any("pixel_px" in key for key in RECORD_FIELDS)
