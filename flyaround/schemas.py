@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import sys
 from pathlib import Path
@@ -45,8 +46,19 @@ def all_schemas() -> dict[str, dict[str, Any]]:
         "delay_map": delay_map_json_schema(),
     }
     return {
-        name: {"$schema": DIALECT, "title": f"flyaround {name}", **schema} for name, schema in schemas.items()
+        name: {"$schema": DIALECT, "title": f"flyaround {name}", **_dedented(schema)}
+        for name, schema in schemas.items()
     }
+
+
+def _dedented(value: Any) -> Any:  # noqa: ANN401 - any JSON
+    """Return a document with its descriptions dedented, as the compiler of Python 3.13 has them."""
+    if isinstance(value, dict):
+        return {
+            key: inspect.cleandoc(v) if key == "description" and isinstance(v, str) else _dedented(v)
+            for key, v in value.items()
+        }
+    return [_dedented(v) for v in value] if isinstance(value, list) else value
 
 
 def write_schemas(folder: Path) -> None:
