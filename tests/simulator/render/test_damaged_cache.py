@@ -84,11 +84,11 @@ def draw_with_damage(tmp_path, largest, seed):
 
 def test_a_damaged_cache_gives_the_same_picture(tmp_path):
     kinds = draw_with_damage(tmp_path, SMALL, 1)
-    assert kinds >= {"air", "albedo", "edge", "season", "transfer", "ice", "tango"}
+    assert kinds >= {"air", "edge", "season", "transfer", "ice"}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2, 5))
 def test_a_cache_of_which_every_file_is_damaged_gives_the_same_picture(tmp_path, seed):
     kinds = draw_with_damage(tmp_path, 1e12, seed)
-    assert kinds >= {"earth", "detail", "terrain", "ocean", "geometry", "transfer"}
+    assert kinds >= {"earth", "detail", "terrain", "geometry", "transfer"}
