@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.bake.edge_gaps import edge_gaps
-from flyaround.simulator.render.bake.radiance_transfer import visibility_to_ship
+from flyaround.simulator.baking.mesh_edges import edge_gaps
+from flyaround.simulator.baking.radiance_transfer import visibility_to_ship
 from flyaround.simulator.render.craft.mesh import prepared
 from flyaround.simulator.render.earth.albedo import cached_albedo
 from flyaround.simulator.render.earth.ocean_colour import ocean_colour

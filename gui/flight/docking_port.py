@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.geometry.ray_cast import make_tracer
+from flyaround.simulator.geometry.ray_cast import make_ray_caster
 from flyaround.simulator.runtime.arrays import Quat, Vec3, quat, vec3
 from flyaround.simulator.runtime.memory import cached_per_object
 from flyaround.simulator.targets.joined_mesh import mesh_of
@@ -16,7 +16,7 @@ from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_fro
 from flyaround.simulator.world.guidance.paths import Glideslope, Hold, RbarApproach, VbarApproach, Waypoints
 
 if TYPE_CHECKING:
-    from flyaround.simulator.geometry.ray_cast import Tracer
+    from flyaround.simulator.geometry.ray_cast import RayCaster
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Target
     from flyaround.simulator.world.flight.flight import Flight
@@ -133,14 +133,14 @@ def way_to_surface_m(target: Target, origin_m: FloatArray, direction: FloatArray
     ----------
     origin_m : (3,) model frame. direction : (3,) unit vector.
     """
-    triangle, way = _tracer_of(target).first_hits(origin_m[None], direction)
+    way, triangle = _ray_caster(target).first_hits(origin_m[None], direction)
     return None if triangle[0] < 0 or not np.isfinite(way[0]) else float(way[0])
 
 
 @cached_per_object
-def _tracer_of(target: Target) -> Tracer:
+def _ray_caster(target: Target) -> RayCaster:
     mesh = mesh_of(target)
-    return make_tracer(mesh.positions_m[mesh.triangles])
+    return make_ray_caster(mesh.positions_m[mesh.triangles])
 
 
 def _with_axes(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.world.constants import G0_M_S2
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.guidance.manual_control import ChaserState
     from flyaround.simulator.world.guidance.thrusters import Thrusters
 
-G0_M_S2 = 9.80665
 PLUME_HALF_ANGLE_DEG = 30.0
 PLUME_RANGE_M = 20.0
 """Beyond this from the target's hull a plume of such thrusters is taken for harmless."""

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.render.earth.maps import DAY, NIGHT, decode_file
-from flyaround.simulator.render.irradiance import albedo_of
 from flyaround.simulator.render.moon.moon_pass import moon_map
+from flyaround.simulator.scene.illumination.irradiance import albedo_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

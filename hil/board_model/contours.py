@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from flyaround.simulator.geometry.triangles import sphere_directions
+from flyaround.simulator.geometry.directions import sphere_directions
 from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from flyaround.simulator.geometry.triangles import sphere_directions
+from flyaround.simulator.geometry.directions import sphere_directions
+from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
     Points spread over the surface are sorted by depth along each direction; the nearest of each cell of a grid
     is seen.
     """
-    normal = np.cross(triangles_m[:, 1] - triangles_m[:, 0], triangles_m[:, 2] - triangles_m[:, 0])
+    normal = face_vectors(triangles_m)
     twice = np.linalg.norm(normal, axis=1)
     normal /= np.maximum(twice, 1e-30)[:, None]
     pitch = PITCH * float(np.ptp(triangles_m.reshape(-1, 3), axis=0).max())
@@ -127,7 +128,7 @@ def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatAr
     asked = np.flatnonzero(seen & ~first)
     new = np.zeros(len(triangles))
     new[asked] = _distinctiveness(parts, triangles, owner, surface, asked, NEW * size)
-    side = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    side = face_vectors(triangles)
     shown = np.bincount(owner, 0.5 * np.linalg.norm(side, axis=1) * new, len(parts))
     number = np.bincount(owner, seen, len(parts)).astype(int)
     kept, count = np.arange(len(parts)) < coarse, int(surface.sum())
@@ -179,7 +180,7 @@ def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tu
 
     Drawing two halves leaves a seam; a triangle left alone has its last corner twice.
     """
-    normal = np.cross(triangles_m[:, 1] - triangles_m[:, 0], triangles_m[:, 2] - triangles_m[:, 0])
+    normal = face_vectors(triangles_m)
     twice = np.linalg.norm(normal, axis=1)
     normal = normal / np.maximum(twice, 1e-30)[:, None]
     key = np.round(triangles_m / 2e-5).astype(np.int64)

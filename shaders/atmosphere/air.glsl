@@ -5,7 +5,7 @@
 // Density relative to sea level of Rayleigh scatterers and aerosol, and of ozone relative to its peak [1].
 vec3 density(float height_m) {
     float h = max(height_m, 0.0);
-    return vec3(exp(-h * u_air_shape.x), exp(-h * u_air_shape.y), max(1.0 - abs(h - 25000.0) / 15000.0, 0.0));
+    return vec3(exp(-h * u_air_shape.x), exp(-h * u_air_shape.y), max(1.0 - abs(h - OZONE_HEIGHT_M) / OZONE_HALF_WIDTH_M, 0.0));
 }
 
 // Extinction [m-1] of a density triple.

@@ -14,7 +14,7 @@ color lamp_irradiance(vec3 p_m, out vec3 l) {
 #if LAMP == 2
     float beam = exp2(-share * share) * step(1e-6, ahead);
 #else
-    float beam = clamp((1.0 - share) / 0.03 + 0.5, 0.0, 1.0) * step(1e-6, ahead);
+    float beam = clamp((1.0 - share) / FLAT_EDGE + 0.5, 0.0, 1.0) * step(1e-6, ahead);
 #endif
 #endif
     return BAND(u_lamp_intensity) * (beam * inverse2);

@@ -8,12 +8,12 @@
 #include "craft/lamp.glsl"
 #endif
 
-// Baked on the atlas of charts, simulator/render/bake/radiance_transfer.py: visibility of the sky, a + b . w over directions w, and
+// Baked on the atlas of charts, simulator/baking/radiance_transfer.py: visibility of the sky, a + b . w over directions w, and
 // irradiance from the craft's other parts, per band [W m-2].
 uniform sampler2D t_sky_visibility;
 uniform sampler2D t_interreflection;
 
-// Irradiance of the sky on a plate of normal n, camera frame [W m-2]; simulator/render/irradiance.py.
+// Irradiance of the sky on a plate of normal n, camera frame [W m-2]; simulator/scene/illumination/irradiance.py.
 color sky_irradiance(vec3 n) {
     color e = BAND(u_sky[0]) + BAND(u_sky[1]) * n.x + BAND(u_sky[2]) * n.y + BAND(u_sky[3]) * n.z;
     e += BAND(u_sky[4]) * (n.x * n.y) + BAND(u_sky[5]) * (n.y * n.z) + BAND(u_sky[6]) * (n.z * n.x);

@@ -1,9 +1,6 @@
 // Where a ray meets the ground, and the light there: all that changes smoothly from pixel to pixel.
 #include "globe/ground_air.glsl"
 
-const float EARTH_KM = 6378.137;
-const float TEXEL_KM = 4.97;            // of the maps, at the equator
-
 // Stereographic coordinates of a unit vector, each hemisphere from its own pole [1]. Conformal, without seam: both
 // halves agree on the equator. The term in z shears them differently, or the equator would be a mirror.
 const vec2 SHEAR = vec2(0.12, -0.08);

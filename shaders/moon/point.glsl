@@ -4,7 +4,6 @@ uniform sampler2D t_moon;    // normal albedo over its mean on the near side, / 
 uniform sampler2D t_phase;   // phase function over that of zero phase, by the phase angle over pi
 uniform sampler2D t_umbra;   // share of the Sun's light per band, by the angle from the axis of the Earth's shadow
 
-const float MOON_KM = 1737.4;
 
 struct MoonPoint {
     vec4 place;     // of the map; on the craters' plane [km]

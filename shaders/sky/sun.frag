@@ -8,9 +8,6 @@ uniform vec4 u_sun_disc; // xyz: direction, camera frame; w: sine of the angular
 uniform vec4 u_sun_full_irradiance; // per band [W m-2]
 layout(location = 0) out vec4 out_radiance;
 
-// Linear limb darkening in the visible: Allen's Astrophysical Quantities (2000), 14.7.
-const float DARKENING = 0.6;
-
 void main() {
     vec2 pixel = gl_FragCoord.xy - 0.5;
     vec3 d = normalize(camera_ray(pixel));
@@ -19,7 +16,7 @@ void main() {
     float edge = clamp((u_sun_disc.w - s) / pixel_rad + 0.5, 0.0, 1.0);
     if (edge <= 0.0) discard;
     float x = min(s / u_sun_disc.w, 1.0);
-    float profile = (1.0 - DARKENING * (1.0 - sqrt(1.0 - x * x))) / (1.0 - DARKENING / 3.0); // mean 1 over the disc
+    float profile = (1.0 - LIMB_DARKENING * (1.0 - sqrt(1.0 - x * x))) / (1.0 - LIMB_DARKENING / 3.0); // mean 1 over the disc
     color radiance = BAND(u_sun_full_irradiance) * (profile * edge / (PI * u_sun_disc.w * u_sun_disc.w));
 #if MOON
     radiance *= 1.0 - moon_share(moon_ray(pixel));

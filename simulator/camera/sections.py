@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from flyaround.simulator.camera.detector.limits import DETECTOR, OPTICS, within
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor
 from flyaround.simulator.camera.lens.camera_model import Camera
@@ -30,9 +31,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sunlight import Curve
 
 _Share = Annotated[float, Meta(ge=0, le=1)]
-_Electrons = Annotated[float, Meta(ge=0, le=1e9)]
-_Celsius = Annotated[float, Meta(ge=-273, le=200)]
-_CurvePoint = tuple[Annotated[float, Meta(ge=200, le=2000)], _Share]
+_CurvePoint = tuple[Annotated[float, within(OPTICS["wavelength_m"], 1e9)], _Share]
 
 
 class DetectorSection(Section, frozen=True, kw_only=True):
@@ -44,29 +43,29 @@ class DetectorSection(Section, frozen=True, kw_only=True):
 
     quantum_efficiency: list[Annotated[float, Meta(gt=0, le=1)]] | None = None
     quantum_efficiency_curve: list[_CurvePoint] | None = None
-    full_well_e: Annotated[float, Meta(ge=1, le=1e9)] | None = None
-    gain_e_per_dn: Annotated[float, Meta(gt=0, le=1e6)] | None = None
-    black_level_dn: Annotated[float, Meta(ge=0, le=60_000)] | None = None
-    read_noise_e: _Electrons | None = None
-    row_noise_e: _Electrons | None = None
-    column_noise_e: _Electrons | None = None
-    dark_current_e_s: _Electrons | None = None
-    dark_reference_c: _Celsius | None = None
-    dark_doubling_c: Annotated[float, Meta(ge=1, le=100)] | None = None
-    temperature_c: _Celsius | None = None
-    dsnu_e: _Electrons | None = None
-    dark_nonuniformity: _Share | None = None
-    prnu: Annotated[float, Meta(ge=0, le=0.5)] | None = None
-    hot_pixel_share: _Share | None = None
-    hot_pixel_e_s: _Electrons | None = None
-    dead_pixel_share: _Share | None = None
-    blooming: _Share | None = None
-    cosmic_rays_cm2_s: Annotated[float, Meta(ge=0, le=1e6)] | None = None
-    layer_um: Annotated[float, Meta(gt=0, le=1000)] | None = None
+    full_well_e: Annotated[float, within(DETECTOR["full_well_e"])] | None = None
+    gain_e_per_dn: Annotated[float, within(DETECTOR["gain_e_per_dn"])] | None = None
+    black_level_dn: Annotated[float, within(DETECTOR["black_level_dn"])] | None = None
+    read_noise_e: Annotated[float, within(DETECTOR["read_noise_e"])] | None = None
+    row_noise_e: Annotated[float, within(DETECTOR["row_noise_e"])] | None = None
+    column_noise_e: Annotated[float, within(DETECTOR["column_noise_e"])] | None = None
+    dark_current_e_s: Annotated[float, within(DETECTOR["dark_current_e_s"])] | None = None
+    dark_reference_c: Annotated[float, within(DETECTOR["dark_reference_c"])] | None = None
+    dark_doubling_c: Annotated[float, within(DETECTOR["dark_doubling_c"])] | None = None
+    temperature_c: Annotated[float, within(DETECTOR["temperature_c"])] | None = None
+    dsnu_e: Annotated[float, within(DETECTOR["dsnu_e"])] | None = None
+    dark_nonuniformity: Annotated[float, within(DETECTOR["dark_nonuniformity"])] | None = None
+    prnu: Annotated[float, within(DETECTOR["prnu"])] | None = None
+    hot_pixel_share: Annotated[float, within(DETECTOR["hot_pixel_share"])] | None = None
+    hot_pixel_e_s: Annotated[float, within(DETECTOR["hot_pixel_e_s"])] | None = None
+    dead_pixel_share: Annotated[float, within(DETECTOR["dead_pixel_share"])] | None = None
+    blooming: Annotated[float, within(DETECTOR["blooming"])] | None = None
+    cosmic_rays_cm2_s: Annotated[float, within(DETECTOR["cosmic_rays_cm2_s"])] | None = None
+    layer_um: Annotated[float, within(DETECTOR["layer_m"], 1e6)] | None = None
     colour_filter: Literal["none", "rggb", "bggr", "grbg", "gbrg"] | None = None
     demosaic: bool | None = None
     charge_binning: bool | None = None
-    serial: Annotated[int, Meta(ge=0, le=2**31 - 1)] | None = None
+    serial: Annotated[int, within(DETECTOR["serial"])] | None = None
 
     def detector(self, base: Detector | None) -> Detector:
         """The detector that ``base``, or the default one, becomes."""
@@ -90,23 +89,23 @@ class OpticsSection(Section, frozen=True, kw_only=True):
     alone.
     """
 
-    f_number: Annotated[float, Meta(ge=0.5, le=64)] = 4.0
-    transmission: Annotated[float, Meta(gt=0, le=1)] = 1.0
+    f_number: Annotated[float, within(OPTICS["f_number"])] = 4.0
+    transmission: Annotated[float, within(OPTICS["transmission"])] = 1.0
     transmission_curve: list[_CurvePoint] = msgspec.field(default_factory=list)
-    wavelength_nm: Annotated[float, Meta(ge=200, le=2000)] = 550.0
+    wavelength_nm: Annotated[float, within(OPTICS["wavelength_m"], 1e9)] = 550.0
     psf: Literal["none", "gaussian", "airy", "kernel"] = "none"
-    psf_sigma_px: Annotated[float, Meta(ge=0, le=10)] = 0.0
+    psf_sigma_px: Annotated[float, within(OPTICS["psf_sigma_px"])] = 0.0
     kernel: list[list[float]] = msgspec.field(default_factory=list)
     kernel_file: str = ""
     defocus: bool = False
-    focus_distance_m: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+    focus_distance_m: Annotated[float, within(OPTICS["focus_distance_m"])] = 0.0
     natural_vignetting: bool = False
-    mechanical_vignetting: Annotated[float, Meta(ge=0, le=10)] = 0.0
-    rim_radius: Annotated[float, Meta(ge=0.1, le=10)] = 1.2
-    glow_share: Annotated[float, Meta(ge=0, le=0.5)] = 0.0
-    glow_radius_px: Annotated[float, Meta(ge=2, le=500)] = 20.0
-    veiling_glare_sr: Annotated[float, Meta(ge=0, le=1)] = 0.0
-    glare_limit_deg: Annotated[float, Meta(ge=0, le=180)] = 60.0
+    mechanical_vignetting: Annotated[float, within(OPTICS["mechanical_vignetting"])] = 0.0
+    rim_radius: Annotated[float, within(OPTICS["rim_radius"])] = 1.2
+    glow_share: Annotated[float, within(OPTICS["glow_share"])] = 0.0
+    glow_radius_px: Annotated[float, within(OPTICS["glow_radius_px"])] = 20.0
+    veiling_glare_sr: Annotated[float, within(OPTICS["veiling_glare_sr"])] = 0.0
+    glare_limit_deg: Annotated[float, within(OPTICS["glare_limit_deg"])] = 60.0
 
     def optics(self) -> Optics:
         """The lens."""

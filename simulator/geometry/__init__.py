@@ -1,4 +1,4 @@
-"""Geometry of triangle meshes: ray casting, projection, hidden lines, clipping, subdivision, rasterisation. On the CPU.
+"""Geometry of triangle meshes: rays, projection, hidden lines, clipping, subdivision, decimation, rasterisation.
 
-Takes and returns arrays. Nothing here knows targets, cameras, poses, light, files or OpenGL.
+On the CPU, from arrays to arrays. Nothing here knows targets, cameras, poses, light, files or OpenGL.
 """

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.geometry.directions import across
 from flyaround.simulator.geometry.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 NEAR_M = 1e-3  # near plane: what lies closer to the camera's plane, or behind it, has no projection
 # Triangles seen edge-on hide nothing: twice their area on the plane z = 1, and seen from a far light [m2].
 FLAT, FLAT_M2 = 1e-15, 1e-12
-FEW = 12  # for so few points no grid is made
 SHORTEST = 1e-6  # a stretch shorter than this share of its edge is rounding where two triangles meet
 
 
@@ -69,24 +69,13 @@ class ProjectedMesh:
 
     def hides(self, points: FloatArray, near: FloatArray) -> BoolArray:
         """Whether some triangle covers each point (K, 2) and is nearer than (K,) there."""
-        point, triangle = self._about(points)
+        point, triangle = self._grid.at(points)
         planes = _planes(self.x[:, triangle], self.y[:, triangle], self.near[:, triangle], self.flat)
         a, b, c = planes.transpose(1, 0, 2)
         nearness, *sides = a * points[point, 0] + b * points[point, 1] + c
         hidden = np.zeros(len(points), bool)
         hidden[point[(nearness > near[point]) & (np.min(sides, axis=0) >= 0)]] = True
         return hidden
-
-    def _about(self, points: FloatArray) -> tuple[IntArray, IntArray]:
-        """Pairs of a point and a triangle that may cover it."""
-        if len(points) > FEW:
-            return self._grid.at(points)
-        low, high = self._bounds[:2], self._bounds[2:]
-        about = [
-            np.flatnonzero((low[0] <= x) & (high[0] >= x) & (low[1] <= y) & (high[1] >= y)) for x, y in points
-        ]
-        point = np.repeat(np.arange(len(points)), [len(triangles) for triangles in about])
-        return point, np.concatenate([np.zeros(0, np.int64), *about])
 
     def seen(self, ends: FloatArray, near: FloatArray) -> list[tuple[tuple[float, float], ...]]:
         """Of each edge the intervals of 0..1, in order, where no triangle covers it and is nearer.
@@ -152,14 +141,6 @@ def project_along(mesh: TriangleMesh, direction: tuple[float, float, float]) -> 
     corners = mesh.corners_m[:, :, mesh.facing(np.append(direction, 0.0))]
     x, y, near = (across(direction) @ corners.reshape(3, -1)).reshape(corners.shape)
     return ProjectedMesh(x, y, near, FLAT_M2)
-
-
-def across(direction: tuple[float, float, float]) -> FloatArray:
-    """(3, 3) rows: two axes across a unit vector, and itself."""
-    d = np.asarray(direction)
-    e1 = np.cross(d, np.eye(3)[int(np.argmin(np.abs(d)))])
-    e1 /= np.linalg.norm(e1)
-    return np.stack([e1, np.cross(d, e1), d])
 
 
 def _ahead_of_lens(corners: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
-"""Ray casting of parallel rays on a mesh: by Embree, or by an exact grid in numpy where it has no package.
+"""Ray casting: the first triangle along each of many rays, by Embree or by a grid in numpy where it has no package.
 
 Wald et al. (2014), Embree: a kernel framework for efficient CPU ray tracing, ACM TOG 33(4). The grid is exact too and
-some fifty times slower; tests hold the two together.
+some fifty times slower for parallel rays, and slower still for others; tests compare the two.
 """
 
 from __future__ import annotations
@@ -11,47 +11,50 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from flyaround.simulator.geometry.directions import across
 from flyaround.simulator.geometry.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
-_PAIRS = 2_000_000  # of a ray and a triangle that are looked at together: 0.3 GB
+_PAIRS = 2_000_000  # pairs of a ray and a triangle that are tested at once: 0.3 GB
 _EDGE_ON_M2 = 1e-14  # twice the area of a triangle, seen along the rays, that hides nothing
 
 Int32Array = np.typing.NDArray[np.int32]
 
 
-class Tracer(Protocol):
-    """A mesh that rays are traced against; safe to ask from several threads."""
+class RayCaster(Protocol):
+    """A mesh that rays are cast at; safe to use from several threads."""
 
-    def first_hits(self, origins_m: FloatArray, direction: FloatArray) -> tuple[Int32Array, Float32Array]:
-        """Triangle (K,) that each ray meets first, -1 for none, and the distance to there [m].
+    def first_hits(self, origins_m: FloatArray, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
+        """Return the distance (K,) to the first triangle along each ray [m], and its index (K,), -1 for none.
+
+        The distance is meaningless where a ray meets nothing.
 
         Parameters
         ----------
-        origins_m : (K, 3). direction : (3,) unit vector of all rays.
+        origins_m : (K, 3). directions : (K, 3) unit vectors, or (3,) of all rays.
         """
         ...
 
 
-def make_tracer(corners_m: FloatArray) -> Tracer:
-    """The fastest tracer that this machine has.
+def make_ray_caster(corners_m: FloatArray) -> RayCaster:
+    """Return the fastest ray caster of this machine.
 
     Parameters
     ----------
     corners_m : (T, 3, 3) of the triangles.
     """
-    return EmbreeTracer(corners_m) if embree_is_here() else GridTracer(corners_m)
+    return EmbreeCaster(corners_m) if embree_is_here() else GridCaster(corners_m)
 
 
 def embree_is_here() -> bool:
-    """Whether Embree's package is installed: there is none for Linux on ARM."""
+    """Return True if Embree's package is installed: there is none for Linux on ARM."""
     return importlib.util.find_spec("embreex") is not None
 
 
-class EmbreeTracer:
-    """Rays by Embree, in single precision."""
+class EmbreeCaster:
+    """Ray casting by Embree, in single precision."""
 
     def __init__(self, corners_m: FloatArray) -> None:
         # loads 40 MB of libraries: needed once a craft
@@ -63,29 +66,37 @@ class EmbreeTracer:
         # the tree is built at the first question, which must not be two threads'
         self.first_hits(np.zeros((1, 3)), np.array([0.0, 0.0, 1.0]))
 
-    def first_hits(self, origins_m: FloatArray, direction: FloatArray) -> tuple[Int32Array, Float32Array]:
-        """As of `Tracer`."""
+    def first_hits(self, origins_m: FloatArray, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
+        """See `RayCaster`."""
         origins = np.ascontiguousarray(origins_m, np.float32)
-        along = np.tile(np.asarray(direction, np.float32), (len(origins), 1))
-        found = self._scene.run(origins, along, query="INTERSECT", output=1)
-        return found["primID"], found["tfar"]
+        along = np.ascontiguousarray(np.broadcast_to(np.asarray(directions, np.float32), origins.shape))
+        hits = self._scene.run(origins, along, query="INTERSECT", output=1)
+        return hits["tfar"], hits["primID"]
 
 
-class GridTracer:
-    """Rays by projecting the mesh along them, in double precision."""
+class GridCaster:
+    """Ray casting by projecting the mesh along the rays, one direction after the other, in double precision."""
 
     def __init__(self, corners_m: FloatArray) -> None:
         self._corners = np.ascontiguousarray(np.asarray(corners_m, float).transpose(1, 2, 0))
 
-    def first_hits(self, origins_m: FloatArray, direction: FloatArray) -> tuple[Int32Array, Float32Array]:
-        """As of `Tracer`."""
-        d = np.asarray(direction, float)
-        e1 = np.cross(d, np.eye(3)[int(np.argmin(np.abs(d)))])
-        e1 /= np.linalg.norm(e1)
-        axes = np.stack([e1, np.cross(d, e1), d])
+    def first_hits(self, origins_m: FloatArray, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
+        """See `RayCaster`."""
+        origins = np.asarray(origins_m, float)
+        each, of = np.unique(np.atleast_2d(np.asarray(directions, float)), axis=0, return_inverse=True)
+        if len(each) == 1:
+            return self._along(origins, each[0])
+        distance, triangle = np.empty(len(origins), np.float32), np.empty(len(origins), np.int32)
+        for k, direction in enumerate(each):
+            rays = np.flatnonzero(of.ravel() == k)
+            distance[rays], triangle[rays] = self._along(origins[rays], direction)
+        return distance, triangle
+
+    def _along(self, origins: FloatArray, direction: FloatArray) -> tuple[Float32Array, Int32Array]:
+        axes = across(direction)
         x, y, z = np.einsum("ac,kct->akt", axes, self._corners)
         grid = PlaneGrid.over(np.stack([x.min(axis=0), y.min(axis=0), x.max(axis=0), y.max(axis=0)]))
-        origins = np.asarray(origins_m, float) @ axes.T
+        origins = origins @ axes.T
         triangles, distance = np.full(len(origins), -1, np.int32), np.full(len(origins), np.inf, np.float32)
         candidates = np.cumsum(grid.counts(origins[:, :2]))
         pieces = np.searchsorted(candidates, np.arange(_PAIRS, candidates[-1:].sum(), _PAIRS))
@@ -95,7 +106,7 @@ class GridTracer:
             order = np.lexsort((at, ray))
             ray, first = np.unique(ray[order], return_index=True)
             triangles[ray], distance[ray] = triangle[order][first], at[order][first]
-        return triangles, distance
+        return distance, triangles
 
 
 def _covered(
@@ -106,7 +117,7 @@ def _covered(
     y: FloatArray,
     z: FloatArray,
 ) -> tuple[np.typing.NDArray[np.int64], np.typing.NDArray[np.int64], FloatArray]:
-    """Those of some pairs (P,) whose triangle lies before the ray, and the distances; all seen along the rays.
+    """Return the pairs (P,) of a ray and a triangle that it meets, and the distances, in axes along the rays.
 
     Parameters
     ----------

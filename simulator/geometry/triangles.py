@@ -1,4 +1,4 @@
-"""Geometry of triangles: distances of points, closed surfaces, directions spread evenly over the sphere."""
+"""Triangles: normals, planes, distances of points, and whether they enclose a point."""
 
 from __future__ import annotations
 
@@ -9,20 +9,26 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 
-def sphere_directions(count: int) -> FloatArray:
-    """(count, 3) unit vectors, nearly even: the Fibonacci lattice (Gonzalez 2010, Mathematical Geosciences 42)."""
-    k = np.arange(count) + 0.5
-    z = 1 - 2 * k / count
-    angle = np.pi * (1 + np.sqrt(5.0)) * k
-    r = np.sqrt(1 - z * z)
-    return np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=-1)
+def face_vectors(corners: NDArray[np.floating]) -> FloatArray:
+    """Return the normals (T, 3) of triangles (T, 3, 3), as long as twice their areas."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def face_planes(corners: FloatArray) -> FloatArray:
+    """Return the planes (T, 4) of triangles (T, 3, 3): unit normal, and the distance from the origin, sign turned.
+
+    A triangle without area has no plane: four zeros.
+    """
+    normal = face_vectors(corners)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    return np.column_stack([normal, -np.einsum("ij,ij->i", normal, corners[:, 0])])
 
 
 def distance_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """(N,) distance of point k (N, 3) to triangle k (N, 3, 3)."""
+    """Return the distance (N,) of each point (N, 3) from its triangle (N, 3, 3); of a sliver, from its sides."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     best = np.full(len(points), np.inf)
     for p, q in ((a, b), (b, c), (c, a)):
@@ -31,23 +37,23 @@ def distance_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray
         s = np.clip(np.einsum("ij,ij->i", points - p, edge) / length2, 0, 1)
         best = np.minimum(best, np.linalg.norm(points - p - s[:, None] * edge, axis=1))
     n = np.cross(b - a, c - a)
-    inside = np.ones(len(points), bool)
+    twice_area = np.linalg.norm(n, axis=1)
+    inside = twice_area > 1e-15
     for p, q in ((a, b), (b, c), (c, a)):
         inside &= np.einsum("ij,ij->i", np.cross(q - p, points - p), n) >= 0
-    height = np.abs(np.einsum("ij,ij->i", points - a, n)) / np.maximum(np.linalg.norm(n, axis=1), 1e-300)
+    height = np.abs(np.einsum("ij,ij->i", points - a, n)) / np.maximum(twice_area, 1e-300)
     return np.where(inside, height, best)
 
 
-def is_closed(positions_m: NDArray[np.floating], triangles: IntArray) -> bool:
-    """Return True if every edge is met once in each direction, and the signed volume is positive."""
-    # corners that share a place are one, whatever their normals
-    _, place = np.unique(np.round(positions_m, 6), axis=0, return_inverse=True)
-    corners = place.ravel()[np.asarray(triangles)]
-    start = corners.ravel()
-    end = np.roll(corners, -1, axis=1).ravel()
-    count = len(place)
-    forward, backward = start * count + end, end * count + start
-    real = start != end  # slivers may have lost an edge in the rounding
-    p = positions_m.astype(float)[np.asarray(triangles)]
-    volume = np.einsum("ij,ij->", p[:, 0], np.cross(p[:, 1], p[:, 2]))
-    return bool(volume > 0 and np.array_equal(np.sort(forward[real]), np.sort(backward[real])))
+def encloses_origin(corners: FloatArray) -> bool:
+    """Return True if the closed shells of triangles (T, 3, 3) enclose the origin, by their solid angle.
+
+    References
+    ----------
+    Van Oosterom and Strackee (1983), The solid angle of a plane triangle, eq. 8.
+    """
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+    below = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
+    solid = 2 * np.arctan2((a * np.cross(b, c)).sum(axis=1), below)
+    return bool(abs(solid.sum()) > 2 * np.pi)

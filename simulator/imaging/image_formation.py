@@ -16,13 +16,13 @@ from flyaround.simulator.camera.detector.electrons import (
     electrons_per_radiance,
     white_balance,
 )
-from flyaround.simulator.camera.detector.glow import glow
 from flyaround.simulator.camera.detector.image_noise import arithmetic_of, draw_noise, start_noise
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.psf import blur, defocus_px
-from flyaround.simulator.camera.detector.shading import veiling_glare, vignetting
+from flyaround.simulator.camera.detector.shading import glow, veiling_glare, vignetting
 from flyaround.simulator.runtime.threads import pieces_of, share_out, threads
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2, sunlight_balance
+from flyaround.simulator.world.constants import SUN_RADIUS_M
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -227,7 +227,7 @@ def _sun_at_the_lens(scene: SceneState, radiance: Float32Array) -> FloatArray:
     if scene.environment.sun and direction[2] > 0 and scene.camera.contains(pixel):
         x, y = (int(v) for v in np.rint(pixel))
         near = radiance[max(y - 2, 0) : y + 3, max(x - 2, 0) : x + 3]
-        solid_angle = np.pi * (6.957e8 / np.linalg.norm(to_sun)) ** 2
+        solid_angle = np.pi * (SUN_RADIUS_M / np.linalg.norm(to_sun)) ** 2
         covered = scene.camera.pixel_solid_angle_sr(pixel)
         brightest = near.reshape(-1, *near.shape[2:]).max(axis=0)
         full = irradiance / np.maximum(solid_angle, covered)

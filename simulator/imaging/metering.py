@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.imaging.image_formation import expose
 from flyaround.simulator.scene.illumination.bands import reflectance, sun_irradiance_w_m2
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
@@ -52,7 +53,7 @@ def meter_points(target: Target) -> MeterPoints:
         )
         albedo.append(np.full(len(part.triangles), diffuse))
     c, a = np.concatenate(corners), np.concatenate(albedo)
-    normal = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+    normal = face_vectors(c)
     area = np.linalg.norm(normal, axis=1) / 2
     total = np.cumsum(area)
     chosen = np.searchsorted(total, (np.arange(POINTS) + 0.5) / POINTS * total[-1])

@@ -11,12 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.geometry.projected_mesh import (
-    ProjectedMesh,
-    across,
-    project_along,
-    project_to_pinhole,
-)
+from flyaround.simulator.geometry.directions import across
+from flyaround.simulator.geometry.projected_mesh import ProjectedMesh, project_along, project_to_pinhole
 from flyaround.simulator.runtime.arrays import BoolArray, vec3
 
 if TYPE_CHECKING:

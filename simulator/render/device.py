@@ -10,13 +10,28 @@ from flyaround.simulator.render.gl.fences import keep_fences
 from flyaround.simulator.render.gl.lens_rays import RayTextures
 from flyaround.simulator.render.gl.programs import RAYS_UNIT, ProgramLibrary
 from flyaround.simulator.render.gl.shared_blocks import UniformBlocks
+from flyaround.simulator.scene.illumination.atmosphere import OZONE_HALF_WIDTH_M, OZONE_HEIGHT_M
 from flyaround.simulator.scene.illumination.bands import bands_of
+from flyaround.simulator.scene.illumination.lamp import FLAT_EDGE
+from flyaround.simulator.scene.illumination.refraction import LIMB_DARKENING
+from flyaround.simulator.world.constants import EARTH_RADIUS_M, MOON_RADIUS_M
 
 if TYPE_CHECKING:
     import moderngl
 
     from flyaround.simulator.render.gl.context import GlInfo
     from flyaround.simulator.scene.state import SceneState
+
+
+PHYSICAL_CONSTANTS = {
+    "EARTH_KM": EARTH_RADIUS_M / 1e3,
+    "MOON_KM": MOON_RADIUS_M / 1e3,
+    "OZONE_HEIGHT_M": OZONE_HEIGHT_M,
+    "OZONE_HALF_WIDTH_M": OZONE_HALF_WIDTH_M,
+    "LIMB_DARKENING": LIMB_DARKENING,
+    "FLAT_EDGE": FLAT_EDGE,
+}
+"""Numbers that shaders share with their twins on the CPU, as preprocessor constants."""
 
 
 class Device:
@@ -34,7 +49,7 @@ class Device:
         if self.info.is_software:
             keep_fences(self.context)
         self.blocks = UniformBlocks.create(self.context)
-        self.programs = ProgramLibrary(self.context, self.blocks.all())
+        self.programs = ProgramLibrary(self.context, self.blocks.all(), PHYSICAL_CONSTANTS)
         self._rays = RayTextures(self.context)
         self._images: FrameImages | None = None
 

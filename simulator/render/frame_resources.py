@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.frame_images import FrameImages
     from flyaround.simulator.render.globe.globe_pass import GlobePass
     from flyaround.simulator.render.globe.globe_view import GlobeView
-    from flyaround.simulator.render.irradiance import IrradianceField
     from flyaround.simulator.render.moon.moon_view import MoonView
     from flyaround.simulator.render.sky.star_pass import Spread
     from flyaround.simulator.render.view import View
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
+    from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 

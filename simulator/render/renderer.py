@@ -48,9 +48,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.earth.map_textures import EarthMaps
     from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.render.gl.context import GlInfo
-    from flyaround.simulator.render.irradiance import IrradianceField
     from flyaround.simulator.runtime.arrays import Float32Array
     from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 

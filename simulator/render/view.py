@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
-from flyaround.simulator.render.irradiance import IrradianceField, dark_field
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.irradiance import IrradianceField, dark_field
 from flyaround.simulator.scene.illumination.moonlight import moonlight_share
 from flyaround.simulator.scene.illumination.refraction import sunlight_past_earth
-from flyaround.simulator.world.constants import MOON_RADIUS_M
+from flyaround.simulator.world.constants import (
+    MOON_RADIUS_M,
+    SUN_RADIUS_M,
+)
 from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_sphere
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
@@ -24,8 +27,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.world.ephemeris.body import Body
-
-SUN_RADIUS_M = 6.957e8  # IAU 2015 resolution B3, nominal solar radius
 
 
 @dataclass(frozen=True, eq=False)

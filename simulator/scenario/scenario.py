@@ -8,12 +8,14 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from flyaround.simulator.camera.detector.limits import DETECTOR, SENSOR, within
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor, with_bits
 from flyaround.simulator.camera.detector.shutter import Shutter
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.camera.lens.files import CameraFile, read_camera_file
+from flyaround.simulator.camera.lens.files_native import PitchUm
 from flyaround.simulator.camera.lens.intrinsics import CONSISTENT
 from flyaround.simulator.camera.sections import DetectorSection, OpticsSection, read_part, read_sensor
 from flyaround.simulator.errors import UserError
@@ -49,7 +51,6 @@ from flyaround.simulator.world.orbit.burns import Burn
 from flyaround.simulator.world.orbit.forces import Forces
 from flyaround.simulator.world.orbit.initial_orbit import ElementsOrbit, OemOrbit, StateOrbit, TleOrbit
 
-Pitch = Annotated[float, Meta(gt=0.1, le=1000)]
 Layer = Literal["all", "amodal", "parts", "depth", "normals", "flow", "clean", "wireframe"]
 
 
@@ -65,17 +66,17 @@ class SensorSection(Section, frozen=True, kw_only=True):
 
     preset: Literal["speed", "thesis", "ideal", "imx174", "cmv4000"] = "speed"
     exposure_s: Annotated[float, Meta(gt=0, le=10)] = 0.001
-    full_scale_j_m2_sr: Annotated[float, Meta(gt=0, le=1e6)] | None = None
-    blur_sigma_px: Annotated[float, Meta(ge=0, le=10)] | None = None
-    speckle_variance: Annotated[float, Meta(ge=0, le=1)] | None = None
-    gaussian_variance: Annotated[float, Meta(ge=0, le=1)] | None = None
-    bits: Annotated[int, Meta(ge=8, le=16)] | None = None
+    full_scale_j_m2_sr: Annotated[float, within(SENSOR["full_scale_j_m2_sr"])] | None = None
+    blur_sigma_px: Annotated[float, within(SENSOR["blur_sigma_px"])] | None = None
+    speckle_variance: Annotated[float, within(SENSOR["speckle_variance"])] | None = None
+    gaussian_variance: Annotated[float, within(SENSOR["gaussian_variance"])] | None = None
+    bits: Annotated[int, within(SENSOR["bits"])] | None = None
     shutter: Literal["global", "rolling"] = "global"
     readout_s: Annotated[float, Meta(ge=0, le=10)] = 0.0
     motion_blur: bool = True
-    pixel_pitch_um: tuple[Pitch, Pitch] | None = None
+    pixel_pitch_um: tuple[PitchUm, PitchUm] | None = None
     detector: DetectorSection | None = None
-    binning: Annotated[int, Meta(ge=1, le=16)] = 1
+    binning: Annotated[int, within(DETECTOR["binning"])] = 1
     roi_px: tuple[int, int, int, int] | None = None
     auto_exposure: AutoExposure | None = None
 

@@ -12,6 +12,7 @@ from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import Bands
 from flyaround.simulator.scene.state import Quality, SceneState
 from flyaround.simulator.world.bodies.earth import EARTH
+from flyaround.simulator.world.constants import EARTH_POLAR_RADIUS_M, EARTH_RADIUS_M
 from flyaround.simulator.world.ephemeris.body import bodies_at
 from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
 from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import TargetRef
 
-EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245  # WGS84
 AWAY_M = (0.0, 0.0, -1000.0)  # the target: behind the camera
 
 
@@ -32,8 +32,8 @@ def place_itrs_m(
 ) -> tuple[FloatArray, FloatArray]:
     """A geodetic place, Earth-fixed [m], and its east, north and up as rows."""
     lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
-    e2 = 1 - (POLE_M / EQUATOR_M) ** 2
-    n = EQUATOR_M / np.sqrt(1 - e2 * np.sin(lat) ** 2)
+    e2 = 1 - (EARTH_POLAR_RADIUS_M / EARTH_RADIUS_M) ** 2
+    n = EARTH_RADIUS_M / np.sqrt(1 - e2 * np.sin(lat) ** 2)
     h = altitude_km * 1e3
     r = np.array(
         [

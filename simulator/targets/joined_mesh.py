@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.geometry.mesh import TriangleMesh, box_corners_m
-from flyaround.simulator.geometry.triangles import is_closed
+from flyaround.simulator.geometry.topology import is_closed
 from flyaround.simulator.runtime.memory import cached_per_object
 
 if TYPE_CHECKING:

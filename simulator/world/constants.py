@@ -8,6 +8,18 @@ MU_EARTH_M3_S2 = 3.986004418e14
 EARTH_RADIUS_M = 6_378_137.0
 """Equatorial radius, WGS 84."""
 
+EARTH_POLAR_RADIUS_M = 6_356_752.314245
+"""Polar radius, WGS 84, rounded to 1 um."""
+
+EARTH_MEAN_RADIUS_M = 6_371_008.8
+"""Mean radius (2 a + b) / 3 of WGS 84, rounded to 0.1 m."""
+
+EARTH_RATE_RAD_S = 7.292115e-5
+"""Angular velocity of the Earth, WGS 84."""
+
+G0_M_S2 = 9.80665
+"""Standard gravity, which specific impulse is counted by: 3rd CGPM (1901), exact."""
+
 J2_EARTH = 1.0826359e-3
 """Second zonal harmonic, IERS Conventions (2010), table 1.1 (not normalised, zero tide)."""
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 PYTHON = (
     "simulator/world",
+    "simulator/geometry",
     "simulator/camera",
     "simulator/imaging",
     "simulator/labels",

@@ -76,7 +76,9 @@ WITHOUT: dict[str, list[tuple[object, str, object]]] = {
         (module, "hidden", lambda _shells, boxes, *_: np.zeros(boxes.extents_m.shape[1], bool))
         for module in (visible_triangles, visible_edges)
     ],
-    "tiles by hulls": [(software_path, "target_tiles", lambda place: viewport_fit.all_tiles(place.rect))],
+    "tiles by hulls": [
+        (software_path.TileCulling, "target_tiles", lambda _, place: viewport_fit.all_tiles(place.rect))
+    ],
     "five samples close up": [(viewport_fit, "NEAR_PIXEL_M", 0.0)],
     "short edges left out": [(visible_edges, "_SHORTEST_PX", 0.0)],
     "depth ranges": [(depth_buffer, "MOST_RANGES", 1)],

@@ -11,10 +11,10 @@ import numpy as np
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scene.environments import NOTHING
-from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from flyaround.simulator.scene.state import Quality, SceneState, TargetRef
 from flyaround.simulator.scene.viewpoint import scene_above
 from flyaround.simulator.targets.model import MassProperties, Material, Part, Target
+from flyaround.simulator.world.constants import AU_M
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, quat_normalize
 
 if TYPE_CHECKING:
@@ -107,6 +107,6 @@ def bare_scene(
         t_camera_from_target_m=vec3(t),
         q_camera_from_target_wxyz=quat(quat_normalize(quat_from_rotvec(np.asarray(rotvec_rad, float)))),
         r_target_eci_m=vec3(r_target),
-        r_sun_eci_m=vec3(r_target + R.T @ (sun / np.linalg.norm(sun)) * ASTRONOMICAL_UNIT_M),
+        r_sun_eci_m=vec3(r_target + R.T @ (sun / np.linalg.norm(sun)) * AU_M),
         sun_visible_fraction=float(sunlit),
     )

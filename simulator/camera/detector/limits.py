@@ -1,4 +1,4 @@
-"""Valid ranges of the parameters of a sensor and its optics."""
+"""Valid ranges of the parameters of a sensor and its optics: those of files too, whose sections are made from these."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import Meta
 
 from flyaround.simulator.camera.detector.sunlight import limits_nm, sample_curve
 
@@ -19,18 +20,20 @@ KERNEL_SUM_ERROR = 1e-3
 LARGEST_DARK_E_S = 1e9
 
 # field: smallest and largest value
-_OPTICS = {
+OPTICS = {
     "f_number": (0.5, 64.0),
     "transmission": (1e-6, 1.0),
-    "wavelength_m": (200e-9, 2000e-9),
+    "wavelength_m": (200e-9, 2000 * 1e-9),  # as a file's nanometres come out
     "psf_sigma_px": (0.0, 10.0),
     "focus_distance_m": (0.0, 1e6),
     "mechanical_vignetting": (0.0, 10.0),
     "rim_radius": (0.1, 10.0),
+    "glow_share": (0.0, 0.5),
+    "glow_radius_px": (2.0, 500.0),
     "veiling_glare_sr": (0.0, 1.0),
     "glare_limit_deg": (0.0, 180.0),
 }
-_DETECTOR = {
+DETECTOR = {
     "full_well_e": (1.0, 1e9),
     "gain_e_per_dn": (1e-4, 1e6),
     "black_level_dn": (0.0, 60_000.0),
@@ -55,11 +58,31 @@ _DETECTOR = {
     "roi_y0_px": (0, 65_535),
     "serial": (0, 2**31 - 1),
 }
+SENSOR = {
+    "full_scale_j_m2_sr": (1e-12, 1e6),
+    "blur_sigma_px": (0.0, 10.0),
+    "speckle_variance": (0.0, 1.0),
+    "gaussian_variance": (0.0, 1.0),
+    "bits": (8, 16),
+    "pixel_pitch_x_m": (1e-7, 1e-3),
+    "pixel_pitch_y_m": (1e-7, 1e-3),
+}
+
+
+def within(bounds: tuple[float, float], per_unit: float = 1) -> Meta:
+    """Return the constraint of a file's key by the bounds of the field that it sets.
+
+    Parameters
+    ----------
+    per_unit : units of the key to a unit of the field.
+    """
+    low, high = (x if per_unit == 1 else float(f"{x * per_unit:.12g}") for x in bounds)
+    return Meta(ge=low, le=high)
 
 
 def optics_problem(optics: Optics) -> str | None:
     """First invalid parameter of the optics: field, value, allowed range; `None` if all are valid."""
-    problem = _out_of_range(optics, _OPTICS, "optics") or _curve_problem(
+    problem = _out_of_range(optics, OPTICS, "optics") or _curve_problem(
         optics.transmission_curve, "optics.transmission_curve"
     )
     if problem is not None or optics.psf != "kernel":
@@ -86,20 +109,11 @@ def optics_problem(optics: Optics) -> str | None:
 
 def sensor_problem(sensor: Sensor) -> str | None:
     """First invalid parameter of the sensor: field, value, allowed range; `None` if all are valid."""
-    ranges = {
-        "full_scale_j_m2_sr": (1e-12, 1e6),
-        "blur_sigma_px": (0.0, 10.0),
-        "speckle_variance": (0.0, 1.0),
-        "gaussian_variance": (0.0, 1.0),
-        "bits": (8, 16),
-        "pixel_pitch_x_m": (1e-7, 1e-3),
-        "pixel_pitch_y_m": (1e-7, 1e-3),
-    }
-    problem = _out_of_range(sensor, ranges, "sensor")
+    problem = _out_of_range(sensor, SENSOR, "sensor")
     if problem is not None or sensor.detector is None:
         return problem
     d = sensor.detector
-    problem = _out_of_range(d, _DETECTOR, "sensor.detector")
+    problem = _out_of_range(d, DETECTOR, "sensor.detector")
     if problem is not None:
         return problem
     if len(d.quantum_efficiency) not in {1, 3} or not all(0 < q <= 1 for q in d.quantum_efficiency):
@@ -149,7 +163,7 @@ def _curve_problem(curve: Curve, name: str) -> str | None:
     table = np.array(curve, float)
     if len(table) < 2 or not (np.diff(table[:, 0]) > 0).all():
         return f"{name} has {len(table)} points, allowed: two or more, their wavelengths ascending"
-    low, high = _OPTICS["wavelength_m"]
+    low, high = OPTICS["wavelength_m"]
     if not ((table[:, 0] >= low) & (table[:, 0] <= high)).all():
         return f"{name} has a wavelength outside {low * 1e9:g} to {high * 1e9:g} nm"
     if not ((table[:, 1] >= 0) & (table[:, 1] <= 1)).all():

@@ -12,7 +12,7 @@ from flyaround.simulator.errors import UserError
 
 _Size = Annotated[int, Meta(ge=16, le=16384)]
 _Focal = Annotated[float, Meta(gt=0, le=1e7)]
-_Pitch = Annotated[float, Meta(ge=0.1, le=1000)]
+PitchUm = Annotated[float, Meta(ge=0.1, le=1000)]
 _Centre = Annotated[float, Meta(ge=-1e5, le=1e5)]
 
 
@@ -36,7 +36,7 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     cx_px: _Centre
     cy_px: _Centre
     distortion: DistortionSection = DistortionSection()
-    pixel_pitch_um: tuple[_Pitch, _Pitch] | None = None
+    pixel_pitch_um: tuple[PitchUm, PitchUm] | None = None
     name: str = ""
     notes: str = ""
 

@@ -10,16 +10,16 @@ import numpy as np
 
 from flyaround.simulator.dataset.check.geometry import doubtful_pixels, project_with_opencv, rays_with_opencv
 from flyaround.simulator.dataset.check.mask_statistics import is_binary
-from flyaround.simulator.dataset.check.ray_casting import ray_caster
-from flyaround.simulator.dataset.check.row_poses import pose_of_row
-from flyaround.simulator.dataset.check.sampled_rays import (
+from flyaround.simulator.dataset.check.ray_casting import (
     DEPTH_M,
     DEPTH_RELATIVE,
     Layers,
     RaySampler,
     SampledRays,
+    ray_oracle,
     sample_pixels,
 )
+from flyaround.simulator.dataset.check.row_poses import pose_of_row
 from flyaround.simulator.imaging.rolling_shutter import BAND_PX
 from flyaround.simulator.labels.layers import layer_hash
 from flyaround.simulator.labels.visibility import SURFACE_TOLERANCE_M
@@ -151,7 +151,7 @@ def keypoint_by_ray(truth: Truth, keypoint: KeypointLabel, target: Target) -> bo
     pose = pose_of_row(truth, keypoint.pixel_px[1])
     point = pose.apply(np.array(keypoint.target_m))
     z_m = float(point[2])
-    found = ray_caster(target, pose).hits(point / z_m).z_m
+    found = ray_oracle(target, pose).hits(point / z_m).z_m
     surface_m = SURFACE_TOLERANCE_M * z_m / float(np.linalg.norm(point))
     hidden = bool(len(found) and found[0] < z_m - surface_m)
     return hidden == (keypoint.state == "self_occluded")

@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 import secrets
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 
 from flyaround.simulator.dataset.check.clean_twin import balance_factors
 from flyaround.simulator.dataset.check.feasibility import check_step_share
-from flyaround.simulator.dataset.check.redrawn_layers import check_same_layers
 from flyaround.simulator.dataset.formats.native import frame_paths, read_layer, read_png
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import take_frame
@@ -27,12 +26,12 @@ from flyaround.simulator.labels.request import LabelRequest
 from flyaround.simulator.labels.truth import read_truth
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from flyaround.simulator.dataset.check.sampled_rays import Layers
+    from flyaround.simulator.dataset.check.ray_casting import Layers
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.render.renderer import Renderer
     from flyaround.simulator.runtime.arrays import ByteArray
@@ -48,6 +47,12 @@ RELATIVE, ABSOLUTE = 0.01, 0.004  # of the signal, and of full scale: what rende
 MOST_OTHER, MOST_OF_MASK = 2e-4, 0.01  # share of the image's pixels, and of the craft's, that may be others
 FEW = 4
 EXACT = 1e-6
+LAYER_RELATIVE = {"depth": 2e-5}
+"""Rounding of another renderer or processor, as a share of the value."""
+LAYER_ABSOLUTE = {"depth": 1e-3, "normals": 0.02, "flow": 0.02, "clean": 1.0}
+"""The same in the layer's own unit: metres, 1, pixels, digital numbers."""
+FEW_EDGE_PX = 6
+"""Pixels that rounding at an edge may leave to another surface, or `MOST_OF_MASK`."""
 
 
 @dataclass(frozen=True)
@@ -180,3 +185,43 @@ def check_same_picture(
         "than noise and rounding"
     )
     return [what]
+
+
+def check_same_layers(
+    layers: Mapping[str, NDArray[Any]],
+    again: Mapping[str, NDArray[Any]],
+    mask: ByteArray,
+    *,
+    is_same_renderer: bool,
+) -> list[str]:
+    """Compare the layers of a frame with those that its record gives.
+
+    Parameters
+    ----------
+    layers, again : as they were read, and as they are drawn, by name.
+    is_same_renderer : the picture is the same to the byte, so that rounding at few pixels alone is allowed.
+    """
+    most = FEW_EDGE_PX if is_same_renderer else max(FEW_EDGE_PX, MOST_OF_MASK * np.count_nonzero(mask))
+    wrong = []
+    for name in sorted(layers.keys() & again.keys()):
+        mine, other = layers[name], again[name]
+        if not is_same_renderer and (name == "clean" or mine.shape != other.shape):
+            continue  # another renderer's light is another, and its amodal mask may begin elsewhere
+        if mine.shape != other.shape:
+            wrong.append(f"{name} is {mine.shape}, drawn again {other.shape}")
+            continue
+        bad = _differing(name, mine, other)
+        if bad > most:
+            wrong.append(f"{name} differs at {bad} pixels from what the record gives when it is drawn again")
+    return wrong
+
+
+def _differing(name: str, mine: NDArray[Any], other: NDArray[Any]) -> int:
+    """Count the pixels that differ by more than rounding."""
+    if np.array_equal(mine, other, equal_nan=mine.dtype.kind == "f"):
+        return 0
+    a, b = mine.astype(np.float64), other.astype(np.float64)
+    # one unknown and one known value differ, and so do two that are too far apart
+    near = np.abs(a - b) <= LAYER_ABSOLUTE.get(name, 0.0) + LAYER_RELATIVE.get(name, 0.0) * np.abs(b)
+    bad = ~(near | (np.isnan(a) & np.isnan(b)))
+    return int(np.count_nonzero(bad if bad.ndim == 2 else bad.any(axis=2)))

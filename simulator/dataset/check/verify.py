@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flyaround.simulator.dataset.check.sampled_rays import Layers
+    from flyaround.simulator.dataset.check.ray_casting import Layers
     from flyaround.simulator.runtime.arrays import ByteArray
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target

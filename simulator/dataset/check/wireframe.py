@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.dataset.check.geometry import in_lens, project_with_opencv
-from flyaround.simulator.dataset.check.ray_casting import RayCaster, ray_caster
+from flyaround.simulator.dataset.check.ray_casting import RayOracle, ray_oracle
 from flyaround.simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
     ahead = [e for e in target.wireframe if pose.apply(np.array([e.a_m, e.b_m]))[:, 2].min() >= EDGE_NEAR_M]
     if [e.name for e in ahead] != [w.name for w in truth.wireframe]:
         return ["the wireframe's edges are not the target's"]
-    wrong, caster = [], ray_caster(target, pose)
+    wrong, caster = [], ray_oracle(target, pose)
     asked = 0
     order = np.random.default_rng([truth.seed, truth.frame_index, 0xED6E]).permutation(len(ahead))
     # rods are few and thin: all of them; of the other edges others in every frame
@@ -64,7 +64,7 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
     return wrong
 
 
-def _stretch_agrees(caster: RayCaster, pose: Pose, edge: Edge, share: float, *, seen: bool) -> bool:
+def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, seen: bool) -> bool:
     """Whether the point at a share of the projected edge is seen, or hidden, as the label has it."""
     ends = pose.apply(np.array([edge.a_m, edge.b_m]))
     z = ends[:, 2]

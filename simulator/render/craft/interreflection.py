@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.bake.radiance_transfer import (
+from flyaround.simulator.baking.radiance_transfer import (
     INTERREFLECTION_STEP,
     PATCH,
     baked_transfer,
     harmonics,
 )
-from flyaround.simulator.render.irradiance import orthonormal_basis, spherical_fibonacci
+from flyaround.simulator.geometry.directions import orthonormal_basis, spherical_fibonacci
 from flyaround.simulator.scene.illumination.bands import reflectance
 
 if TYPE_CHECKING:
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
     import moderngl
 
-    from flyaround.simulator.render.bake.radiance_transfer import RadianceTransfer
+    from flyaround.simulator.baking.radiance_transfer import RadianceTransfer
     from flyaround.simulator.render.craft.mesh import GpuMesh
-    from flyaround.simulator.render.irradiance import IrradianceField
     from flyaround.simulator.render.view import View
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
     from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.targets.model import Material
 
 _NEIGHBOURS = 5  # directions between which the Sun's is interpolated

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.geometry.directions import orthonormal_basis
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.shared_blocks import MOST_PATCHES
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
-from flyaround.simulator.render.irradiance import orthonormal_basis
 from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS
 
 if TYPE_CHECKING:

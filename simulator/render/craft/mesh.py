@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.baking.baked_mesh import VERTEX, BakedMesh, MergedParts, geometry_of
+from flyaround.simulator.baking.charts import TEXEL
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.geometry.subdivision import subdivide
-from flyaround.simulator.render.bake.charts import TEXEL
-from flyaround.simulator.render.bake.geometry import VERTEX, BakedMesh, MergedParts, geometry_of
+from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.render.gl.shared_blocks import MAX_MATERIALS
 
 if TYPE_CHECKING:
     import moderngl
 
-    from flyaround.simulator.render.bake.geometry import Geometry
+    from flyaround.simulator.baking.baked_mesh import Geometry
     from flyaround.simulator.runtime.arrays import Float32Array, IntArray
     from flyaround.simulator.targets.model import Material, Target
 
@@ -64,7 +65,7 @@ class GpuMesh(BakedMesh):
     def area_m2(self) -> float:
         """Of all triangles."""
         corners = self.values[:, :3].astype(float)[self.triangles]
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        across = face_vectors(corners)
         return 0.5 * float(np.linalg.norm(across, axis=1).sum())
 
     def vertex_array(

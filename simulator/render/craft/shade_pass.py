@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from flyaround.simulator.render.bake.radiance_transfer import LARGEST_SLOPE
+from flyaround.simulator.baking.radiance_transfer import LARGEST_SLOPE
 from flyaround.simulator.render.craft.edge_pass import edge_defines
 from flyaround.simulator.render.craft.gbuffer_pass import normal_bits
 from flyaround.simulator.render.craft.sample_pattern import pattern_defines

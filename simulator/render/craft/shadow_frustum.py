@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pyrr.matrix44 import create_orthogonal_projection
 
-from flyaround.simulator.render.irradiance import orthonormal_basis
+from flyaround.simulator.geometry.directions import orthonormal_basis
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.bake.charts import TEXEL
-from flyaround.simulator.render.bake.radiance_transfer import PATCH
+from flyaround.simulator.baking.charts import TEXEL
+from flyaround.simulator.baking.radiance_transfer import PATCH
 from flyaround.simulator.render.craft.edge_pass import EdgeBuffers, EdgePass
 from flyaround.simulator.render.craft.gbuffer_pass import GBufferPass, TexturedGBufferPass
 from flyaround.simulator.render.craft.interreflection import Interreflection

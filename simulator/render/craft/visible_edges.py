@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.bake.edge_gaps import edge_gaps
-from flyaround.simulator.render.bake.occluders import BOX, Boxes, hidden
+from flyaround.simulator.baking.mesh_edges import edge_gaps
+from flyaround.simulator.geometry.convex_shells import BOX, Boxes, hidden
 from flyaround.simulator.render.projection import image_of
 
 if TYPE_CHECKING:
+    from flyaround.simulator.baking.mesh_edges import MeshEdges
     from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.render.bake.mesh_edges import MeshEdges
     from flyaround.simulator.render.craft.mesh import GpuMesh
     from flyaround.simulator.render.projection import PixelRect
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray

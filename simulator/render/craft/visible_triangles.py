@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.bake.occluders import hidden
+from flyaround.simulator.geometry.convex_shells import hidden
 
 if TYPE_CHECKING:
     import moderngl

@@ -11,18 +11,23 @@ import numpy as np
 
 from flyaround.simulator.render.earth.maps import maps_entry, packed_maps
 from flyaround.simulator.render.earth.sea_ice import sea_ice
-from flyaround.simulator.render.irradiance import albedo_of, dark_field, globe_shine, moon_plate_irradiance
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.irradiance import (
+    albedo_of,
+    dark_field,
+    globe_shine,
+    moon_plate_irradiance,
+)
 from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flyaround.simulator.render.irradiance import IrradianceField
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.scene.state import SceneState
 
 SEA_ALBEDO, AIR_ALBEDO, CLOUD_ALBEDO = 0.06, 0.06, 0.55

@@ -42,7 +42,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE
-LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl
+TEXEL_KM = 4.97  # of the maps, at the equator
+LOG2_TEXEL_KM = math.log2(TEXEL_KM)
 CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distance
 MAGNIFIED_LEVEL = -0.5  # of a tile: there the maps' texels are at least six pixels wide
 FAR_LEVEL = 0.5  # of a tile: from the next on floes, and then puffs, are averaged
@@ -227,6 +228,7 @@ class EarthPass:
             "GROUND_SLOPE": GROUND_SLOPE_MAX,
             "OCTAVES": OCTAVES,
             "CLOUD_KM": CLOUD_KM,
+            "TEXEL_KM": TEXEL_KM,
             "DETAIL_KM": PERIOD_KM,
             "DETAIL_TEXEL_KM": DETAIL_TEXEL_KM,
             "SLOPE_PER_KM": SLOPE_PER_KM,

@@ -17,6 +17,7 @@ import numpy as np
 
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
+from flyaround.simulator.world.constants import EARTH_MEAN_RADIUS_M
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -158,6 +159,6 @@ def extent_m2(share: FloatArray, sea: FloatArray) -> tuple[float, float]:
     share : (720, 1440) 0..1. sea : (720, 1440) share of each cell that is sea, not land.
     """
     rows = np.radians(90 - np.arange(HEIGHT + 1) * 180 / HEIGHT)
-    area = 6_371_008.8**2 * np.abs(np.diff(np.sin(rows))) * 2 * np.pi / WIDTH
+    area = EARTH_MEAN_RADIUS_M**2 * np.abs(np.diff(np.sin(rows))) * 2 * np.pi / WIDTH
     covered = (share >= 0.15) * sea * area[:, None]
     return float(covered[: HEIGHT // 2].sum()), float(covered[HEIGHT // 2 :].sum())

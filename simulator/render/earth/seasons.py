@@ -23,6 +23,7 @@ from flyaround.simulator.render.earth.maps import (
 )
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array, cached_arrays
+from flyaround.simulator.world.constants import EARTH_RADIUS_M
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -132,7 +133,7 @@ def ground_slopes() -> ByteArray:
 def _make_ground_slopes() -> ByteArray:
     counts = decode_map(HEIGHT_MAP, cv2.IMREAD_GRAYSCALE, None)
     rows, columns = counts.shape
-    texel_m = np.pi * 6_378_137.0 / rows
+    texel_m = np.pi * EARTH_RADIUS_M / rows
     latitude = np.pi / 2 - (np.arange(rows) + 0.5) / rows * np.pi
     out = np.empty((rows, columns, 4), np.uint8)
     # a strip and its neighbours' nearest rows stay in a processor's own memory

@@ -67,15 +67,22 @@ class ProgramLibrary:
     Parameters
     ----------
     blocks : uniform blocks; each is declared in every shader and connected where it is used.
+    constants : preprocessor constants that every shader may use.
 
     With ``lens`` set, programs are made for a lens that distorts: they look up their rays in a texture, and send the
     target's vertices through it. ``rewrite`` takes the texts of a vertex and a
     fragment shader, includes expanded, and the members of all blocks, and gives texts that draw the same.
     """
 
-    def __init__(self, context: moderngl.Context, blocks: Iterable[UniformBlock]) -> None:
+    def __init__(
+        self,
+        context: moderngl.Context,
+        blocks: Iterable[UniformBlock],
+        constants: Mapping[str, object] | None = None,
+    ) -> None:
         self._context = context
         self._blocks = tuple(blocks)
+        self._constants = dict(constants or {})
         self._built: dict[tuple[object, ...], Program] = {}
         self._asked: dict[tuple[object, ...], Program] = {}  # the same, by what was asked for word by word
         self.lens = False
@@ -111,7 +118,7 @@ class ProgramLibrary:
             own, pixel = read_source(vertex), None if fragment is None else read_source(fragment)
             if many_fragments and pixel is not None and self.rewrite is not None:
                 own, pixel = self.rewrite(own, pixel, [f for b in self._blocks for f in b.fields])
-            known = {"LENS": int(self.lens), **defines}
+            known = {"LENS": int(self.lens), **self._constants, **defines}
             blocks = "".join(block.glsl for block in self._blocks)
 
             def whole(text: str) -> str:

@@ -8,7 +8,7 @@ from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.programs import FULL_SCREEN
 from flyaround.simulator.render.globe.air_pass import AIR_SAMPLERS, TABLE_DEFINES, Air, AirPass
 from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
-from flyaround.simulator.render.irradiance import albedo_of
+from flyaround.simulator.scene.illumination.irradiance import albedo_of
 
 if TYPE_CHECKING:
     import moderngl

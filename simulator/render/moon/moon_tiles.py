@@ -9,7 +9,7 @@ import numpy as np
 
 from flyaround.simulator.render.earth.screen_tiles import tile_size_px
 from flyaround.simulator.render.projection import directions
-from flyaround.simulator.scene.illumination.moonlight import MOON_RADIUS_M
+from flyaround.simulator.world.constants import MOON_RADIUS_M
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera

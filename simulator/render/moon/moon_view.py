@@ -10,8 +10,9 @@ import numpy as np
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
-from flyaround.simulator.scene.illumination.moonlight import MOON_RADIUS_M, moon_albedo
+from flyaround.simulator.scene.illumination.moonlight import moon_albedo
 from flyaround.simulator.scene.illumination.refraction import shadow_profile
+from flyaround.simulator.world.constants import EARTH_MEAN_RADIUS_M, MOON_RADIUS_M
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import SceneState
 
-EARTH_RADIUS_M = 6_371_008.8
 EARTH_GEOMETRIC_ALBEDO = 0.367  # Allen's Astrophysical Quantities (2000), table 12.4
 
 
@@ -90,7 +90,7 @@ def moon_view(scene: SceneState) -> MoonView:
         camera=R_me @ to_camera / MOON_RADIUS_M,
         sun=R_me @ to_sun / sun_distance,
         earth=R_me @ -moon / earth_distance,
-        earthlight=EARTH_GEOMETRIC_ALBEDO * (EARTH_RADIUS_M / earth_distance) ** 2 * float(lambert),
+        earthlight=EARTH_GEOMETRIC_ALBEDO * (EARTH_MEAN_RADIUS_M / earth_distance) ** 2 * float(lambert),
         irradiance_w_m2=sun_irradiance_w_m2(scene.bands, sun_distance),
         albedo=moon_albedo(scene.bands),
         shadow=R_me @ moon / MOON_RADIUS_M,

@@ -135,7 +135,7 @@ def earth_tiles(earth: GlobeView, camera: Camera, target_px: FloatArray | None, 
 
     Parameters
     ----------
-    target_px : (K, 2) centres of the tiles (`coverage_mask`) that the target may touch, ``None`` without target.
+    target_px : (K, 2) centres of the tiles that the target may touch, ``None`` without target.
     day : ISO 8601, whose sea ice is drawn.
     """
     rays = _CornerRays(earth, camera)

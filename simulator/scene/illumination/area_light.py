@@ -10,7 +10,8 @@ import numpy as np
 from msgspec import Meta
 
 from flyaround.simulator.runtime.sections import Degrees, DirectionXyz, Section
-from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.world.constants import AU_M
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -67,8 +68,8 @@ class AreaLight(Section, frozen=True, kw_only=True):
 
     def radiance(self, bands: Bands) -> FloatArray:
         """(n,) radiance on the axis, per band [W m-2 sr-1]."""
-        colour = sun_irradiance_w_m2(bands, ASTRONOMICAL_UNIT_M)
-        return np.asarray(self.radiance_w_m2_sr * colour / sun_irradiance_w_m2("mono", ASTRONOMICAL_UNIT_M))
+        colour = sun_irradiance_w_m2(bands, AU_M)
+        return np.asarray(self.radiance_w_m2_sr * colour / sun_irradiance_w_m2("mono", AU_M))
 
 
 def axes_across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:

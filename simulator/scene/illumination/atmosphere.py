@@ -13,6 +13,7 @@ import numpy as np
 
 from flyaround.simulator.scene.illumination.bands import bands_of
 from flyaround.simulator.world.bodies.earth import EARTH
+from flyaround.simulator.world.constants import EARTH_RADIUS_M
 from flyaround.simulator.world.ephemeris.body import BodyAir
 
 if TYPE_CHECKING:
@@ -20,10 +21,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.bands import Bands
     from flyaround.simulator.world.ephemeris.body import Body
 
-EARTH_RADIUS_M = 6_378_137.0  # WGS84 semi-major axis
 SUN_ANGULAR_RADIUS_RAD = 0.004652  # IAU 2015 nominal solar radius at 1 au
 
 _NO_AIR = BodyAir(rayleigh_m_um4=0.0, rayleigh_height_m=1000.0, thickness_m=5000.0)
+# Ozone profile: a tent from 10 to 40 km
+OZONE_HEIGHT_M, OZONE_HALF_WIDTH_M = 25_000.0, 15_000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +59,7 @@ class Atmosphere:
     def density(self, height_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rayleigh, aerosol and ozone density relative to sea level (to the peak, ozone) at a height."""
         h = np.maximum(height_m, 0.0)
-        ozone = np.clip(1 - np.abs(h - 25_000.0) / 15_000.0, 0, None)
+        ozone = np.clip(1 - np.abs(h - OZONE_HEIGHT_M) / OZONE_HALF_WIDTH_M, 0, None)
         return np.exp(-h / self.rayleigh_height_m), np.exp(-h / self.mie_height_m), ozone
 
     def extinction_m(self, height_m: FloatArray) -> FloatArray:

@@ -13,12 +13,12 @@ from flyaround.simulator.camera.detector.sunlight import (
     RGB_BANDS_NM,
     sun_irradiance_between_w_m2,
 )
+from flyaround.simulator.world.constants import AU_M
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 Bands = Literal["mono", "rgb"]
-ASTRONOMICAL_UNIT_M = 149_597_870_700.0
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def bands_of(bands: Bands) -> tuple[Band, ...]:
 
 def sun_irradiance_w_m2(bands: Bands, distance_m: float) -> FloatArray:
     """Solar irradiance per band at a distance from the Sun, normal incidence [W m-2]."""
-    scale = (ASTRONOMICAL_UNIT_M / distance_m) ** 2
+    scale = (AU_M / distance_m) ** 2
     return np.array([band.sun_irradiance_w_m2 * scale for band in bands_of(bands)])
 
 

@@ -9,7 +9,8 @@ from msgspec import Meta
 
 from flyaround.simulator.runtime.arrays import FloatArray
 from flyaround.simulator.runtime.sections import MetresXyz, Section
-from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.world.constants import AU_M
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -56,9 +57,7 @@ class Lamp(Section, frozen=True, kw_only=True):
         """(n,) radiant intensity on the axis, per band [W sr-1]."""
         cosine = (np.arange(20_000) + 0.5) / 20_000
         solid_angle = 2 * np.pi * float(np.mean(self.beam(np.arccos(cosine))))
-        colour = sun_irradiance_w_m2(bands, ASTRONOMICAL_UNIT_M) / sun_irradiance_w_m2(
-            "mono", ASTRONOMICAL_UNIT_M
-        )
+        colour = sun_irradiance_w_m2(bands, AU_M) / sun_irradiance_w_m2("mono", AU_M)
         return np.asarray(self.power_w / solid_angle * colour)
 
     def irradiance_w_m2(self, positions_m: FloatArray, normals: FloatArray, bands: Bands) -> FloatArray:

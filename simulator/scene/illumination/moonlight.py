@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.bands import Bands
 
-MOON_RADIUS_M = 1_737_400.0  # IAU 2015, mean
 FULL_MOON_SHARE = 2.5e-6  # of the Sun's irradiance: magnitudes -12.73 and -26.74, Allen (2000)
 # Geometric albedo of the near side per band: 0.12 in V (Allen's Astrophysical Quantities 2000, table 12.8), the other
 # bands by the Moon's colour B-V = 0.92, V-R = 0.62 against the Sun's 0.65 and 0.35 (the same table)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere, optical_depth_to_top
+from flyaround.simulator.world.constants import SUN_RADIUS_M
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 BENDING_RAD = np.radians(69.0 / 60)  # through the whole air at the ground: twice the 34.5' of a setting Sun
 BENDING_HEIGHT_M = 8000.0  # it falls off as the density
-SUN_RADIUS_M = 6.957e8
 LIMB_DARKENING = 0.6  # linear law in the visible: Allen's Astrophysical Quantities (2000), 14.7
 _HEIGHTS_M = np.concatenate([np.linspace(0, 60e3, 601), np.linspace(62e3, 300e3, 120)])
 _STRIPS = 96

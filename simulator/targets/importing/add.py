@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.geometry.decimation import decimate, deviation
 from flyaround.simulator.targets.check_target import check_target
 from flyaround.simulator.targets.convert import content_sha256
 from flyaround.simulator.targets.glb.read import holds_target, load_glb
@@ -26,7 +27,6 @@ from flyaround.simulator.targets.importing.repair.cleanup import (
     without_slivers,
 )
 from flyaround.simulator.targets.importing.repair.coincident_faces import coincidence_lines
-from flyaround.simulator.targets.importing.repair.decimate import decimate, deviation
 from flyaround.simulator.targets.importing.repair.holes import cap_solids
 from flyaround.simulator.targets.importing.repair.materials import plain_where_unwrapped, used_materials
 from flyaround.simulator.targets.importing.repair.normals import (
@@ -47,9 +47,9 @@ from flyaround.simulator.targets.model import Target
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from flyaround.simulator.geometry.topology import MeshBody
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.importing.read.raw_model import RawModel
-    from flyaround.simulator.targets.importing.repair.topology import MeshBody
     from flyaround.simulator.targets.model import Material, Part
 
 

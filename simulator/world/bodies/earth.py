@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.world.constants import EARTH_RADIUS_M, FLATTENING, J2_EARTH, MU_EARTH_M3_S2
+from flyaround.simulator.world.constants import (
+    EARTH_MEAN_RADIUS_M,
+    EARTH_POLAR_RADIUS_M,
+    EARTH_RADIUS_M,
+    EARTH_RATE_RAD_S,
+    FLATTENING,
+    J2_EARTH,
+    MU_EARTH_M3_S2,
+)
 from flyaround.simulator.world.ephemeris.body import Body, BodyAir
 from flyaround.simulator.world.ephemeris.earth_orientation import pole_eci, q_itrs_from_eci
 
@@ -34,7 +42,7 @@ class Earth(Body):
     @property
     def polar_radius_m(self) -> float:
         """Polar radius [m], as WGS 84 tabulates it."""
-        return 6_356_752.314245
+        return EARTH_POLAR_RADIUS_M
 
     def pole_eci(self, now: Instant) -> FloatArray:
         """Return the celestial intermediate pole; polar motion (0.6 arcsec) has no part in it."""
@@ -46,10 +54,10 @@ EARTH = Earth(
     title="the Earth",
     mu_m3_s2=MU_EARTH_M3_S2,
     radius_m=EARTH_RADIUS_M,
-    mean_radius_m=6_371_008.8,  # (2 a + b) / 3
+    mean_radius_m=EARTH_MEAN_RADIUS_M,
     flattening=FLATTENING,
     j2=J2_EARTH,
-    turn_rad_s=7.292115e-5,  # WGS 84
+    turn_rad_s=EARTH_RATE_RAD_S,
     lowest_m=100e3,
     reach_m=9.25e8,
     albedo=0.30,  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53

@@ -9,8 +9,8 @@ from msgspec import Meta
 
 from flyaround.simulator.runtime.arrays import FloatArray
 from flyaround.simulator.runtime.sections import Section
+from flyaround.simulator.world.constants import G0_M_S2
 
-_G0_M_S2 = 9.80665
 CHASER_MASS_KG = 100.0
 """Mass of a chaser whose scenario gives none [kg]."""
 
@@ -37,5 +37,5 @@ class Thrusters(Section, frozen=True, kw_only=True):
         """
         impulse = np.clip(wanted_m_s * mass_kg, -self.force_n * self.period_s, self.force_n * self.period_s)
         impulse = np.where(np.abs(impulse) < self.minimum_impulse_ns, 0.0, impulse)
-        used = float(np.sum(np.abs(impulse))) / (self.specific_impulse_s * _G0_M_S2)
+        used = float(np.sum(np.abs(impulse))) / (self.specific_impulse_s * G0_M_S2)
         return impulse / mass_kg, mass_kg - used

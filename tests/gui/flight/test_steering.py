@@ -10,11 +10,12 @@ import pytest
 
 from flyaround.gui.flight.docking import docked_state
 from flyaround.gui.flight.manual_control import ACCELERATION_M_S2, PULSE_M_S, PULSE_RAD
-from flyaround.gui.flight.propellant import G0_M_S2, Propellant, plume_strikes
+from flyaround.gui.flight.propellant import Propellant, plume_strikes
 from flyaround.gui.flight.session import Session
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.attitude.target_attitude import Attitude
+from flyaround.simulator.world.constants import G0_M_S2
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix, rotation_angle_rad
 from flyaround.simulator.world.guidance.free_flight import FreeDrift
 from flyaround.simulator.world.guidance.keep_out import KeepOut

@@ -1,50 +1,96 @@
-"""What a detector may be: a file that is read today is read tomorrow, and what no detector is stays refused."""
+"""What a detector and its optics may be: the same by a file's key as by a field; what no camera is stays refused."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
-from flyaround.simulator.camera.detector.limits import optics_problem, sensor_problem
+from flyaround.simulator.camera.detector.limits import (
+    DETECTOR,
+    OPTICS,
+    SENSOR,
+    optics_problem,
+    sensor_problem,
+)
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.lens.files_native import CameraFile
+from flyaround.simulator.camera.sections import DetectorSection, OpticsSection
+from flyaround.simulator.scenario.scenario import SensorSection
 
-SENSOR = replace(sensor_preset("cmv4000"), bits=16)
-LIMITS = {
+BASE = replace(sensor_preset("cmv4000"), bits=16)
+# without a dark current: a temperature at its bound would multiply it beyond what is allowed
+DARK = replace(BASE.detector, dark_current_e_s=0.0)
+KEYS = {"layer_m": ("layer_um", 1e6), "wavelength_m": ("wavelength_nm", 1e9)}
+NOT_OF_A_SECTION = {"binning", "roi_x0_px", "roi_y0_px", "pixel_pitch_x_m", "pixel_pitch_y_m"}
+# files of users rely on these
+PINNED = {
     "full_well_e": (1.0, 1e9),
     "gain_e_per_dn": (1e-4, 1e6),
-    "black_level_dn": (0.0, 60_000.0),
     "read_noise_e": (0.0, 1e5),
-    "row_noise_e": (0.0, 1e5),
-    "column_noise_e": (0.0, 1e5),
     "dsnu_e": (0.0, 1e6),
-    "dark_nonuniformity": (0.0, 1.0),
-    "prnu": (0.0, 0.5),
-    "hot_pixel_share": (0.0, 1.0),
-    "dead_pixel_share": (0.0, 1.0),
-    "blooming": (0.0, 1.0),
-    "cosmic_rays_cm2_s": (0.0, 1e6),
+    "f_number": (0.5, 64.0),
+    "transmission": (1e-6, 1.0),
 }
-OPTICS = {"f_number": (0.5, 64.0), "transmission": (1e-6, 1.0), "wavelength_m": (200e-9, 2000e-9)}
+FIELDS = {
+    DetectorSection: (DETECTOR, lambda v: sensor_problem(replace(BASE, detector=replace(DARK, **v)))),
+    OpticsSection: (OPTICS, lambda v: optics_problem(replace(Optics(), **v))),
+    SensorSection: (SENSOR, lambda v: sensor_problem(replace(sensor_preset("speed"), **v))),
+}
+CASES = [(section, key) for section, (bounds, _) in FIELDS.items() for key in bounds]
 
 
-@pytest.mark.parametrize("key", LIMITS)
-def test_a_detector_within_the_limits_is_taken_and_no_other(key: str) -> None:
-    low, high = LIMITS[key]
-    for value in (low, high, 0.5 * (low + high)):
-        assert sensor_problem(replace(SENSOR, detector=replace(SENSOR.detector, **{key: value}))) is None
-    for value in (np.nextafter(low, -np.inf), np.nextafter(high, np.inf), np.nan):
-        problem = sensor_problem(replace(SENSOR, detector=replace(SENSOR.detector, **{key: value})))
-        assert f"{key} is" in problem
-        assert "allowed" in problem
+def takes(section, **keys):
+    try:
+        return msgspec.convert(keys, section)
+    except msgspec.ValidationError:
+        return None
 
 
-@pytest.mark.parametrize("key", OPTICS)
-def test_optics_within_the_limits_are_taken_and_no_others(key: str) -> None:
-    low, high = OPTICS[key]
-    for value in (low, high):
-        assert optics_problem(replace(Optics(), **{key: value})) is None
-    for value in (np.nextafter(low, 0), np.nextafter(high, np.inf)):
-        assert f"{key} is" in optics_problem(replace(Optics(), **{key: value}))
+def ends(low, high):
+    """The bounds, and the nearest values beyond."""
+    if isinstance(low, int):
+        return (low, high), (low - 1, high + 1)
+    return (low, high), (float(np.nextafter(low, -np.inf)), float(np.nextafter(high, np.inf)))
+
+
+def test_bounds_stay_what_files_rely_on() -> None:
+    assert {key: {**DETECTOR, **OPTICS}[key] for key in PINNED} == PINNED
+
+
+@pytest.mark.parametrize(("section", "key"), CASES)
+def test_a_field_within_its_limits_is_taken_and_no_other(section: type, key: str) -> None:
+    bounds, problem = FIELDS[section]
+    inside, outside = ends(*bounds[key])
+    assert [problem({key: value}) for value in inside] == [None, None]
+    for value in (*outside, np.nan):
+        assert f"{key} is" in problem({key: value})
+        assert "allowed" in problem({key: value})
+
+
+@pytest.mark.parametrize(("section", "key"), [case for case in CASES if case[1] not in NOT_OF_A_SECTION])
+def test_a_files_key_has_the_limits_of_its_field(section: type, key: str) -> None:
+    name, per_unit = KEYS.get(key, (key, 1))
+    inside, outside = ends(*(x if per_unit == 1 else round(x * per_unit, 6) for x in FIELDS[section][0][key]))
+    taken = [takes(section, **{name: value}) for value in inside]
+    assert None not in taken
+    assert [takes(section, **{name: value}) for value in outside] == [None, None]
+    if section is DetectorSection:
+        assert [sensor_problem(replace(BASE, detector=s.detector(DARK))) for s in taken] == [None, None]
+    if section is OpticsSection:
+        assert [optics_problem(s.optics()) for s in taken] == [None, None]
+
+
+@pytest.mark.parametrize(("pitch_um", "allowed"), [(0.1, True), (1000, True), (0.09, False), (1001, False)])
+def test_a_pixel_pitch_has_the_same_limits_by_three_roads(pitch_um: float, allowed: bool) -> None:  # noqa: FBT001
+    pitch_m = pitch_um * 1e-6
+    size = {"width_px": 64, "height_px": 64, "fx_px": 64, "fy_px": 64, "cx_px": 32, "cy_px": 32}
+    pair = [pitch_um, pitch_um]
+    assert (
+        sensor_problem(replace(BASE, pixel_pitch_x_m=pitch_m, pixel_pitch_y_m=pitch_m)) is None
+    ) is allowed
+    assert (takes(SensorSection, pixel_pitch_um=pair) is not None) is allowed
+    assert (takes(CameraFile, **size, pixel_pitch_um=pair) is not None) is allowed

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from flyaround.simulator.baking.mesh_edges import find_edges
 from flyaround.simulator.geometry.subdivision import subdivide
-from flyaround.simulator.render.bake.mesh_edges import find_edges
 from tests.harness.boxes import closed_box
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from flyaround.hil.board_model import write
-from flyaround.simulator.render.bake import geometry, radiance_transfer
+from flyaround.simulator.baking import baked_mesh, radiance_transfer
 from flyaround.simulator.render.craft.mesh import prepared
 from flyaround.simulator.render.earth import detail_noise, maps, sea_ice, seasons, terrain_detail
 from flyaround.simulator.render.gl import mipmaps
@@ -76,7 +76,7 @@ MAKERS = {
     },
     "faces": (write.FACES_VERSION, outer_faces),
     "outlines": (write.OUTLINES_VERSION, outlines),
-    "geometry": (geometry.VERSION, lambda: [prepared(load_target(SMALL))[0].values]),
+    "geometry": (baked_mesh.VERSION, lambda: [prepared(load_target(SMALL))[0].values]),
     "transfer": ((radiance_transfer.VISIBILITY_VERSION, radiance_transfer.VERSION), light),
     "ice": (sea_ice.VERSION, lambda: [sea_ice._make_ice_noise(0)]),
     "detail": (detail_noise.VERSION, lambda: [detail_noise.make_detail()]),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import zstandard
 
-from flyaround.simulator.render.bake.geometry import _PACKED, _unpacked
+from flyaround.simulator.baking.baked_mesh import _PACKED, _unpacked
 from flyaround.simulator.runtime import prebuilt as shipped
 from flyaround.simulator.runtime.cached_arrays import cached_array, is_cached
 from flyaround.simulator.runtime.serialisation import _described
@@ -65,7 +65,7 @@ def close(name, mine, made, tmp_path):
     if name.startswith("visibility"):
         # a ray through an edge may count to either side of it, and which patch it meets there hangs on the
         # processor: Embree and the exact grid disagree on 2 directions in 1,000 being open and on 35 patches.
-        # How much the picture shows of that is told by tests/simulator/render/bake/test_prebuilt_pictures.py
+        # How much the picture shows of that is told by tests/simulator/baking/test_prebuilt_pictures.py
         looked, is_open = ((a == 0) != (b == 0)).mean(), ((a == 1) != (b == 1)).mean()
         return looked < 1e-3 and is_open < 0.01 and (a != b).mean() < 0.08
     if name.startswith("ocean"):  # codes of depth: those at a step's edge

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.irradiance import moon_plate_irradiance
+from flyaround.simulator.scene.illumination.irradiance import moon_plate_irradiance
 from flyaround.simulator.scene.illumination.moonlight import moonlight_share
 
 SUN = np.array([1.0, 0.0, 0.0])

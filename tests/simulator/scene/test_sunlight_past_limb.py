@@ -9,12 +9,12 @@ from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere
 from flyaround.simulator.scene.illumination.refraction import (
     _HEIGHTS_M,
     LIMB_DARKENING,
-    SUN_RADIUS_M,
     _grazing,
     _strips,
     limb_darkening,
     sunlight_past_earth,
 )
+from flyaround.simulator.world.constants import SUN_RADIUS_M
 
 AU_M = 149_597_870_700.0
 RADIUS_M = 6_371_000.0

@@ -19,9 +19,9 @@ from flyaround.simulator.recipes.plan import RecipePlan
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.scenario.scenario import SensorSection
 from flyaround.simulator.scene.environments import Environment
-from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from flyaround.simulator.scene.motion import propagated_scene
 from flyaround.simulator.targets.library import list_targets, load_target
+from flyaround.simulator.world.constants import AU_M
 from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
@@ -139,7 +139,7 @@ def _in_other_light(rng: Generator, scene: SceneState) -> SceneState:
     if rng.random() > 0.1:
         return scene
     d = rng.standard_normal(3)
-    sun = np.asarray(scene.r_target_eci_m) + ASTRONOMICAL_UNIT_M * d / np.linalg.norm(d)
+    sun = np.asarray(scene.r_target_eci_m) + AU_M * d / np.linalg.norm(d)
     share = sun_fraction_past_bodies(scene.bodies, scene.r_target_eci_m, sun)
     return replace(scene, r_sun_eci_m=vec3(sun), sun_visible_fraction=share)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.irradiance import spherical_fibonacci
+from flyaround.simulator.geometry.directions import spherical_fibonacci
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
 from flyaround.simulator.targets.model import Material
 from tools.validation.bare_scene import bare_scene, bare_target, flat_plate, square_camera

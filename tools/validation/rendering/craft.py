@@ -10,11 +10,11 @@ import numpy as np
 
 from flyaround.simulator.camera.lens.distortion import Distortion
 from flyaround.simulator.dataset.check.geometry import project_with_opencv
-from flyaround.simulator.render.irradiance import basis, field_of_samples, spherical_fibonacci, uniform_field
-from flyaround.simulator.render.view import SUN_RADIUS_M
-from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
+from flyaround.simulator.geometry.directions import spherical_fibonacci
+from flyaround.simulator.scene.illumination.irradiance import basis, field_of_samples, uniform_field
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Material
+from flyaround.simulator.world.constants import AU_M, SUN_RADIUS_M
 from tools.validation.bare_scene import ball, bare_scene, bare_target, flat_plate, square_camera
 from tools.validation.rendering import brushed as rendering_brushed
 from tools.validation.rendering import lamp as rendering_lamp
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
     from flyaround.simulator.scene.state import Quality
 
-SUN_RAD = SUN_RADIUS_M / ASTRONOMICAL_UNIT_M
+SUN_RAD = SUN_RADIUS_M / AU_M
 EDGE_ANGLES_DEG = tuple(2.5 * k for k in range(-36, 36))
 EDGE_CAMERA = square_camera(128, 600.0)
 # with the axis far off the image's middle, where the plate is: its edges bend there

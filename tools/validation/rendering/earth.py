@@ -21,12 +21,13 @@ from flyaround.simulator.scene.illumination.atmosphere import (
     path_light,
     rayleigh_phase,
 )
-from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
 from flyaround.simulator.scene.illumination.moonlight import disc_phase
 from flyaround.simulator.scene.illumination.refraction import shadow_profile, sunlight_past_earth
 from flyaround.simulator.scene.state import TargetRef
-from flyaround.simulator.scene.viewpoint import EQUATOR_M, POLE_M, scene_above
+from flyaround.simulator.scene.viewpoint import scene_above
 from flyaround.simulator.targets.library import load_target
+from flyaround.simulator.world.constants import AU_M, EARTH_POLAR_RADIUS_M, EARTH_RADIUS_M
 from flyaround.simulator.world.ephemeris.body import earth_and_moon
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 from tools.validation.rows import Row
@@ -83,7 +84,7 @@ def earth_disc(renderer: Renderer, phase_deg: float) -> float:
             scene = _empty(f"2026-03-20T{hour:02d}:00:00Z", (0.0, longitude, WIDE), camera, "mono", world)
             flux = _draw(renderer, scene).sum() * (FIELD_RAD / SIZE) ** 2
             sun = sun_irradiance_w_m2("mono", float(np.linalg.norm(scene.r_sun_eci_m)))[0]
-            shares.append(flux / sun * (np.linalg.norm(scene.r_camera_eci_m) / EQUATOR_M) ** 2)
+            shares.append(flux / sun * (np.linalg.norm(scene.r_camera_eci_m) / EARTH_RADIUS_M) ** 2)
     return float(np.mean(shares))
 
 
@@ -187,7 +188,7 @@ def _twin_db(renderer: Renderer, bands: Bands, hour: int) -> float:
         azimuth_deg=60.0,
     )
     drawn = _draw(renderer, scene).reshape(SIZE * SIZE, -1)
-    stretch = np.array([1, 1, EQUATOR_M / POLE_M])
+    stretch = np.array([1, 1, EARTH_RADIUS_M / EARTH_POLAR_RADIUS_M])
     R_ie = scene.body("earth").R_fixed_from_eci
     y, x = np.mgrid[0:SIZE, 0:SIZE]
     rays = camera.rays(np.stack([x.ravel(), y.ravel()], axis=1)) @ matrix_from_quat(
@@ -216,7 +217,7 @@ def _moon(renderer: Renderer) -> list[Row]:
     for phase in (5.0, 50.0, 100.0):
         light = [_moon_irradiance(renderer, np.radians(p), world, field) for p in (phase, -phase)]
         # V = -12.74 at full against the Sun's -26.76
-        full = sun_irradiance_w_m2("mono", ASTRONOMICAL_UNIT_M)[0] * 10 ** (-0.4 * (-12.74 + 26.76))
+        full = sun_irradiance_w_m2("mono", AU_M)[0] * 10 ** (-0.4 * (-12.74 + 26.76))
         out.append(
             Row(
                 what=f"Moon's irradiance at {phase:g} deg phase, relative",
@@ -244,9 +245,7 @@ def _moon_irradiance(renderer: Renderer, phase_rad: float, world: Environment, f
     """From the Earth's centre at the mean distance [W m-2]."""
     distance = 384_400e3
     scene = _empty("2026-03-20T12:00:00Z", (0.0, 0.0, 400.0), _square(field_rad), "mono", world)
-    sun = np.array([distance, 0, 0]) + ASTRONOMICAL_UNIT_M * np.array(
-        [-np.cos(phase_rad), np.sin(phase_rad), 0]
-    )
+    sun = np.array([distance, 0, 0]) + AU_M * np.array([-np.cos(phase_rad), np.sin(phase_rad), 0])
     R = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]], float)  # looking along x
     scene = replace(
         scene,
@@ -282,9 +281,7 @@ def _sun_and_stars(renderer: Renderer) -> list[Row]:
     # half light of a low orbit's sunset, where refraction flattens it
     heights = np.linspace(0, 80e3, 161)
     light = [
-        sunlight_past_earth(
-            np.array([-2.5e6, 0, EQUATOR_M + h]), np.array([ASTRONOMICAL_UNIT_M, 0, 0]), "mono"
-        )[0]
+        sunlight_past_earth(np.array([-2.5e6, 0, EARTH_RADIUS_M + h]), np.array([AU_M, 0, 0]), "mono")[0]
         for h in heights
     ]
     half = float(np.interp(0.5, light, heights))

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.irradiance import spherical_fibonacci
-from flyaround.simulator.render.view import SUN_RADIUS_M
-from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from flyaround.simulator.geometry.directions import spherical_fibonacci
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.world.constants import AU_M, SUN_RADIUS_M
 from tools.validation.bare_scene import ball, bare_scene, bare_target, square_camera
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def draw_lit_ball(
     towards = np.asarray(scene.sun_direction_camera)
     side = np.cross(towards, [0, 1.0, 0])
     side /= np.linalg.norm(side)
-    cap = spherical_fibonacci(points_of_sun, float(np.cos(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M)))
+    cap = spherical_fibonacci(points_of_sun, float(np.cos(SUN_RADIUS_M / AU_M)))
     chosen = (n @ towards > _LIT) & (-(n * rays).sum(axis=1) > _FACING)
     return LitBall(
         normals=n[chosen],

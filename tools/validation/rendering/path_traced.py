@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flyaround.simulator.errors import UserError, missing_extra
-from flyaround.simulator.render.irradiance import spherical_fibonacci
-from flyaround.simulator.render.view import SUN_RADIUS_M
+from flyaround.simulator.geometry.directions import spherical_fibonacci
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
-from flyaround.simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, reflectance, sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.bands import reflectance, sun_irradiance_w_m2
+from flyaround.simulator.world.constants import AU_M, SUN_RADIUS_M
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -221,8 +221,8 @@ def _suns(scene: SceneState) -> dict[str, Any]:
     sun = np.asarray(scene.sun_direction_camera)
     x = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
     x = x / np.linalg.norm(x)
-    cap = spherical_fibonacci(SUN_POINTS, float(np.cos(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M)))
-    irradiance = float(sun_irradiance_w_m2("mono", ASTRONOMICAL_UNIT_M)[0]) * scene.sun_visible_fraction
+    cap = spherical_fibonacci(SUN_POINTS, float(np.cos(SUN_RADIUS_M / AU_M)))
+    irradiance = float(sun_irradiance_w_m2("mono", AU_M)[0]) * scene.sun_visible_fraction
     return {
         f"sun{k}": {
             "type": "directional",

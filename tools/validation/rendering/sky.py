@@ -17,9 +17,15 @@ from flyaround.simulator.scene.environments import NOTHING
 from flyaround.simulator.scene.illumination.moonlight import moonlight_share
 from flyaround.simulator.scene.illumination.planets import earth_velocity_c
 from flyaround.simulator.scene.state import TargetRef
-from flyaround.simulator.scene.viewpoint import EQUATOR_M, POLE_M, scene_above
+from flyaround.simulator.scene.viewpoint import scene_above
 from flyaround.simulator.targets.library import load_target
-from flyaround.simulator.world.constants import AU_M, EARTH_RADIUS_M, FLATTENING, SUN_RADIUS_M
+from flyaround.simulator.world.constants import (
+    AU_M,
+    EARTH_POLAR_RADIUS_M,
+    EARTH_RADIUS_M,
+    FLATTENING,
+    SUN_RADIUS_M,
+)
 from flyaround.simulator.world.ephemeris.eclipse import sun_visible_fraction
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 from tools.validation.bare_scene import square_camera
@@ -168,7 +174,7 @@ def _ground_share(scene: SceneState, size: int, focal_px: float, rays: int = 48)
     R_ie = scene.body("earth").R_fixed_from_eci
     R = matrix_from_quat(scene.q_camera_from_eci_wxyz) @ R_ie.T
     c = R_ie @ scene.r_camera_eci_m
-    Q = np.diag([EQUATOR_M**-2, EQUATOR_M**-2, POLE_M**-2])
+    Q = np.diag([EARTH_RADIUS_M**-2, EARTH_RADIUS_M**-2, EARTH_POLAR_RADIUS_M**-2])
     middle = (size - 1) / 2
 
     def meets(x: FloatArray, y: FloatArray) -> FloatArray:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.geometry.triangles import sphere_directions
+from flyaround.simulator.geometry.directions import sphere_directions
+from flyaround.simulator.geometry.topology import MeshBody
 from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 from flyaround.simulator.targets.importing.propose.surface_points import SurfacePoints, surface_points
-from flyaround.simulator.targets.importing.repair.topology import MeshBody
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

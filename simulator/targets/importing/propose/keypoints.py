@@ -8,17 +8,17 @@ import cv2
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from flyaround.simulator.runtime.arrays import FloatArray, IntArray, vec3
-from flyaround.simulator.targets.builders.mesh import across
-from flyaround.simulator.targets.importing.propose.surface_points import surface_points
-from flyaround.simulator.targets.importing.propose.wireframe import crease_edges
-from flyaround.simulator.targets.importing.repair.decimate import decimate
-from flyaround.simulator.targets.importing.repair.topology import (
+from flyaround.simulator.geometry.decimation import decimate
+from flyaround.simulator.geometry.topology import (
     MeshBody,
     edge_table,
     used_vertices,
     with_separate_components,
 )
+from flyaround.simulator.runtime.arrays import FloatArray, IntArray, vec3
+from flyaround.simulator.targets.builders.mesh import across
+from flyaround.simulator.targets.importing.propose.surface_points import surface_points
+from flyaround.simulator.targets.importing.propose.wireframe import crease_edges
 from flyaround.simulator.targets.model import Keypoint
 
 WANTED = 16

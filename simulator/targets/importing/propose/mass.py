@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from flyaround.simulator.geometry.topology import MeshBody
+from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.runtime.arrays import FloatArray, vec3
-from flyaround.simulator.targets.importing.repair.topology import MeshBody
 from flyaround.simulator.targets.model import MassProperties
 
 DENSITY_KG_M3 = 250.0
@@ -23,7 +24,7 @@ def mass_properties_of(
     Volume integrals over the tetrahedra between the origin and each face (Tonon 2004); of sheets, the surface.
     """
     corners = np.concatenate([b.positions_m[b.triangles] for b in bodies])
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    area = np.linalg.norm(face_vectors(corners), axis=1) / 2
     origin = corners.mean(axis=(0, 1))
     c = corners - origin
     volume = np.einsum("ij,ij->i", c[:, 0], np.cross(c[:, 1], c[:, 2])) / 6

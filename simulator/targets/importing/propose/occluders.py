@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from flyaround.simulator.geometry.triangles import sphere_directions
+from flyaround.simulator.geometry.directions import sphere_directions
+from flyaround.simulator.geometry.topology import MeshBody
 from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 from flyaround.simulator.targets.importing.propose.surface_points import surface_points
-from flyaround.simulator.targets.importing.repair.topology import MeshBody
 from flyaround.simulator.targets.model import Occluders
 
 POINTS = 120_000

@@ -6,8 +6,9 @@ import itertools
 
 import numpy as np
 
+from flyaround.simulator.geometry.topology import MeshBody, edge_table, face_bodies
+from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, vec3
-from flyaround.simulator.targets.importing.repair.topology import MeshBody, edge_table, face_bodies
 from flyaround.simulator.targets.model import Edge
 
 SLENDER = 5.0
@@ -34,7 +35,7 @@ def rods_of(body: MeshBody, extent: float) -> list[Edge]:
 
 
 def _rod(corners: FloatArray, extent: float) -> Edge | None:
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(face_vectors(corners), axis=1)
     middle = corners.mean(axis=1)
     weight = area / area.sum()
     center = weight @ middle
@@ -44,10 +45,7 @@ def _rod(corners: FloatArray, extent: float) -> Edge | None:
     along = points @ axis
     length = float(np.ptp(along))
     # caps lie across the axis and say nothing of the radius
-    normal = (
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        / np.maximum(area, 1e-300)[:, None]
-    )
+    normal = face_vectors(corners) / np.maximum(area, 1e-300)[:, None]
     side = np.abs(normal @ axis) < 0.5
     if not side.any() or weight[side].sum() < 0.6:
         return None

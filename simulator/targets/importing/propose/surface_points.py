@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flyaround.simulator.geometry.topology import MeshBody, edge_table, face_bodies
 from flyaround.simulator.runtime.arrays import FloatArray, IntArray
-from flyaround.simulator.targets.importing.repair.topology import MeshBody, edge_table, face_bodies
 
 
 @dataclass(frozen=True, eq=False)

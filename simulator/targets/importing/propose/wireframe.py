@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray, Vec3, vec3
-from flyaround.simulator.targets.importing.propose.edge_contrast import contrast_of
-from flyaround.simulator.targets.importing.propose.rods import along_rods, rods_of
-from flyaround.simulator.targets.importing.repair.topology import (
+from flyaround.simulator.geometry.topology import (
     EdgeTable,
     MeshBody,
     edge_table,
     with_separate_components,
 )
+from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray, Vec3, vec3
+from flyaround.simulator.targets.importing.propose.edge_contrast import contrast_of
+from flyaround.simulator.targets.importing.propose.rods import along_rods, rods_of
 from flyaround.simulator.targets.model import Edge
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.targets.importing.repair.topology import (
+from flyaround.simulator.geometry.topology import (
     MeshBody,
     components,
     edge_table,
@@ -17,9 +17,9 @@ from flyaround.simulator.targets.importing.repair.topology import (
 )
 
 if TYPE_CHECKING:
+    from flyaround.simulator.geometry.topology import EdgeTable
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
     from flyaround.simulator.targets.importing.read.raw_model import RawPart
-    from flyaround.simulator.targets.importing.repair.topology import EdgeTable
 
 THINNEST = 3e-7
 """Height of a face, as a share of the craft, below which float32 cannot say which way it looks."""

@@ -17,13 +17,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from flyaround.simulator.geometry.plane_grid import PlaneGrid
-from flyaround.simulator.targets.importing.repair.topology import components, edge_table, face_bodies
+from flyaround.simulator.geometry.topology import components, edge_table, face_bodies
+from flyaround.simulator.geometry.triangles import face_vectors
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from flyaround.simulator.geometry.topology import MeshBody
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-    from flyaround.simulator.targets.importing.repair.topology import MeshBody
 
 NEAREST = 1e-5
 """Of the craft: nearer surfaces share depths at ten times its size, for depth is kept in 24 bits of a float."""
@@ -112,7 +113,7 @@ def coincident_pairs(
     """
     nearest = NEAREST * extent_m
     within = np.full(len(corners_m), nearest) if within_m is None else within_m
-    normal = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    normal = face_vectors(corners_m)
     area = np.linalg.norm(normal, axis=1)
     unit = normal / np.maximum(area, 1e-30)[:, None]
     group = _plane_groups(corners_m, unit, float(within.max(initial=nearest)))

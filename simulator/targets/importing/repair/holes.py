@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.geometry.topology import edge_table, face_bodies
+from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.targets.importing.repair.coincident_faces import (
     NEAREST,
     FaceTable,
     coincident_pairs,
     six_volumes,
 )
-from flyaround.simulator.targets.importing.repair.topology import edge_table, face_bodies
 
 if TYPE_CHECKING:
+    from flyaround.simulator.geometry.topology import MeshBody
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
-    from flyaround.simulator.targets.importing.repair.topology import MeshBody
 
 THIN = 1e-4
 """Volume over area to the 3/2 below which a closed surface is a double sheet; a sphere has 0.094."""
@@ -122,7 +123,7 @@ def _solid_pieces(faces: FaceTable, caps: list[_Cap]) -> set[int]:
     piece = np.concatenate([faces.piece, *(np.full(len(c.corners_m), c.piece) for c in caps)])
     centre = corners.mean(axis=(0, 1))
     volume = np.abs(np.bincount(piece, six_volumes(corners - centre), n)) / 6
-    vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    vectors = face_vectors(corners)
     area = np.bincount(piece, np.linalg.norm(vectors, axis=1), n) / 2
     return {c.piece for c in caps if volume[c.piece] > THIN * area[c.piece] ** 1.5}
 
@@ -148,7 +149,7 @@ def _clashing(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[int]:
     to_be_closed = np.isin(piece, list({c.piece for c in caps})) | np.append(
         faces.closed, np.ones(sum(lengths), bool)
     )
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = face_vectors(corners)
     outward = normal * _outward_sign(corners, piece)[:, None]
     same_way = np.einsum("ij,ij->i", outward[a], outward[b]) > 0
     seen = (piece[a] == piece[b]) | same_way | ~(to_be_closed[a] & to_be_closed[b])

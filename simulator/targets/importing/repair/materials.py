@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.geometry.topology import MeshBody
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.targets.importing.read.textures import mean_colour, without_textures
-from flyaround.simulator.targets.importing.repair.topology import MeshBody
 from flyaround.simulator.targets.model import Material
 
 if TYPE_CHECKING:

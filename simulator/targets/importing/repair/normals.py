@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.geometry.topology import components, edge_table
 from flyaround.simulator.targets.builders.solids import CREASE_RAD
-from flyaround.simulator.targets.importing.repair.topology import components, edge_table
 from flyaround.simulator.targets.model import Part
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flyaround.simulator.geometry.topology import MeshBody
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
-    from flyaround.simulator.targets.importing.repair.topology import MeshBody
     from flyaround.simulator.targets.model import Material
 
 BEST_COSINE = 0.1

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.geometry.topology import used_vertices
 from flyaround.simulator.runtime.arrays import FloatArray, vec3
 from flyaround.simulator.targets.importing.read.raw_model import RawModel
-from flyaround.simulator.targets.importing.repair.topology import used_vertices
 
 UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 UNIT_NAMES = {"mm": "millimetres", "cm": "centimetres", "m": "metres", "in": "inches"}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.labels.keypoints import geometric_states
-from flyaround.simulator.render.irradiance import uniform_field
+from flyaround.simulator.scene.illumination.irradiance import uniform_field
 from flyaround.simulator.scene.illumination.lamp import Lamp
 from flyaround.simulator.targets.joined_mesh import mesh_of
 from flyaround.simulator.targets.library import load_target

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.irradiance import dark_field, uniform_field
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.irradiance import dark_field, uniform_field
 from flyaround.simulator.world.frames.rotation import quat_from_matrix
 
 pytestmark = pytest.mark.gl

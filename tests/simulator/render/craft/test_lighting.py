@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
+from flyaround.simulator.geometry.directions import spherical_fibonacci
 from flyaround.simulator.render.earth.albedo import albedo_map, albedo_of_day
-from flyaround.simulator.render.irradiance import (
+from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.irradiance import (
     IrradianceField,
     basis,
     field_of_samples,
     globe_shine,
     moon_shine,
-    spherical_fibonacci,
     uniform_field,
 )
-from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
 from flyaround.simulator.targets.model import Part
 from flyaround.simulator.world.bodies.earth import EARTH
 

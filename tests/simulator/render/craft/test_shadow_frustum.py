@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.bake.geometry import VERTEX
+from flyaround.simulator.baking.baked_mesh import VERTEX
 from flyaround.simulator.render.craft.mesh import upload
 from flyaround.simulator.render.craft.shadow_frustum import SurfacePatches, fit_shadow_frustum, light_matrix
 from flyaround.simulator.render.craft.visible_triangles import visible_triangles

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.bake.edge_gaps import edge_gaps
-from flyaround.simulator.render.bake.mesh_edges import find_edges
+from flyaround.simulator.baking.mesh_edges import edge_gaps, find_edges
 from flyaround.simulator.render.craft.visible_edges import EdgeCamera, VisibleEdges
 from flyaround.simulator.render.projection import PixelRect
 from tests.harness.boxes import closed_box

@@ -21,7 +21,7 @@ from flyaround.simulator.render.globe.globe_view import globe_view
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.render.software import quad_packing, software_path
-from flyaround.simulator.render.software.coverage_mask import hull_tiles
+from flyaround.simulator.render.software.software_path import hull_tiles
 from flyaround.simulator.render.software.tiles import earth_tiles
 from flyaround.simulator.render.view import build_view
 from flyaround.simulator.runtime.cached_arrays import cached_array
@@ -58,9 +58,11 @@ def test_triangles_and_tiles_left_out_change_no_pixel(renderer, draw_kit, t_m, r
     assert np.array_equal(whole.coverage, lean.coverage)
     # every tile of the rectangle, on the same lattice's window
     tiles = []
-    target_tiles = software_path.target_tiles
+    target_tiles = software_path.TileCulling.target_tiles
     monkeypatch.setattr(
-        software_path, "target_tiles", lambda *a: tiles.append(target_tiles(*a)) or all_tiles(a[0].rect)
+        software_path.TileCulling,
+        "target_tiles",
+        lambda *a: tiles.append(target_tiles(*a)) or all_tiles(a[1].rect),
     )
     everywhere = renderer.render(scene, tango, labels=True)
     outside = everywhere.coverage.copy()

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from flyaround.simulator.geometry.triangles import sphere_directions
+from flyaround.simulator.geometry.directions import sphere_directions
 from flyaround.simulator.targets.importing.add import import_mesh
 
 SIZE = 192

@@ -15,22 +15,22 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from scipy.sparse import coo_matrix
 
-from flyaround.simulator.geometry.ray_cast import make_tracer
-from flyaround.simulator.render.bake.baked_visibility import (
+from flyaround.simulator.baking.baked_mesh import VERTEX
+from flyaround.simulator.baking.baked_visibility import (
     decode_visibility,
     encode_visibility,
     trace_visibility,
 )
-from flyaround.simulator.render.bake.geometry import VERTEX
-from flyaround.simulator.render.irradiance import spherical_fibonacci
+from flyaround.simulator.geometry.directions import spherical_fibonacci
+from flyaround.simulator.geometry.ray_cast import make_ray_caster
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_arrays
 from flyaround.simulator.runtime.prebuilt import prebuilt_array
 
 if TYPE_CHECKING:
-    from flyaround.simulator.render.bake.baked_visibility import NodeVisibility
-    from flyaround.simulator.render.bake.charts import Charts
-    from flyaround.simulator.render.bake.geometry import BakedMesh
+    from flyaround.simulator.baking.baked_mesh import BakedMesh
+    from flyaround.simulator.baking.baked_visibility import NodeVisibility
+    from flyaround.simulator.baking.charts import Charts
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 
 _T = TypeVar("_T", bound=np.generic)
@@ -128,9 +128,9 @@ def _prebuilt_visibility(key: str, mesh: BakedMesh, patch: int) -> NodeVisibilit
 
 
 def _traced_visibility(mesh: BakedMesh) -> NodeVisibility:
-    tracer = make_tracer(_vertices(mesh)["position_m"][mesh.triangles])
+    caster = make_ray_caster(_vertices(mesh)["position_m"][mesh.triangles])
     return trace_visibility(
-        mesh.charts, mesh.planes[:, :3], tracer, spherical_fibonacci(DIRECTIONS), mesh.radius_m
+        mesh.charts, mesh.planes[:, :3], caster, spherical_fibonacci(DIRECTIONS), mesh.radius_m
     )
 
 

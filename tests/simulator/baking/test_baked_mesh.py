@@ -6,10 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.bake import geometry
-from flyaround.simulator.render.bake.charts import TEXEL
-from flyaround.simulator.render.bake.geometry import VERTEX, MergedParts, geometry_of
-from flyaround.simulator.render.bake.occluders import Boxes
+from flyaround.simulator.baking import baked_mesh
+from flyaround.simulator.baking.baked_mesh import VERTEX, MergedParts, geometry_of
+from flyaround.simulator.baking.charts import TEXEL
+from flyaround.simulator.geometry.convex_shells import Boxes
 from flyaround.simulator.runtime.serialisation import pack, unpack
 from flyaround.simulator.targets.library import load_target
 
@@ -42,9 +42,9 @@ def test_a_fetched_geometry_is_the_one_that_was_made_and_an_edited_mesh_has_anot
     target = load_target("cubesat-1u@low")
     numbers = dict.fromkeys((m.name for m in target.materials), 1)
     whole = merged(target)
-    fresh = geometry._make(whole, target.parts, numbers, TEXEL)
+    fresh = baked_mesh._make(whole, target.parts, numbers, TEXEL)
     made = geometry_of(whole, target.parts, numbers, TEXEL)
-    monkeypatch.setattr(geometry, "_make", None)  # not called again
+    monkeypatch.setattr(baked_mesh, "_make", None)  # not called again
     fetched = geometry_of(merged(target), target.parts, numbers, TEXEL)
     assert len(fetched.shells) > 0
     assert len(fetched.edges.ends) > 0

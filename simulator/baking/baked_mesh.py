@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from flyaround.simulator.render.bake.charts import Charts, make_charts
-from flyaround.simulator.render.bake.mesh_edges import MeshEdges, find_edges
-from flyaround.simulator.render.bake.occluders import BOX, Boxes, ConvexShell, convex_bodies, find_shells
+from flyaround.simulator.baking.charts import Charts, make_charts
+from flyaround.simulator.baking.mesh_edges import MeshEdges, find_edges
+from flyaround.simulator.geometry.convex_shells import BOX, Boxes, ConvexShell, convex_bodies, find_shells
+from flyaround.simulator.geometry.triangles import face_planes
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.runtime.serialisation import pack, unpack
@@ -152,20 +153,14 @@ def _make(merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int]
         radius_m=radius,
         is_closed=closed,
         triangles=triangles,
-        planes=_planes(corners),
+        planes=face_planes(corners).astype(np.float32),
         boxes=Boxes.about(corners, BOX * radius),
-        shells=find_shells(convex_bodies(parts, radius), radius),
+        shells=find_shells(
+            convex_bodies([p.positions_m.astype(float)[p.triangles] for p in parts], radius), radius
+        ),
         charts=charts,
         edges=find_edges(tuple(parts), numbers, is_closed=closed),
     )
-
-
-def _planes(corners_m: FloatArray) -> Float32Array:
-    """Planes (T, 4) of triangles (T, 3, 3); one without area has none, and looks everywhere."""
-    normal = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    distance = np.einsum("ij,ij->i", normal, corners_m[:, 0])
-    return np.column_stack([normal, -distance]).astype(np.float32)
 
 
 _ROUNDING = 1e-9  # of a hull's extent, by which one inside of it may stand out

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+
+from flyaround.simulator.geometry.topology import components
+from flyaround.simulator.geometry.triangles import face_planes, face_vectors
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
-    from flyaround.simulator.targets.model import Part
 
 MARGIN = 2e-4
 """Of the radius, by which what is hidden lies inside the region: more than a raster's rounding of corners."""
@@ -131,16 +131,14 @@ def hidden(shells: Sequence[ConvexShell], boxes: Boxes, place: FloatArray, radiu
     return found
 
 
-def convex_bodies(parts: Sequence[Part], radius_m: float) -> list[ConvexShell]:
-    """The closed convex bodies among those of some parts, the largest first; small ones are left out.
+def convex_bodies(corners: Sequence[FloatArray], radius_m: float) -> list[ConvexShell]:
+    """Return the closed convex bodies of some parts, the largest first; small ones are left out.
 
     Parameters
     ----------
-    radius_m : of the craft's bounding sphere.
+    corners : (T, 3, 3) of the triangles of each part [m]. radius_m : of the craft's bounding sphere.
     """
-    corners = [part.positions_m.astype(float)[np.asarray(part.triangles)] for part in parts]
-    normals = [np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) / 2 for c in corners]
-    areas = [float(np.linalg.norm(n, axis=1).sum()) for n in normals]
+    areas = [float(np.linalg.norm(face_vectors(c) / 2, axis=1).sum()) for c in corners]
     shells: list[ConvexShell] = []
     for k in sorted(range(len(areas)), key=lambda k: -areas[k]):
         least = _LEAST_BODY * shells[0].area_m2 if shells else 0.0
@@ -196,11 +194,8 @@ def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> 
     _, places = np.unique((cell[:, 0] * span[1] + cell[:, 1]) * span[2] + cell[:, 2], return_inverse=True)
     places = places.reshape(-1, 3)
     n = int(places.max(initial=0)) + 1
-    start, end = places[:, :2].ravel(), places[:, 1:].ravel()
-    _, label = connected_components(coo_matrix((np.ones(len(start), bool), (start, end)), shape=(n, n)))
-    body = label[places[:, 0]].astype(np.int64)
-    normal = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
-    area = np.bincount(body, np.linalg.norm(normal, axis=1)) / 2
+    body = components(np.stack([places[:, :2].ravel(), places[:, 1:].ravel()], axis=1), n)[1][places[:, 0]]
+    area = np.bincount(body, np.linalg.norm(face_vectors(corners_m), axis=1)) / 2
     area[np.bincount(body) > _MOST_TRIANGLES] = 0
     largest = np.argsort(-area, kind="stable")[:_MOST_BODIES]
     members = [np.flatnonzero(body == k) for k in largest if area[k] > least_m2]
@@ -210,10 +205,8 @@ def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> 
 def _as_convex_shell(body: _Body, radius_m: float) -> ConvexShell | None:
     """A body as a convex shell, if it is closed and convex."""
     corners, places = body.corners_m, body.places
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    double = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals /= np.maximum(double, 1e-30)
-    planes = np.column_stack([normals, -np.einsum("ij,ij->i", normals, corners[:, 0])])
+    planes = face_planes(corners)
+    normals = planes[:, :3]
     points = corners.reshape(-1, 3)
     if (points @ normals.T + planes[:, 3]).max() > _BULGE * radius_m:
         return None
@@ -234,4 +227,5 @@ def _as_convex_shell(body: _Body, radius_m: float) -> ConvexShell | None:
     turns = np.concatenate(
         [np.cross(along[:, None], np.eye(3)).swapaxes(1, 2), -np.cross(along, ends[:, 0])[..., None]], axis=2
     )
-    return ConvexShell(planes[row], ends, faces[real], turns, float(double.sum() / 2))
+    area_m2 = float(np.linalg.norm(face_vectors(corners), axis=1).sum() / 2)
+    return ConvexShell(planes[row], ends, faces[real], turns, area_m2)

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flyaround.simulator.geometry.ray_cast import Int32Array, Tracer
-    from flyaround.simulator.render.bake.charts import Charts
+    from flyaround.simulator.baking.charts import Charts
+    from flyaround.simulator.geometry.ray_cast import Int32Array, RayCaster
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet that stands for a round face
@@ -52,7 +52,7 @@ class NodeVisibility:
 
 
 def trace_visibility(
-    charts: Charts, planes: Float32Array, tracer: Tracer, directions: FloatArray, radius_m: float
+    charts: Charts, planes: Float32Array, caster: RayCaster, directions: FloatArray, radius_m: float
 ) -> NodeVisibility:
     """Casts rays from all nodes of a craft along all directions above their faces.
 
@@ -61,7 +61,7 @@ def trace_visibility(
     planes : (T, 3) normals of the triangles. directions : (D, 3) unit vectors. radius_m : of the craft.
     """
     face, cosines = _above(charts, planes, directions)
-    covered, probed = _covered(charts.places_m, face, cosines, tracer, directions, radius_m)
+    covered, probed = _covered(charts.places_m, face, cosines, caster, directions, radius_m)
     origins = (
         charts.places_m + face * np.where(covered, DECAL_HEIGHT * radius_m, ORIGIN_OFFSET * radius_m)[:, None]
     )
@@ -70,11 +70,11 @@ def trace_visibility(
     def along(k: int) -> tuple[IntArray, IntArray, BoolArray]:
         node = np.flatnonzero(cosines[:, k])
         if k in probed:  # those that look from where they did need not look again
-            triangle, distance = probed.pop(k)
+            distance, triangle = probed.pop(k)
             again = np.flatnonzero(covered[node])
-            triangle[again], distance[again] = tracer.first_hits(origins[node[again]], directions[k])
+            distance[again], triangle[again] = caster.first_hits(origins[node[again]], directions[k])
         else:
-            triangle, distance = tracer.first_hits(origins[node], directions[k])
+            distance, triangle = caster.first_hits(origins[node], directions[k])
         is_open[node, k] = triangle < 0
         hit = np.flatnonzero(triangle >= 0)
         node, triangle = node[hit], triangle[hit]
@@ -142,18 +142,18 @@ def _covered(
     places_m: FloatArray,
     face: FloatArray,
     cosines: Float32Array,
-    tracer: Tracer,
+    caster: RayCaster,
     directions: FloatArray,
     radius_m: float,
-) -> tuple[BoolArray, dict[int, tuple[Int32Array, Float32Array]]]:
+) -> tuple[BoolArray, dict[int, tuple[Float32Array, Int32Array]]]:
     """(N,) whether a decal hides most of what each place sees; and the hits along the directions that were tried."""
     origins = places_m + face * (ORIGIN_OFFSET * radius_m)
-    hits: dict[int, tuple[Int32Array, Float32Array]] = {}
+    hits: dict[int, tuple[Float32Array, Int32Array]] = {}
 
     def low(k: int) -> Float32Array:
         node = np.flatnonzero(cosines[:, k])
-        hits[k] = tracer.first_hits(origins[node], directions[k])
-        distance = hits[k][1]
+        hits[k] = caster.first_hits(origins[node], directions[k])
+        distance = hits[k][0]
         low = np.zeros(len(places_m), np.float32)
         low[node] = cosines[node, k] * (distance * (face[node] @ directions[k]) < DECAL_HEIGHT * radius_m)
         return low

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.geometry.directions import orthonormal_basis, spherical_fibonacci
 from flyaround.simulator.scene.illumination.moonlight import moonlight_share
 
 if TYPE_CHECKING:
@@ -60,34 +61,6 @@ def _legendre_4(cosine: FloatArray) -> FloatArray:
     """Fourth Legendre polynomial."""
     c2 = cosine * cosine
     return np.asarray((35 * c2 * c2 - 30 * c2 + 3) / 8)
-
-
-def spherical_fibonacci(count: int, lowest_cosine: float = -1.0) -> FloatArray:
-    """(count, 3) spherical Fibonacci points: directions even in solid angle over a cap about +z."""
-    share, around = _fibonacci_angles(count)
-    c = 1 - share * (1 - lowest_cosine)
-    s = np.sqrt(np.maximum(1 - c * c, 0))
-    directions = np.empty((count, 3))
-    directions[:, 0], directions[:, 1], directions[:, 2] = s * around[0], s * around[1], c
-    return directions
-
-
-@lru_cache(maxsize=16)
-def _fibonacci_angles(count: int) -> tuple[FloatArray, FloatArray]:
-    """Of spherical Fibonacci points: the share of the cap above each, and the cosine and sine of its azimuth."""
-    k = np.arange(count) + 0.5
-    turn = k * np.pi * (3 - np.sqrt(5))
-    return k / count, np.stack([np.cos(turn), np.sin(turn)])
-
-
-def orthonormal_basis(z: FloatArray) -> FloatArray:
-    """(3, 3) rows: two unit vectors across a third one, which is the last."""
-    # by numbers: numpy takes longer for one cross product than for all else of a frame's light
-    a, b, c = (float(v) for v in z)
-    x, y, w = (b, -a, 0.0) if abs(c) < 0.9 else (0.0, c, -b)
-    length = (x * x + y * y + w * w) ** 0.5
-    x, y, w = x / length, y / length, w / length
-    return np.array([[x, y, w], [b * w - c * y, c * x - a * w, a * y - b * x], [a, b, c]])
 
 
 _NORMALS = spherical_fibonacci(_PLATES)

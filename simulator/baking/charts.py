@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
+from flyaround.simulator.baking.chart_cuts import cut_charts
 from flyaround.simulator.geometry.plane_grid import PlaneGrid
-from flyaround.simulator.render.bake.chart_cuts import cut_charts
+from flyaround.simulator.geometry.triangles import face_vectors
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
@@ -88,7 +89,7 @@ def make_charts(
     positions_m, normals : (V, 3). groups : (V,) numbers that one chart does not mix. texel_m : between nodes, at most.
     """
     corners = positions_m[triangles]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    across = face_vectors(corners)
     area = np.linalg.norm(across, axis=1)
     normal = across / np.maximum(area, 1e-30)[:, None]
     for attempt in range(20):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.bake import radiance_transfer as transfer
+from flyaround.simulator.baking import radiance_transfer as transfer
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight

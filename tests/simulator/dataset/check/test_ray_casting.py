@@ -1,15 +1,40 @@
-"""Rays from a camera that a part of the mesh reaches behind: what of a triangle is ahead is met."""
+"""The check's rays: which pixels are sampled, and what of a triangle that reaches behind the camera is met."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 import trimesh
 
-from flyaround.simulator.dataset.check.ray_casting import RayCaster
+from flyaround.simulator.dataset.check.ray_casting import RayOracle, sample_pixels
 from flyaround.simulator.targets.joined_mesh import mesh_of
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.pose import Pose
 
 
-def test_rays_meet_what_is_ahead_of_a_triangle_that_reaches_behind_the_camera():
+@pytest.mark.parametrize("rolling", [False, True])
+def test_every_part_is_asked_about_once_though_it_be_a_pixel(*, rolling: bool) -> None:
+    mask = np.zeros((400, 400), np.uint8)
+    mask[50:350, 50:350] = 255
+    parts = np.where(mask > 0, 1, 0).astype(np.uint16)
+    single = {2: (60, 70), 3: (349, 349), 7: (200, 51)}
+    for part, (y, x) in single.items():
+        parts[y, x] = part
+    should = np.array([[5, 6]])
+    sampler = SimpleNamespace(where_parts_should_be=lambda: should)
+    truth = SimpleNamespace(seed=4, frame_index=9, row_poses=(1,) if rolling else ())
+    asked = {tuple(p) for p in sample_pixels(truth, mask, {"parts": parts}, sampler).tolist()}
+    assert len(asked) > 10
+    found = {part for part, (y, x) in single.items() if (x, y) in asked}
+    # of a rolling shutter no pixel's part is known by geometry alone
+    assert found == (set() if rolling else set(single))
+    assert ((5, 6) in asked) is not rolling
+    assert sample_pixels(truth, 0 * mask, {}, sampler).shape == (0, 2)
+
+
+def test_rays_meet_what_is_ahead_of_a_triangle_that_reaches_behind_the_camera() -> None:
     target = load_target("cubesat-1u")
     q = [0.24645180188688268, -0.7264408647937025, -0.0040488810846959185, -0.6415050941858904]
     pose = Pose.of("camera", "target", q, [-0.006135, -0.019346, 0.216728])
@@ -20,7 +45,7 @@ def test_rays_meet_what_is_ahead_of_a_triangle_that_reaches_behind_the_camera():
     intersector = trimesh.ray.ray_triangle.RayMeshIntersector(
         trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=False)
     )
-    caster = RayCaster(target, pose)
+    caster = RayOracle(target, pose)
     rng = np.random.default_rng(0)
     rays = np.concatenate([rng.uniform(-0.5, 0.5, (60, 2)), np.array([[-0.23, -0.48], [-0.22, -0.47]])])
     rays = np.insert(rays, 2, 1.0, axis=1)

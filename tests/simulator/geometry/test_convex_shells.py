@@ -3,22 +3,15 @@
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.bake.occluders import CLOSEST_M, Boxes, convex_bodies, find_shells, hidden
+from flyaround.simulator.geometry.convex_shells import CLOSEST_M, Boxes, convex_bodies, find_shells, hidden
 from flyaround.simulator.targets.builders.mesh import merge
 from flyaround.simulator.targets.builders.solids import box, dome
-from flyaround.simulator.targets.model import Part
 
 BODY = box((-0.5, -0.3, -0.2), (0.4, 0.3, 0.2))
 
 
-def part_of(mesh):
-    return Part(
-        name="part",
-        material="white",
-        positions_m=mesh.positions_m.astype(np.float32),
-        normals=mesh.normals.astype(np.float32),
-        triangles=mesh.triangles,
-    )
+def corners_of(mesh):
+    return mesh.positions_m.astype(np.float32).astype(float)[mesh.triangles]
 
 
 def meets_body(place, points, toward):
@@ -33,7 +26,7 @@ def meets_body(place, points, toward):
 @pytest.mark.parametrize("far", [0.0, 1.0])
 def test_boxes_called_hidden_lie_behind_the_body_and_most_that_do_are_called_so(far):
     random = np.random.default_rng(4)
-    shells = find_shells(convex_bodies([part_of(BODY)], 1.0), 1.0)
+    shells = find_shells(convex_bodies([corners_of(BODY)], 1.0), 1.0)
     assert len(shells) == 1
     middles = random.uniform(-1, 1, (300, 3))
     corners = middles[:, None] + random.uniform(-0.04, 0.04, (300, 8, 3))
@@ -52,7 +45,7 @@ def test_boxes_called_hidden_lie_behind_the_body_and_most_that_do_are_called_so(
 
 
 def test_a_place_inside_or_too_near_hides_nothing():
-    shells = find_shells(convex_bodies([part_of(BODY)], 1.0), 1.0)
+    shells = find_shells(convex_bodies([corners_of(BODY)], 1.0), 1.0)
     behind = Boxes.about(np.full((1, 3, 3), [-0.9, 0.0, 0.0]), 0.1)
     for x, expected in ((0.1, False), (0.4 + 0.5 * CLOSEST_M, False), (0.4 + 2 * CLOSEST_M, True)):
         assert hidden(shells, behind, np.array([x, 0.0, 0.0, 1.0]), 1.0)[0] == expected
@@ -63,7 +56,7 @@ def test_only_closed_convex_bodies_that_stand_apart_are_shells():
     opened = type(opened)(opened.positions_m, opened.normals, opened.triangles[2:])
     inner = box((-0.49, -0.29, -0.19), (0.39, 0.29, 0.22))  # little more than the body
     cap = dome((0, 4, 0), (0, 1, 0), 0.8, 0.8)
-    parts = [part_of(m) for m in (opened, merge([BODY, inner]), cap)]
+    parts = [corners_of(m) for m in (opened, merge([BODY, inner]), cap)]
     shells = find_shells(convex_bodies(parts, 1.0), 1.0)
     assert len(shells) == 1
     assert np.ptp(shells[0].ends_m.reshape(-1, 3), axis=0) == pytest.approx([0.9, 0.6, 0.4], abs=1e-6)

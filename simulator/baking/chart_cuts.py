@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+
+from flyaround.simulator.geometry.topology import components
+from flyaround.simulator.geometry.triangles import face_vectors
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
@@ -37,16 +38,17 @@ def cut_charts(
     touching : they must hang together by edges; without, there are fewer charts of what is in many pieces.
     """
     corners = positions_m[triangles]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(face_vectors(corners), axis=1)
     edge, other = _shared_edges(positions_m, groups, triangles)
-    i, j = edge // 3, other // 3
+    pairs = np.stack([edge, other], axis=1) // 3
+    i, j = pairs.T
     cosine = np.einsum("kc,kc->k", normal[i], normal[j])
     plain = cosine > _COPLANAR
-    plane = _hanging_together(len(triangles), i[plain], j[plain])
+    plane = components(pairs[plain], len(triangles))[1]
     bent = _bends(plane, normal, area)[plane]
     if bent.any():
         plain &= ~bent[i] | (cosine > _SAME)
-        plane = _hanging_together(len(triangles), i[plain], j[plain])
+        plane = components(pairs[plain], len(triangles))[1]
     key, small = _patch_keys(
         corners,
         normal,
@@ -60,10 +62,10 @@ def cut_charts(
     patch = small[i] & small[j] & (key[i] == key[j])
     joined = np.where(small[i] | small[j], patch, plain)
     if touching:
-        chart = _hanging_together(len(triangles), i[joined], j[joined])
+        chart = components(pairs[joined], len(triangles))[1]
     else:
         large = plain & ~small[i] & ~small[j]
-        whole = _hanging_together(len(triangles), i[large], j[large])
+        whole = components(pairs[large], len(triangles))[1]
         _, chart = np.unique(np.where(small, -1 - key, whole), return_inverse=True)
     border = np.ones(3 * len(triangles), bool)
     border[edge[joined]] = border[other[joined]] = False
@@ -85,11 +87,6 @@ def _shared_edges(
     order = np.argsort(key, kind="stable")
     same = key[order[1:]] == key[order[:-1]]
     return order[:-1][same], order[1:][same]
-
-
-def _hanging_together(count: int, i: IntArray, j: IntArray) -> IntArray:
-    graph = coo_matrix((np.ones(len(i), bool), (i, j)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
 
 
 def _means(sets: IntArray, values: FloatArray, weight: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from flyaround.simulator.render.bake.geometry import outer_hulls
+from flyaround.simulator.baking.baked_mesh import outer_hulls
 
 
 def _box(low, high):

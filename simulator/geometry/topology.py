@@ -1,4 +1,4 @@
-"""Mesh topology: welding, edge tables, connected components. Indices only, no policy."""
+"""Topology of a mesh: welding, edge tables, connected components, closed surfaces."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+from flyaround.simulator.geometry.triangles import face_vectors
+from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 GRID_BITS = 21
 """Positions are compared on a grid of 2^21 steps per axis, about half a millionth of the craft."""
@@ -49,8 +50,7 @@ class MeshBody:
     @property
     def face_vectors(self) -> FloatArray:
         """(F, 3) normals as long as twice the faces' areas [m2]."""
-        a, b, c = (self.positions_m[self.triangles[:, k]] for k in range(3))
-        return np.cross(b - a, c - a)
+        return face_vectors(self.positions_m[self.triangles])
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +119,17 @@ def edge_table(triangles: IntArray) -> EdgeTable:
         pairs,
         two,
     )
+
+
+def is_closed(positions_m: FloatArray | Float32Array, triangles: IntArray) -> bool:
+    """Return True if every edge is met once in each direction, and the signed volume is positive."""
+    p = positions_m.astype(float)[triangles]
+    if not np.einsum("ij,ij->", p[:, 0], np.cross(p[:, 1], p[:, 2])) > 0:
+        return False
+    # corners that share a place are one, whatever their normals; slivers may lose an edge in the rounding
+    _, place = np.unique(np.round(positions_m, 6), axis=0, return_inverse=True)
+    edges = edge_table(place.ravel()[triangles])
+    return not edges.balance[edges.ends[:, 0] != edges.ends[:, 1]].any()
 
 
 def components(links: IntArray, count: int) -> tuple[int, IntArray]:

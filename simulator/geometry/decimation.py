@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from flyaround.simulator.geometry.triangles import distance_to_triangles
+from flyaround.simulator.geometry.topology import MeshBody
+from flyaround.simulator.geometry.triangles import distance_to_triangles, face_vectors
 from flyaround.simulator.runtime.arrays import FloatArray, IntArray
-from flyaround.simulator.targets.importing.repair.topology import MeshBody
 
 SAMPLES = 20_000
 NEAREST = 6
@@ -117,7 +117,7 @@ def deviation(before: list[MeshBody], after: list[MeshBody]) -> Deviation:
     sample = vertices[:: len(vertices) // SAMPLES + 1]
     corners = np.concatenate([b.positions_m[b.triangles] for b in after])
     # points spread over the reduced surface lead from each vertex to the triangles it may be nearest to
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(face_vectors(corners), axis=1)
     rng = np.random.default_rng(0)
     owner = np.concatenate(
         [np.arange(len(corners)), rng.choice(len(corners), SURFACE_POINTS, p=area / area.sum())]

@@ -1,0 +1,58 @@
+"""Directions: points spread evenly over the sphere, and axes across a unit vector."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from flyaround.simulator.runtime.arrays import FloatArray
+
+
+def sphere_directions(count: int) -> FloatArray:
+    """(count, 3) unit vectors, nearly even: the Fibonacci lattice (Gonzalez 2010, Mathematical Geosciences 42)."""
+    k = np.arange(count) + 0.5
+    z = 1 - 2 * k / count
+    angle = np.pi * (1 + np.sqrt(5.0)) * k
+    r = np.sqrt(1 - z * z)
+    return np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=-1)
+
+
+def spherical_fibonacci(count: int, lowest_cosine: float = -1.0) -> FloatArray:
+    """(count, 3) spherical Fibonacci points: directions even in solid angle over a cap about +z."""
+    share, around = _fibonacci_angles(count)
+    c = 1 - share * (1 - lowest_cosine)
+    s = np.sqrt(np.maximum(1 - c * c, 0))
+    directions = np.empty((count, 3))
+    directions[:, 0], directions[:, 1], directions[:, 2] = s * around[0], s * around[1], c
+    return directions
+
+
+@lru_cache(maxsize=16)
+def _fibonacci_angles(count: int) -> tuple[FloatArray, FloatArray]:
+    """Of spherical Fibonacci points: the share of the cap above each, and the cosine and sine of its azimuth."""
+    k = np.arange(count) + 0.5
+    turn = k * np.pi * (3 - np.sqrt(5))
+    return k / count, np.stack([np.cos(turn), np.sin(turn)])
+
+
+def orthonormal_basis(z: FloatArray) -> FloatArray:
+    """(3, 3) rows: two unit vectors across a third one, which is the last."""
+    # by numbers: numpy takes longer for one cross product than for all else of a frame's light
+    a, b, c = (float(v) for v in z)
+    x, y, w = (b, -a, 0.0) if abs(c) < 0.9 else (0.0, c, -b)
+    length = (x * x + y * y + w * w) ** 0.5
+    x, y, w = x / length, y / length, w / length
+    return np.array([[x, y, w], [b * w - c * y, c * x - a * w, a * y - b * x], [a, b, c]])
+
+
+def across(direction: ArrayLike) -> FloatArray:
+    """Return (3, 3) rows: two unit vectors across a unit vector, and itself."""
+    d = np.asarray(direction, float)
+    e1 = np.cross(d, np.eye(3)[int(np.argmin(np.abs(d)))])
+    e1 /= np.linalg.norm(e1)
+    return np.stack([e1, np.cross(d, e1), d])

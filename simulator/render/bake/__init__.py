@@ -1,1 +1,0 @@
-"""What is computed of a mesh once and cached: charts, hidden faces, edges, visibility, radiance transfer. No OpenGL."""
