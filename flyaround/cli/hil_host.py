@@ -64,7 +64,7 @@ def host(
     listen: Annotated[
         str,
         typer.Option(
-            help="tcp://HOST:PORT, udp://HOST:PORT or serial:///DEVICE?baud=N for a board; gige://IFACE as hil camera."
+            help="tcp://HOST:PORT or serial:///DEVICE?baud=N for a board; gige://IFACE as hil camera."
         ),
     ] = "tcp://127.0.0.1:5600",
     n: Annotated[int | None, typer.Option("-n", min=1, help="Frames, evenly in time (default 30).")] = None,
