@@ -23,7 +23,7 @@ from flyaround.hil.campaign.map_results import (
     MapSettings,
 )
 from flyaround.hil.evaluate.metrics import wilson_interval
-from flyaround.hil.host.closed_loop import frame_every
+from flyaround.hil.host.closed_loop_run import frame_every
 from flyaround.hil.navigation.closed_loop import check_closed_loop
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
