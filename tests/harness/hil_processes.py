@@ -188,11 +188,6 @@ class Cable:
             there = f"10.77.0.{2 - k}"
             self._ip("-n", name, "neigh", "replace", there, "lladdr", "02:00:00:00:00:99", "dev", "v0")
 
-    def plug_in(self) -> None:
-        """As before."""
-        for k, name in enumerate(self._names):
-            self._ip("-n", name, "neigh", "del", f"10.77.0.{2 - k}", "dev", "v0")
-
     @staticmethod
     def _ip(*words: str) -> None:
         subprocess.run(["ip", *words], check=True, capture_output=True)
