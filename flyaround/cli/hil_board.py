@@ -61,7 +61,7 @@ def board(
     url: Annotated[
         str,
         typer.Argument(
-            help="The host: tcp://HOST:PORT, udp://HOST:PORT or serial:///DEVICE?baud=N; or a camera: gige://ADDRESS."
+            help="The host: tcp://HOST:PORT or serial:///DEVICE?baud=N; or a camera: gige://ADDRESS."
         ),
     ],
     target: Annotated[str, typer.Option(help="Target name.")] = "tango",

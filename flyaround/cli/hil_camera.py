@@ -11,13 +11,13 @@ import typer
 from flyaround.cli.command_line import command_line
 from flyaround.cli.scenario_argument import load_flown
 from flyaround.cli.terminal import say
-from flyaround.hil.host.camera_endpoint.camera import WARNING, run_camera
 from flyaround.hil.host.camera_endpoint.camera_ledger import CameraLedger
 from flyaround.hil.host.camera_endpoint.genicam_xml import OWN_NAME, read_xml, write_xml
 from flyaround.hil.host.camera_endpoint.interface import check_address, find_interface
 from flyaround.hil.host.camera_endpoint.messages import AnswerTerms, EndpointConfig
 from flyaround.hil.host.camera_endpoint.pictures import DrawnPictures, check_one_channel, image_alone, loop_of
 from flyaround.hil.host.camera_endpoint.registers import RATE_HZ, CameraTerms
+from flyaround.hil.host.camera_endpoint.simulated_camera import WARNING, run_camera
 from flyaround.hil.host.ledger.run_terms import FlownRecord
 from flyaround.hil.host.link_process.host_link import choose_pixel_format
 from flyaround.hil.host.link_process.ipc import LinkConfig

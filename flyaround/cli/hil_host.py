@@ -16,7 +16,7 @@ from flyaround.cli.scenario_argument import load_flown
 from flyaround.cli.terminal import progress_bar, say
 from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
 from flyaround.hil.host.board_command import board_command, board_url
-from flyaround.hil.host.closed_loop import (
+from flyaround.hil.host.closed_loop_run import (
     fly_without_pictures,
     frame_every,
     summary_without_pictures,
@@ -29,8 +29,8 @@ from flyaround.hil.host.ledger.run_terms import FlownRecord, terms_without_board
 from flyaround.hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary
 from flyaround.hil.host.link_process.host_link import choose_pixel_format
 from flyaround.hil.host.link_process.ipc import Compression, LinkConfig, PixelFormatName
+from flyaround.hil.host.measurement_noise import read_pose_noise
 from flyaround.hil.host.picture_frames import pictures_in
-from flyaround.hil.host.pose_errors import read_pose_noise
 from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.host.recording.ros_log import RosLog
 from flyaround.hil.host.recording.space_packets import SpacePacketSink
@@ -64,7 +64,7 @@ def host(
     listen: Annotated[
         str,
         typer.Option(
-            help="tcp://HOST:PORT, udp://HOST:PORT or serial:///DEVICE?baud=N for a board; gige://IFACE as hil camera."
+            help="tcp://HOST:PORT or serial:///DEVICE?baud=N for a board; gige://IFACE as hil camera."
         ),
     ] = "tcp://127.0.0.1:5600",
     n: Annotated[int | None, typer.Option("-n", min=1, help="Frames, evenly in time (default 30).")] = None,

@@ -54,7 +54,6 @@ def link_latency_ms(
     *,
     n_frames: int,
     compression: Compression = "raw",
-    scheme: str = "tcp",
     key: bytes | None = None,
 ) -> list[float]:
     """End-to-end latency of each frame over the loopback, lockstep, with an instant estimator [ms]."""
@@ -67,7 +66,7 @@ def link_latency_ms(
 
     laps_ms: list[float] = []
     link = LinkConfig(
-        url=f"{scheme}://127.0.0.1:0",
+        url="tcp://127.0.0.1:0",
         mode="lockstep",
         truth="off",
         timeout_s=10.0,
@@ -85,20 +84,12 @@ def link_latency_ms(
 
 
 def bench_link(n_frames: int = 60) -> tuple[PartCost, ...]:
-    """Frame out to pose in, by image size, compression, line and key; the first frames warm up and are left out."""
-    lines: tuple[tuple[str, Compression, bytes | None], ...] = (
-        ("tcp", "raw", None),
-        ("tcp", "zstd", None),
-        ("tcp", "raw", bytes(32)),
-        ("udp", "raw", None),
-        ("udp", "raw", bytes(32)),
-    )
+    """Frame out to pose in, by image size, compression and key; the first frames warm up and are left out."""
+    lines: tuple[tuple[Compression, bytes | None], ...] = (("raw", None), ("zstd", None), ("raw", bytes(32)))
     costs = []
     for width, height in SIZES_PX:
-        for scheme, compression, key in lines:
-            laps_ms = link_latency_ms(
-                width, height, n_frames=n_frames + 5, compression=compression, scheme=scheme, key=key
-            )
-            name = f"link {scheme} {width}x{height} {compression}" + (" sealed" if key else "")
+        for compression, key in lines:
+            laps_ms = link_latency_ms(width, height, n_frames=n_frames + 5, compression=compression, key=key)
+            name = f"link tcp {width}x{height} {compression}" + (" sealed" if key else "")
             costs.append(cost(name, laps_ms[5:]))
     return tuple(costs)

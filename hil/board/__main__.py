@@ -72,8 +72,7 @@ def _options(arguments: List[str], program: str) -> argparse.Namespace:
     parser.add_argument(
         "url",
         nargs="?",
-        help="The host: tcp://HOST:PORT, udp://HOST:PORT or serial:///dev/ttyS0?baud=921600; or a camera:"
-        " gige://ADDRESS",
+        help="The host: tcp://HOST:PORT or serial:///dev/ttyS0?baud=921600; or a camera: gige://ADDRESS",
     )
     names = ", ".join(bundled_models())
     parser.add_argument(

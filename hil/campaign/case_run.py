@@ -20,7 +20,7 @@ from flyaround.hil.board.agent import describe_board
 from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.campaign.own_board import SILENCE_S, run_with_own_board
 from flyaround.hil.campaign.quantities import QUANTITIES, RunRecord, Value
-from flyaround.hil.host.closed_loop import (
+from flyaround.hil.host.closed_loop_run import (
     fly_without_pictures,
     frame_every,
     summary_without_pictures,

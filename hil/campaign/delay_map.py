@@ -14,7 +14,6 @@ import msgspec
 import numpy as np
 
 from flyaround.hil.campaign.delay_map_page import write_delay_map_page
-from flyaround.hil.campaign.half_success import half_success, wilson
 from flyaround.hil.campaign.map_flights import Cell, MapFlight, flown_cells
 from flyaround.hil.campaign.map_results import (
     CellResult,
@@ -23,7 +22,8 @@ from flyaround.hil.campaign.map_results import (
     HalfLatency,
     MapSettings,
 )
-from flyaround.hil.host.closed_loop import frame_every
+from flyaround.hil.evaluate.metrics import wilson_interval
+from flyaround.hil.host.closed_loop_run import frame_every
 from flyaround.hil.navigation.closed_loop import check_closed_loop
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
@@ -164,7 +164,8 @@ class _Map:
         for drops in s.drops:
             for jitter_s in s.jitters_s:
                 between = refined if (jitter_s, drops) == (s.jitters_s[0], s.drops[0]) else {}
-                half.append(_half(cells | between, jitter_s, drops))
+                row = [r for c, r in (cells | between).items() if (c.jitter_s, c.drops) == (jitter_s, drops)]
+                half.append(HalfLatency.of(sorted(row, key=lambda r: r.latency_s)))
         return DelayMapOutcome(
             settings=s,
             half=tuple(half),
@@ -274,7 +275,7 @@ def _counted(flown: Sequence[FlownCell]) -> dict[Cell, CellResult]:
     good = Counter(f.cell for f in flown if f.success)
     found = {}
     for cell, flights in n.items():
-        low, high = wilson(good[cell], flights)
+        low, high = wilson_interval(good[cell], flights) or (0.0, 1.0)
         found[cell] = CellResult(
             latency_s=cell.latency_s,
             jitter_s=cell.jitter_s,
@@ -285,21 +286,6 @@ def _counted(flown: Sequence[FlownCell]) -> dict[Cell, CellResult]:
             high=round(high, 6),
         )
     return found
-
-
-def _half(cells: dict[Cell, CellResult], jitter_s: float, drops: float) -> HalfLatency:
-    row = sorted(
-        (r for c, r in cells.items() if (c.jitter_s, c.drops) == (jitter_s, drops)), key=lambda r: r.latency_s
-    )
-    half = half_success([r.latency_s for r in row], [r.successes for r in row], [r.flights for r in row])
-    return HalfLatency(
-        jitter_s=jitter_s,
-        drops=drops,
-        latency_s=half.at,
-        above_s=half.above,
-        below_s=half.below,
-        words=half.in_words(),
-    )
 
 
 def _open_folder(folder: Path, settings: MapSettings) -> bool:

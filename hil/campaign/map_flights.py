@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from flyaround.hil.campaign.own_board import SILENCE_S, run_with_own_board
-from flyaround.hil.host.closed_loop import figures, fly_without_pictures, frame_every
+from flyaround.hil.host.closed_loop_run import figures, fly_without_pictures, frame_every
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.pose_link import PoseLink

@@ -1,10 +1,15 @@
-"""What a delay map was asked, and what it came to: delay_map.json."""
+"""Settings and results of a delay map: delay_map.json, with the latency at which half of the flights fail."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 Count = Annotated[int, msgspec.Meta(ge=0)]
@@ -63,6 +68,44 @@ class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
     above_s: float | None
     below_s: float | None
     words: str
+
+    @staticmethod
+    def of(row: Sequence[CellResult]) -> HalfLatency:
+        """Interpolate where success falls through a half, in cells of one jitter and share of drops.
+
+        The shares are fitted by isotonic regression, so that they never rise with latency.
+
+        Parameters
+        ----------
+        row : sequence of CellResult
+            Cells by rising latency.
+        """
+        levels = [r.latency_s for r in row]
+        fit = isotonic_regression([r.share for r in row], weights=[r.flights for r in row], increasing=False)
+        shares = np.asarray(fit.x)
+        # the first level at which no more than a half succeeds
+        k = next((k for k, share in enumerate(shares) if share <= 0.5), len(levels))
+        above = max((r.latency_s for r in row[:k] if r.low > 0.5), default=None)
+        below = min((r.latency_s for r in row[k:] if r.high < 0.5), default=None)
+        at = None
+        if 0 < k < len(levels):
+            step = (shares[k - 1] - 0.5) / (shares[k - 1] - shares[k])
+            at = float(levels[k - 1] + step * (levels[k] - levels[k - 1]))
+            low = "?" if above is None else f"{above:.3g}"
+            high = "?" if below is None else f"{below:.3g}"
+            words = f"{at:.3g} s ({low} to {high})"
+        elif above is not None:
+            words = f"above {above:g} s"
+        else:
+            words = "not found" if below is None else f"below {below:g} s"
+        return HalfLatency(
+            jitter_s=row[0].jitter_s,
+            drops=row[0].drops,
+            latency_s=at,
+            above_s=above,
+            below_s=below,
+            words=words,
+        )
 
 
 class CheckedCell(msgspec.Struct, frozen=True, kw_only=True):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import msgspec
 import numpy as np
 
-from flyaround.hil.host.closed_loop import read_steps
+from flyaround.hil.host.closed_loop_run import read_steps
 from flyaround.hil.host.ledger.frames_csv import ACCEPTED, FRAMES_CSV, read_ledger
 from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
 from flyaround.simulator.runtime.untrusted_files import read_regular

@@ -6,11 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flyaround.hil.board.svd.geometry import quaternion as quat
 from flyaround.hil.board.svd.hypotheses.edge_support import support
 from flyaround.hil.board.svd.image.edge_field import edge_field
 from flyaround.hil.board.svd.model.visibility import visible_samples
 from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
+from flyaround.simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_multiply,
+    quat_normalize,
+    rotation_angle_rad,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,7 +65,7 @@ def failure_kind(
     """
     if regions and box_px is not None and not any(_serves(r, box_px) for r in regions):
         return "region"
-    q, t = quat.normalise(np.asarray(q_true, float)), np.asarray(t_true, float)
+    q, t = quat_normalize(q_true), np.asarray(t_true, float)
     if box_px is not None and _drawn(image, box_px, q, t, craft, noise) < DRAWN:
         return "edges"
     for a in result.alternatives:
@@ -68,8 +73,8 @@ def failure_kind(
             return "ambiguity"
     if result.q_camera_from_target_wxyz is not None and result.t_camera_from_target_m is not None:
         for s in craft.model.symmetry_wxyz:
-            twin = quat.multiply(result.q_camera_from_target_wxyz, s)
-            off = float(np.degrees(quat.angle_rad(twin, q)))
+            twin = quat_multiply(result.q_camera_from_target_wxyz, s)
+            off = np.degrees(rotation_angle_rad(twin, q))
             shift = np.linalg.norm(result.t_camera_from_target_m - t) / np.linalg.norm(t)
             if off < 2 * COARSE_DEG and shift < 2 * COARSE_SHARE:
                 return "ambiguity"
@@ -99,7 +104,7 @@ def _drawn(
     x1, y1 = min(w, int(box[2] + m)), min(h, int(box[3] + m))
     if min(x1 - x0, y1 - y0) < 16:
         return 0.0
-    R = quat.matrix(q)
+    R = matrix_from_quat(q)
     if visible_samples(craft.samples, craft.occ, -R.T @ t)[0].sum() < 8:
         return 0.0
     field = edge_field(image, (x0, y0, x1, y1), noise, EDGE_FIELD_PX)

@@ -151,19 +151,19 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
     by_method: dict[str, MethodMetrics] = {}
 
 
-def wilson_interval(k: int, n: int, z: float = 1.959963984540054) -> tuple[float, float] | None:
-    """Wilson's score interval of a share ``k / n``, 95 % by default; None of nothing.
+def wilson_interval(k: int, n: int) -> tuple[float, float] | None:
+    """Return Wilson's 95 % score interval of a share ``k / n``, or None if ``n`` is 0.
 
     References
     ----------
     Wilson (1927), JASA 22, 209.
     """
+    from scipy.stats import binomtest  # noqa: PLC0415 - slow to import, needed here alone
+
     if n <= 0:
         return None
-    p = k / n
-    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return (max(0.0, float(middle - half)), min(1.0, float(middle + half)))
+    interval = binomtest(k, n).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def bootstrap_intervals(

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.hil.host.closed_loop import fly_without_pictures
-from flyaround.hil.navigation.attitude_forecast import ForecastError, forecast_errors
+from flyaround.hil.host.closed_loop_run import fly_without_pictures
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
+from flyaround.hil.navigation.prediction_error import ForecastError, forecast_errors
 from flyaround.hil.navigation.relative_estimate import MotionModel
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.reports.plots import BLUE, VERMILION, figure_with_axes, png

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.hil.host.closed_loop import BoardLoop, write_steps
+from flyaround.hil.host.closed_loop_run import BoardLoop, write_steps
 from flyaround.hil.host.faults.camera_faults import with_camera_faults, with_exposure_faults
 from flyaround.hil.host.ledger.run_terms import FlownRecord
 from flyaround.hil.host.picture_frames import frames_of_folder

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from flyaround.hil.host.closed_loop import STEPS_CSV, read_steps
 from flyaround.hil.host.closed_loop_plots import plot_closed_loop
+from flyaround.hil.host.closed_loop_run import STEPS_CSV, read_steps
 from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
 from flyaround.hil.host.ledger.run_terms import RunTerms, read_terms
 from flyaround.hil.host.ledger.summary import (

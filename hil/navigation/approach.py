@@ -12,7 +12,7 @@ from flyaround.simulator.world.guidance.thruster_control import path_impulse, re
 from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
 
 if TYPE_CHECKING:
-    from flyaround.hil.navigation.pose_filter import Status
+    from flyaround.hil.navigation.navigation_filter import Status
     from flyaround.hil.navigation.relative_estimate import RelativeEstimate
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.guidance.chaser import Chaser

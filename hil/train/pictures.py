@@ -11,13 +11,18 @@ import numpy as np
 
 from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
 from flyaround.hil.board.svd import CameraIntrinsics
-from flyaround.hil.board.svd.geometry import quaternion as quat
 from flyaround.hil.board.svd.geometry.vectors import swing
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import read_truth
+from flyaround.simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_from_matrix,
+    quat_from_rotvec,
+    quat_multiply,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -149,7 +154,7 @@ def sample(pictures: LabelledPictures, rng: np.random.Generator, size: int) -> S
     for i, k in enumerate(which):
         R = _turn(small, pictures.t_m[k], rng)
         out[i] = _turned(pictures.signal[k], small, R)
-        q[i] = quat.multiply(quat.from_matrix(R), pictures.q_wxyz[k])
+        q[i] = quat_multiply(quat_from_matrix(R), pictures.q_wxyz[k])
         t[i] = R @ pictures.t_m[k]
     out = np.minimum(out * gain[:, None, None], 1.0)
     out += noise[:, None, None] * rng.standard_normal(out.shape, np.float32)
@@ -166,8 +171,8 @@ def as_they_are(pictures: LabelledPictures) -> Samples:
 def labelled(signal: Float32Array, camera: NetworkCamera, q_wxyz: FloatArray, t_m: FloatArray) -> Samples:
     """Pictures (B, h, w) with the labels that their poses give."""
     away = np.linalg.norm(t_m, axis=1)
-    back = np.stack([swing(d).T for d in t_m / away[:, None]])
-    seen = quat.multiply(quat.from_matrix(back), q_wxyz)
+    back = np.stack([quat_from_matrix(swing(d).T) for d in t_m / away[:, None]])
+    seen = quat_multiply(back, q_wxyz)
     return Samples(standardised(signal), seen, t_m[:, :2] / t_m[:, 2:] / camera.half_view, np.log(away))
 
 
@@ -176,8 +181,8 @@ def _turn(camera: NetworkCamera, t_m: FloatArray, rng: np.random.Generator) -> F
     for _ in range(TRIES):
         x, y = TILT * rng.uniform(-1, 1, 2) * camera.half_view
         roll = rng.uniform(0, 2 * np.pi)
-        R = quat.matrix(quat.from_rotvec(np.array([0.0, 0.0, roll]))) @ quat.matrix(
-            quat.from_rotvec(np.array([np.arctan(y), -np.arctan(x), 0.0]))
+        R = matrix_from_quat(quat_from_rotvec(np.array([0.0, 0.0, roll]))) @ matrix_from_quat(
+            quat_from_rotvec(np.array([np.arctan(y), -np.arctan(x), 0.0]))
         )
         seen = R @ t_m
         if seen[2] > 0 and np.all(np.abs(seen[:2] / seen[2]) < 0.85 * camera.half_view):

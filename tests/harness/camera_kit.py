@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flyaround.hil.host.camera_endpoint.camera import run_camera
 from flyaround.hil.host.camera_endpoint.genicam_xml import OWN_NAME, write_xml
 from flyaround.hil.host.camera_endpoint.interface import find_interface
 from flyaround.hil.host.camera_endpoint.messages import EndpointConfig
 from flyaround.hil.host.camera_endpoint.pictures import LoopedPictures
 from flyaround.hil.host.camera_endpoint.registers import CameraTerms
+from flyaround.hil.host.camera_endpoint.simulated_camera import run_camera
 
 CLIENT = Path(__file__).with_name("aravis_client.py")
 SYSTEM_PYTHON = "/usr/bin/python3"

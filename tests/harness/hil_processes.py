@@ -155,49 +155,6 @@ class Plug:
                 one.close()
 
 
-class UdpPlug:
-    """The same for datagrams, which are lost while it is pulled."""
-
-    def __init__(self, host_url: str) -> None:
-        self._host = ("127.0.0.1", int(host_url.rsplit(":", 1)[1]))
-        self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._near.bind(("127.0.0.1", 0))
-        self.url = f"udp://127.0.0.1:{self._near.getsockname()[1]}"
-        self.plugged = threading.Event()
-        self.plugged.set()
-        self._far: dict[object, socket.socket] = {}
-        threading.Thread(target=self._there, daemon=True).start()
-
-    def _there(self) -> None:
-        with suppress(OSError):
-            while True:
-                data, board = self._near.recvfrom(65536)
-                if board not in self._far:
-                    self._far[board] = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-                    self._far[board].connect(self._host)
-                    threading.Thread(target=self._back, args=(board,), daemon=True).start()
-                self._pass_on(lambda data=data, far=self._far[board]: far.send(data))
-
-    def _back(self, board: object) -> None:
-        with suppress(OSError):
-            while True:
-                try:
-                    data = self._far[board].recv(65536)
-                except ConnectionRefusedError:
-                    continue
-                self._pass_on(lambda data=data: self._near.sendto(data, board))
-
-    def _pass_on(self, send) -> None:
-        if self.plugged.is_set():
-            with suppress(ConnectionRefusedError):
-                send()
-
-    def close(self) -> None:
-        """Let everybody go."""
-        for one in (self._near, *self._far.values()):
-            one.close()
-
-
 class Cable:
     """Two network namespaces, each a machine, and what is between them; wants the rights to make them.
 
@@ -230,11 +187,6 @@ class Cable:
         for k, name in enumerate(self._names):
             there = f"10.77.0.{2 - k}"
             self._ip("-n", name, "neigh", "replace", there, "lladdr", "02:00:00:00:00:99", "dev", "v0")
-
-    def plug_in(self) -> None:
-        """As before."""
-        for k, name in enumerate(self._names):
-            self._ip("-n", name, "neigh", "del", f"10.77.0.{2 - k}", "dev", "v0")
 
     @staticmethod
     def _ip(*words: str) -> None:

@@ -10,7 +10,6 @@ import pytest
 from flyaround.hil.board.svd.native import library
 from flyaround.hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
 from flyaround.hil.evaluate.method_choice import board_model
-from flyaround.hil.link.transports import udp_peer
 from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
@@ -18,12 +17,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flyaround.hil.board.svd import BoardModel
-
-
-@pytest.fixture(autouse=True)
-def patient_datagrams(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A busy machine holds this process up for longer than a UDP line waits before its session says otherwise."""
-    monkeypatch.setattr(udp_peer, "SILENCE_S", 60.0)
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tools.mutants.judge import mirrored
 from tools.planted.__main__ import PlantedBug, read_bugs
 
 ROOT = Path(__file__).parents[2]
@@ -15,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 def test_a_bug_can_be_planted_and_has_tests(bug: PlantedBug) -> None:
     source = (ROOT / bug.file).read_text(encoding="utf-8")
     assert bug.planted(source) != source
-    assert all((ROOT / test).exists() for test in (*bug.first, bug.wider))
+    assert all((ROOT / test).exists() for test in (*bug.first, mirrored(bug.file)))
 
 
 def test_fifty_bugs_have_names_of_their_own() -> None:

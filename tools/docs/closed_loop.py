@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flyaround.hil.host.attitude_forecast import Forecasts, fly_forecasts, forecast_figure
-from flyaround.hil.host.closed_loop import STEPS_CSV
+from flyaround.hil.host.closed_loop_run import STEPS_CSV
 from flyaround.simulator.reports.plots import BLUE, DIM, GREEN, ORANGE, VERMILION, figure_with_axes
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight

@@ -1,1 +1,1 @@
-"""Mutation testing: a seeded sample of small plausible bugs, each planted in a copy of the tree and tested there."""
+"""Mutation testing: a seeded sample of cosmic-ray's mutants, judged in a copy of the tree."""

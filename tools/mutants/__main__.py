@@ -1,236 +1,155 @@
-"""``python -m tools.mutants``: plants a seeded sample of bugs, tells which ones the tests notice."""
+"""``python -m tools.mutants``: judges a seeded sample of cosmic-ray's mutants and keeps them in its session file.
+
+``cr-report --surviving-only --show-diff SESSION`` prints those that no test noticed. A session that was broken off goes
+on; one of older sources is deleted by hand.
+"""
 
 from __future__ import annotations
 
 import argparse
-import hashlib
-import json
-import os
+import ast
 import random
-import re
-import shutil
 import sys
-import time
-from dataclasses import asdict
+from difflib import unified_diff
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from platformdirs import user_cache_path
+import cosmic_ray.plugins
+from attrs import evolve
+from cosmic_ray.commands import init
+from cosmic_ray.mutating import mutate_code
+from cosmic_ray.tools.survival_rate import survival_rate
+from cosmic_ray.work_db import use_db
+from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkItem, WorkResult
 
-from tools.mutants import judge, python_bugs, shader_bugs
-from tools.mutants.bug import Bug, difference
-from tools.mutants.scope import PYTHON, SHADERS, files, folder_of
-from tools.mutants.tests_of import TestsOf, record
+from tools.mutants.judge import NOTICED, Case, Verdict, copies, failing, judge, mirrored, say
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-    from types import ModuleType
+    from collections.abc import Sequence
 
-    from tools.mutants.judge import Case, Copy, Verdict
+SCOPE = (
+    "simulator/world",
+    "simulator/geometry",
+    "simulator/camera",
+    "simulator/imaging",
+    "simulator/labels",
+    "simulator/scene",
+    "simulator/dataset",
+    "hil/link",
+    "hil/host",
+    "hil/evaluate",
+)
+LOOKS = ("evaluation_page.py", "evaluation_plots.py", "failure_tiles.py", "report_plots.py")
+"""Files whose pages and plots have no right and wrong that a fast test could tell."""
+# unions in type hints and decorators that save time: survivors that say nothing
+LEFT_OUT = ("BitOr", "RemoveDecorator")
 
 
-def draw(root: Path, tests: TestsOf, seed: int, only: Sequence[str] = ()) -> Iterator[Bug]:
-    """Bugs in an order that the seed fixes: a line at random, of its kinds one, of its places one.
+def files(root: Path, only: Sequence[str] = ()) -> list[str]:
+    """Return the files that are mutated, relative to the root, in order.
 
     Parameters
     ----------
-    tests : files that none of them runs are left out. only : beginnings of paths; all unless given.
+    only : sequence of str
+        Beginnings of paths; all unless given.
     """
-    at: dict[tuple[str, int], list[Bug]] = {}
-    for file in files(root):
-        for bug in _kind(file).bugs_of(file, (root / file).read_text(encoding="utf-8")):
-            at.setdefault((file, bug.line), []).append(bug)
+    found = [p for folder in SCOPE for p in (root / folder).rglob("*.py") if p.name not in LOOKS]
+    names = sorted(path.relative_to(root).as_posix() for path in found)
+    return [name for name in names if name.startswith(tuple(only) or "")]
+
+
+def draw(root: Path, names: Sequence[str], n: int, seed: int) -> list[WorkItem]:
+    """Draw mutants: a file by its number of lines, one of its lines that can be mutated, and one way to do it."""
     chance = random.Random(seed)
-    places = sorted(at)
-    chance.shuffle(places)
-    run: dict[str, bool] = {}
-    for place in places:
-        kind = chance.choice(sorted({bug.kind for bug in at[place]}))
-        bug = chance.choice([bug for bug in at[place] if bug.kind == kind])
-        if bug.file not in run:
-            wanted = not only or bug.file.startswith(tuple(only))
-            run[bug.file] = wanted and tests.run(bug.file)
-        if run[bug.file]:
-            yield bug
+    sources = {name: (root / name).read_text(encoding="utf-8") for name in names}
+    weights = [source.count("\n") for source in sources.values()]
+    places: dict[str, dict[int, list[WorkItem]]] = {}
+    drawn: dict[object, WorkItem] = {}
+    for _ in range(10 * n):
+        name = chance.choices(names, weights)[0]
+        if name not in places:
+            places[name] = _mutants(Path(name), root, sources[name])
+        if places[name]:
+            item = chance.choice(places[name][chance.choice(sorted(places[name]))])
+            spec = item.mutations[0]
+            drawn.setdefault((name, spec.operator_name, spec.occurrence), item)
+        if len(drawn) == n:
+            break
+    return list(drawn.values())
 
 
-def _is_shader(file: str) -> bool:
-    return not file.endswith(".py")
+def _mutants(file: Path, root: Path, source: str) -> dict[int, list[WorkItem]]:
+    """Return cosmic-ray's mutants of a file by line, without lines whose change alters no result."""
+    quiet: set[int] = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Raise) or (
+            isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        ):
+            quiet |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+        for decorator in getattr(node, "decorator_list", ()):
+            quiet.add(decorator.lineno)
+    with use_db(":memory:") as db:
+        init([root / file], db, {})
+        items = db.work_items
+    found: dict[int, list[WorkItem]] = {}
+    for item in items:
+        spec = item.mutations[0]
+        if spec.start_pos[0] not in quiet and not any(word in spec.operator_name for word in LEFT_OUT):
+            found.setdefault(spec.start_pos[0], []).append(item)
+    return found
 
 
-def _kind(file: str) -> ModuleType:
-    return shader_bugs if _is_shader(file) else python_bugs
-
-
-class Results:
-    """Verdicts so far, kept as they come: what was broken off goes on where it was."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self.of: dict[str, dict[str, object]] = {}
-        if path.exists():
-            for line in path.read_text(encoding="utf-8").splitlines():
-                told = json.loads(line)
-                self.of[told["name"]] = told
-
-    def add(self, name: str, case: Case, verdict: Verdict, tests: str) -> None:
-        """Keep one, with what it was judged by."""
-        diff = difference(case.before, case.after)
-        told = {"name": name, **asdict(case.what), **asdict(verdict), "diff": diff, "tests": tests}
-        self.of[name] = told
-        with self._path.open("a", encoding="utf-8") as f:
-            f.write(json.dumps(told) + "\n")
-
-    def word(self, name: str) -> str:
-        """What came of a bug, or nothing yet."""
-        return str(self.of.get(name, {}).get("word", ""))
-
-    def settled(self, name: str, tests: str) -> bool:
-        """Whether a bug needs no more judging: it was noticed, or these very tests do not notice it."""
-        known = self.of.get(name)
-        return known is not None and (
-            known["word"] not in {"survived", "not covered"} or known["tests"] == tests
-        )
-
-    def blamed_wrongly(self, names: Sequence[str], copy: Copy, tests: TestsOf) -> list[str]:
-        """Tests that fail in a copy without any bug; no bug is theirs, and they judge no more."""
-        blamed = {str(self.of[name]["test"]) for name in names if self.word(name) == "killed"}
-        asked = sorted(name for name in blamed if "::" in name and tests.knows(name))
-        run = judge.start(copy, asked, 60.0 + tests.seconds(asked), first_failure=False)
-        while (verdict := run.verdict()) is None:
-            time.sleep(0.5)
-        text = run.log.read_text(encoding="utf-8", errors="replace")
-        wrong = [
-            name
-            for name in asked
-            if re.search(rf"^(FAILED|ERROR) {re.escape(name)}( |$)", text, re.MULTILINE)
-        ]
-        if verdict.word == "timeout":
-            wrong = asked
-        self.of = {name: told for name, told in self.of.items() if told["test"] not in wrong}
-        tests.leave_out(wrong)
-        return wrong
+def case_of(root: Path, item: WorkItem) -> Case:
+    """Return a mutant for the judge, with the tests named after its file before those of its folder."""
+    spec = item.mutations[0]
+    path = spec.module_path
+    source = path.read_text(encoding="utf-8")
+    operator = cosmic_ray.plugins.get_operator(spec.operator_name)(**spec.operator_args)
+    file = path.relative_to(root).as_posix()
+    named = sorted(p.relative_to(root).as_posix() for p in root.glob(f"tests/**/test_{path.stem}.py"))
+    name = f"{item.job_id[:8]} {file}:{spec.start_pos[0]} {spec.operator_name.removeprefix('core/')}"
+    after = mutate_code(source, operator, spec.occurrence) or source
+    return Case(name, file, source, after, (*named, mirrored(file)))
 
 
 def main() -> int:
     """See `--help`."""
     parser = argparse.ArgumentParser(prog="python -m tools.mutants", description=__doc__)
-    parser.add_argument("-n", type=int, default=200, help="how many bugs")
+    parser.add_argument("-n", type=int, default=200, help="how many mutants")
     parser.add_argument("--seed", type=int, default=22)
     parser.add_argument("--only", nargs="*", default=(), help="beginnings of paths; all folders unless given")
-    parser.add_argument("--budget", type=float, default=60.0, help="seconds of tests for a bug, as recorded")
-    parser.add_argument("--at-once", type=int, default=2, help="bugs judged side by side")
+    parser.add_argument("--at-once", type=int, default=2, help="mutants judged side by side")
     parser.add_argument(
-        "--least", type=float, default=0.8, help="share to be noticed; below it the exit code is 1"
+        "--least", type=float, default=0.8, help="share to be noticed, else the exit code is 1"
     )
     parser.add_argument(
-        "--kept", type=Path, default=user_cache_path("flyaround-mutants"), help="folder of the record"
+        "-o", type=Path, default=Path("out/mutants.sqlite"), help="session file of cosmic-ray"
     )
-    parser.add_argument("-o", type=Path, default=Path("out/mutants"), help="where the table goes")
-    told = parser.parse_args()
-    root, kept = Path.cwd(), told.kept.absolute()
-    kept.mkdir(parents=True, exist_ok=True)
-    os.nice(10)
-    cache = kept / "cache"
-    cache.mkdir(exist_ok=True)
-    if not (kept / "record" / "texts.json").exists():
-        say("recording which test runs what: about twice as long as the fast suite, once")
-        copy = judge.Copy(kept / "recorded", cache)
-        copy.make(root)
-        os.environ["FLYAROUND_CACHE_DIR"] = str(cache)
-        record(copy.tree, kept / "record")
-    tests = TestsOf(kept / "record", root)
-    results = Results(kept / "results.jsonl")
-    state = tests_now(root, kept)
-    copies = [judge.Copy(kept / f"copy-{os.getpid()}-{k}", cache) for k in range(told.at_once)]
-    for copy in copies:
-        copy.make(root)
-    judge.load_libraries()
-    order = [
-        (bug.name((root / bug.file).read_text(encoding="utf-8")), bug)
-        for bug in draw(root, tests, told.seed, told.only)
-    ]
-    sample: list[str] = []
+    given = parser.parse_args()
+    root = Path.cwd()
+    given.o.parent.mkdir(parents=True, exist_ok=True)
+    with use_db(str(given.o)) as db, copies(root, given.at_once) as made:
+        if not db.num_work_items:
+            db.add_work_items(draw(root, files(root, given.only), given.n, given.seed))
+        waiting = {case_of(root, item): item.job_id for item in db.pending_work_items}
 
-    def cases() -> Iterator[Case]:
-        sample.clear()
-        for name, bug in order:
-            if sum(results.word(n) != "invalid" for n in sample) >= told.n:
-                return
-            sample.append(name)
-            if results.settled(name, state):
-                continue
-            source = (root / bug.file).read_text(encoding="utf-8")
-            if _is_shader(bug.file):
-                choice = tests.of_shader(bug.file, told.budget)
-            else:
-                choice = tests.of_line(bug.file, bug.line, told.budget)
-            yield judge.Case(bug, bug.file, source, _kind(bug.file).planted(bug, source), choice)
+        def keep(case: Case, verdict: Verdict) -> None:
+            outcome = TestOutcome.KILLED if verdict.word in NOTICED else TestOutcome.SURVIVED
+            diff = "\n".join(
+                unified_diff(case.before.splitlines(), case.after.splitlines(), lineterm="", n=0)
+            )
+            result = WorkResult(WorkerOutcome.NORMAL, f"{verdict.word} {verdict.test}", outcome, diff)
+            db.set_result(waiting[case], result)
 
-    def heard(case: Case, verdict: Verdict) -> None:
-        results.add(case.what.name(case.before), case, verdict, state)
-        what = f"{case.file}:{case.what.line} {case.what.kind}"
-        say(f"{len(sample):3d} {verdict.word:11s} {verdict.seconds:5.0f} s  {what}  {verdict.test}")
-
-    try:
-        judge.judge(cases(), copies, heard)
-        for name in results.blamed_wrongly(sample, copies[0], tests):
-            say(f"{name} fails without any bug: what it noticed is judged again without it")
-        while any(not results.settled(case.what.name(case.before), state) for case in cases()):
-            judge.judge(cases(), copies, heard)
-    finally:
-        for copy in copies:
-            shutil.rmtree(copy.folder, ignore_errors=True)
-    rows = [results.of[name] for name in sample if results.word(name) != "invalid"]
-    told.o.mkdir(parents=True, exist_ok=True)
-    report = table(rows)
-    (told.o / "mutants.json").write_text(
-        json.dumps({"seed": told.seed, "bugs": rows}, indent=1) + "\n", encoding="utf-8"
-    )
-    (told.o / "mutants.txt").write_text(report, encoding="utf-8")
-    say(report)
-    return 0 if noticed(rows) >= told.least * len(rows) else 1
-
-
-def tests_now(root: Path, kept: Path) -> str:
-    """A short name of the tests as they are and of what is recorded: a bug that survived others is judged again."""
-    whole = hashlib.sha256(repr(sorted(p.parent.name for p in kept.glob("record/*/tests.json"))).encode())
-    for path in sorted((root / "tests").rglob("*.py")):
-        whole.update(path.read_bytes())
-    return whole.hexdigest()[:12]
-
-
-def say(text: str) -> None:
-    """Print with the time."""
-    sys.stdout.write(f"{time.strftime('%H:%M:%S')} {text}\n")
-    sys.stdout.flush()
-
-
-WORDS = ("killed", "timeout", "survived", "not covered")
-NOTICED = {"killed", "timeout"}
-
-
-def noticed(rows: Sequence[Mapping[str, Any]]) -> int:
-    """How many a test failed on, or never ended with."""
-    return sum(row["word"] in NOTICED for row in rows)
-
-
-def table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """A table, then the diff of each that nothing noticed."""
-    out = [f"{'':20s}" + "".join(f"{word:>13s}" for word in WORDS) + f"{'noticed':>10s}"]
-    for folder in (*PYTHON, SHADERS, "in all"):
-        own = [row for row in rows if folder in {"in all", folder_of(row["file"])}]
-        if own:
-            counts = "".join(f"{sum(r['word'] == word for r in own):13d}" for word in WORDS)
-            out.append(f"{folder:20s}{counts}{noticed(own) / len(own):10.0%}")
-    for row in sorted(rows, key=lambda r: (r["file"], r["line"])):
-        if row["word"] not in NOTICED:
-            out += [
-                "",
-                f"{row['file']}:{row['line']}  {row['kind']}: {row['word']} by {row['asked']} tests",
-                row["diff"],
-            ]
-    return "\n".join(out) + "\n"
+        judge(waiting, made, keep)
+        noticed = [(item, result) for item, result in db.completed_work_items if result.is_killed]
+        wrong = failing(made[0], (Verdict("killed", r.output.partition(" ")[2]) for _, r in noticed))
+        for item, result in noticed:
+            if result.output.partition(" ")[2] in wrong:
+                db.set_result(item.job_id, evolve(result, test_outcome=TestOutcome.SURVIVED))
+        share = 1 - survival_rate(db) / 100
+    say(f"{share:.0%} noticed; cr-report --surviving-only --show-diff {given.o} prints the others")
+    return 0 if share >= given.least else 1
 
 
 if __name__ == "__main__":

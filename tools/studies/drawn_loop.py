@@ -21,7 +21,7 @@ import numpy as np
 from flyaround.hil.board.svd import CameraIntrinsics, make_estimator
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.method_choice import board_model
-from flyaround.hil.host.closed_loop import scene_flown
+from flyaround.hil.host.closed_loop_run import scene_flown
 from flyaround.hil.host.pose_link import LATENCY_S
 from flyaround.hil.navigation.closed_loop import ClosedLoop, ClosedLoopConfig, ClosedLoopResult
 from flyaround.hil.navigation.measurement import PoseNoise, Snapshot

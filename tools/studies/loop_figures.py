@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from flyaround.hil.evaluate.metrics import wilson_interval
-from flyaround.hil.host.closed_loop import fly_without_pictures
+from flyaround.hil.host.closed_loop_run import fly_without_pictures
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
 from flyaround.hil.navigation.consistency import nees_band
 from tools.studies.drawn_loop import SCENARIOS, planned, seeds_of

@@ -8,20 +8,19 @@ from urllib.parse import parse_qs, urlsplit
 from flyaround.hil.link.errors import LinkError
 from flyaround.hil.link.transports.serial_port import SerialListener, SerialTransport
 from flyaround.hil.link.transports.tcp import TcpListener, connect_tcp
-from flyaround.hil.link.transports.udp import UdpListener, connect_udp
 
 if TYPE_CHECKING:
     from flyaround.hil.link.transports.base import Listener, Transport
 
 
-SHAPES = "tcp://127.0.0.1:5600, udp://127.0.0.1:5600 or serial:///dev/ttyUSB0?baud=921600"
-OPTIONS = {"tcp": (), "udp": ("datagram",), "serial": ("baud", "rtscts")}
+SHAPES = "tcp://127.0.0.1:5600 or serial:///dev/ttyUSB0?baud=921600"
+OPTIONS = {"tcp": (), "serial": ("baud", "rtscts")}
 
 
 def parse_url(url: str) -> Tuple[str, str, int]:
     """Scheme, host or device, and port or baud rate of a link URL.
 
-    ``tcp://127.0.0.1:5600``, ``udp://127.0.0.1:5600?datagram=8900`` or ``serial:///dev/ttyUSB0?baud=921600&rtscts=1``.
+    ``tcp://127.0.0.1:5600`` or ``serial:///dev/ttyUSB0?baud=921600&rtscts=1``.
 
     Raises
     ------
@@ -31,10 +30,10 @@ def parse_url(url: str) -> Tuple[str, str, int]:
     parts = urlsplit(url)
     try:
         options = _options(url, parts.scheme, parts.query)
-        if parts.scheme in ("tcp", "udp"):
+        if parts.scheme == "tcp":
             if parts.hostname is None or parts.port is None:
-                raise LinkError(f"link URL {url!r} lacks host or port: write {parts.scheme}://127.0.0.1:5600")
-            return parts.scheme, parts.hostname, parts.port
+                raise LinkError(f"link URL {url!r} lacks host or port: write tcp://127.0.0.1:5600")
+            return "tcp", parts.hostname, parts.port
         if parts.scheme == "serial":
             baud = options.get("baud", 115200)
             if not parts.path or baud <= 0:
@@ -44,9 +43,10 @@ def parse_url(url: str) -> Tuple[str, str, int]:
             return "serial", parts.path, baud
     except ValueError as error:
         raise LinkError(f"link URL {url!r} has a bad number ({error}): write {SHAPES}") from error
+    if parts.scheme == "udp":
+        raise LinkError(f"link URL {url!r} names UDP, which boards no longer use: write tcp://{parts.netloc}")
     raise LinkError(
-        f"link URL {url!r} has an unknown scheme: write tcp://HOST:PORT, udp://HOST:PORT"
-        " or serial:///dev/ttyUSB0?baud=921600"
+        f"link URL {url!r} has an unknown scheme: write tcp://HOST:PORT or serial:///dev/ttyUSB0?baud=921600"
     )
 
 
@@ -76,12 +76,9 @@ def connect(url: str, timeout_s: float = 10.0) -> Transport:
         If the URL is bad or nobody listens there.
     """
     scheme, where, number = parse_url(url)
-    options = url_options(url)
     if scheme == "tcp":
         return connect_tcp(where, number, timeout_s)
-    if scheme == "udp":
-        return connect_udp(where, number, timeout_s, **_datagram_bytes(options))
-    return SerialTransport(where, number, rtscts=bool(options.get("rtscts")))
+    return SerialTransport(where, number, rtscts=bool(url_options(url).get("rtscts")))
 
 
 def listen(url: str) -> Listener:
@@ -93,13 +90,6 @@ def listen(url: str) -> Listener:
         If the URL is bad or the port or device is not to be had.
     """
     scheme, where, number = parse_url(url)
-    options = url_options(url)
     if scheme == "tcp":
         return TcpListener(where, number)
-    if scheme == "udp":
-        return UdpListener(where, number, **_datagram_bytes(options))
-    return SerialListener(where, number, rtscts=bool(options.get("rtscts")))
-
-
-def _datagram_bytes(options: Dict[str, int]) -> Dict[str, int]:
-    return {"datagram_bytes": options["datagram"]} if "datagram" in options else {}
+    return SerialListener(where, number, rtscts=bool(url_options(url).get("rtscts")))

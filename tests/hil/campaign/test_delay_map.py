@@ -12,13 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest
 
 from flyaround.__main__ import run
 from flyaround.hil.campaign.delay_map import chosen_cells, map_delays, settings_for
-from flyaround.hil.campaign.half_success import falling, half_success, wilson
 from flyaround.hil.campaign.map_flights import FlownCell
-from flyaround.hil.campaign.map_results import CellResult
+from flyaround.hil.campaign.map_results import CellResult, HalfLatency
+from flyaround.hil.evaluate.metrics import wilson_interval
 from flyaround.hil.host.pose_link import LinkedPoses, PoseLink
 from flyaround.hil.navigation.measurement import PoseNoise
 from flyaround.hil.navigation.pose_sources import TruePoses
@@ -34,43 +33,30 @@ def words(out: Path, *more: str) -> list[str]:
     return ["hil", "delay-map", SCENARIO, "-o", str(out), *few, *more]
 
 
-@pytest.mark.parametrize(("good", "n"), [(0, 20), (1, 20), (10, 20), (19, 20), (20, 20), (3, 5)])
-def test_intervals_are_those_of_scipy(good, n):
-    other = binomtest(good, n).proportion_ci(0.95, method="wilson")
-    assert wilson(good, n) == pytest.approx((other.low, other.high), abs=1e-12)
+def cell(latency, good, n=20):
+    low, high = wilson_interval(good, n)
+    return CellResult(latency_s=latency, jitter_s=0, drops=0, flights=n, successes=good, low=low, high=high)
 
 
-def test_shares_never_rise_and_are_the_nearest_that_do_not():
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        values, weights = rng.random(8), rng.integers(1, 30, 8).astype(float)
-        found = falling(values, weights)
-        assert np.all(np.diff(found) <= 1e-12)
-        # any small step to another falling row is farther away
-        cost = np.sum(weights * (values - found) ** 2)
-        for _ in range(50):
-            near = np.sort(found + 0.02 * rng.standard_normal(8))[::-1]
-            assert np.sum(weights * (values - near) ** 2) >= cost - 1e-12
-
-
-def test_the_half_lies_between_the_levels_next_to_it():
-    half = half_success([1, 2, 3, 4], [20, 15, 5, 0], [20] * 4)
-    assert (half.at, half.above, half.below) == (pytest.approx(2.5), 2, 3)
-    # 11 of 20 is more than a half, but may be less
-    half = half_success([1, 2, 3, 4], [20, 11, 9, 0], [20] * 4)
-    assert (half.at, half.above, half.below) == (pytest.approx(2.5), 1, 4)
-    assert half.in_words() == "2.5 s (1 to 4)"
-    assert half_success([1, 2], [20, 18], [20] * 2).in_words() == "above 2 s"
-    assert half_success([1, 2], [2, 0], [20] * 2).in_words() == "below 1 s"
+@pytest.mark.parametrize(
+    ("good", "at", "above", "below", "words"),
+    [
+        ([20, 15, 5, 0], 2.5, 2, 3, "2.5 s (2 to 3)"),
+        # 11 of 20 is more than a half, but may be less
+        ([20, 11, 9, 0], 2.5, 1, 4, "2.5 s (1 to 4)"),
+        # a share that rises again is pooled with the one before it
+        ([20, 9, 13, 0], 3 + 1 / 11, 1, 4, "3.09 s (1 to 4)"),
+        ([20, 18], None, 2, None, "above 2 s"),
+        ([2, 0], None, None, 1, "below 1 s"),
+    ],
+)
+def test_the_half_lies_between_the_levels_next_to_it(good, at, above, below, words):
+    half = HalfLatency.of([cell(k + 1, n) for k, n in enumerate(good)])
+    assert half.latency_s == (None if at is None else pytest.approx(at))
+    assert (half.above_s, half.below_s, half.words) == (above, below, words)
 
 
 def test_cells_to_check_are_spread_from_success_to_failure_and_lie_at_the_edge():
-    def cell(latency, good):
-        low, high = wilson(good, 20)
-        return CellResult(
-            latency_s=latency, jitter_s=0, drops=0, flights=20, successes=good, low=low, high=high
-        )
-
     cells = [cell(*pair) for pair in ((1, 20), (2, 20), (3, 14), (4, 9), (5, 0), (6, 0))]
     assert [c.latency_s for c in chosen_cells(cells, 5)] == [2, 3, 4, 5, 6]
     assert [c.latency_s for c in chosen_cells(cells, 1)] == [4]

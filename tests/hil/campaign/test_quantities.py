@@ -15,7 +15,7 @@ from hil_loop import CAMERA, Loop, made_frame
 from flyaround.hil.campaign.definitions import Requirement
 from flyaround.hil.campaign.quantities import QUANTITIES, RunRecord
 from flyaround.hil.campaign.verdicts import Verdict
-from flyaround.hil.host.closed_loop import (
+from flyaround.hil.host.closed_loop_run import (
     fly_without_pictures,
     summary_without_pictures,
     write_steps,

@@ -109,7 +109,7 @@ def test_an_older_record_is_read(tmp_path):
     [
         ("tcp://127.0.0.1:5600", False, "flyaround hil board tcp://127.0.0.1:5600 --target tango"),
         ("tcp://127.0.0.1:5600", True, "flyaround hil board tcp://127.0.0.1:5600 --target tango --key FILE"),
-        ("udp://192.0.2.7:9", True, "flyaround hil board udp://192.0.2.7:9 --target tango --key FILE"),
+        ("tcp://192.0.2.7:9", True, "flyaround hil board tcp://192.0.2.7:9 --target tango --key FILE"),
         ("serial:///dev/ttyUSB0?baud=9600", False, "board serial:///dev/ttyUSB0?baud=9600 --target tango"),
     ],
 )
@@ -117,11 +117,25 @@ def test_what_to_type_on_a_board_is_complete(url, keyed, words):
     assert words in board_command(url, "tango", keyed=keyed)
 
 
-@pytest.mark.parametrize("url", ["tcp://0.0.0.0:5600", "tcp://[::]:5600", "udp://0.0.0.0:5600"])
+@pytest.mark.parametrize("url", ["tcp://0.0.0.0:5600", "tcp://[::]:5600"])
 def test_no_board_is_told_to_dial_every_address(url):
     words = board_command(url, "tango", keyed=True)
     assert "0.0.0.0" not in words  # noqa: S104 - the address in question
     assert "::" not in words
+
+
+@pytest.mark.parametrize("words", [["host", "tango-flyaround", "--listen"], ["board"]])
+def test_udp_is_refused_with_the_address_to_use(words, capsys):
+    assert run(["hil", *words, "udp://127.0.0.1:5600?datagram=8900"]) == 2
+    assert "no longer use: write tcp://127.0.0.1:5600" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_ledger_of_a_run_over_udp_is_read(tmp_path):
+    Loop(board()).run(frames(2), log_dir=tmp_path)
+    record = tmp_path / "run.json"
+    record.write_text(record.read_text().replace("tcp://", "udp://"))
+    assert read_terms(tmp_path).url.startswith("udp://")
+    assert write_report(tmp_path).exists()
 
 
 @pytest.mark.parametrize("deadline", ["0", "-1", "nan", "inf"])

@@ -14,12 +14,12 @@ from subprocess import CalledProcessError
 
 import pytest
 from hil_loop import Instant, Loop, adds_up, frames
-from hil_processes import PATIENCE_S, Cable, Plug, UdpPlug, echo_board, host_process
+from hil_processes import PATIENCE_S, Cable, Plug, echo_board, host_process
 
 from flyaround.hil.board.agent import run_board
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 
-# the old ways took 3 s (UDP), 10 s (the board) and 30 s (the host)
+# the old ways took 10 s (the board) and 30 s (the host)
 BUSY_S = 2.8
 
 
@@ -87,11 +87,10 @@ def test_a_board_that_computes_for_long_is_not_taken_for_cut_off():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
-@pytest.mark.parametrize("line", ["tcp", "udp"])
-def test_a_line_that_is_plugged_in_again_goes_on(tmp_path, line, mode):
+def test_a_line_that_is_plugged_in_again_goes_on(tmp_path, mode):
     log = tmp_path / "log"
-    with host_process(log, url=f"{line}://127.0.0.1:0", mode=mode, n=400, timeout_s=30.0) as (host, url):
-        plug = (Plug if line == "tcp" else UdpPlug)(url)
+    with host_process(log, mode=mode, n=400, timeout_s=30.0) as (host, url):
+        plug = Plug(url)
         with echo_board(plug.url, "--reconnect", "--timeout", "0.5") as board:
             wait_until(lambda: len(outcomes(log)) >= 3)
             plug.plugged.clear()
@@ -105,7 +104,7 @@ def test_a_line_that_is_plugged_in_again_goes_on(tmp_path, line, mode):
             board.terminate()
             _, said = board.communicate(timeout=PATIENCE_S)
         plug.close()
-    tell(f"{line}, {mode}: known after {noticed:.2f} s; on again {again:.2f} s after it is in")
+    tell(f"{mode}: known after {noticed:.2f} s; on again {again:.2f} s after it is in")
     assert noticed < BUSY_S
     assert again < 5.0
     assert "said nothing for 1.5 s" in said
@@ -120,14 +119,13 @@ def test_a_line_that_is_plugged_in_again_goes_on(tmp_path, line, mode):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", ["tcp", "udp"])
-def test_a_cable_between_two_machines(tmp_path, line):
+def test_a_cable_between_two_machines(tmp_path):
     """Nobody acknowledges what is sent: not even the system of the other machine."""
     log, key = tmp_path / "log", tmp_path / "key"
     key.write_text(secrets.token_hex(32) + "\n")
     key.chmod(0o600)
     with suppress(CalledProcessError, OSError), Cable() as cable:
-        told = {"url": f"{line}://10.77.0.1:5600", "key": str(key), "timeout_s": 3.0, "size": 1024}
+        told = {"url": "tcp://10.77.0.1:5600", "key": str(key), "timeout_s": 3.0, "size": 1024}
         with (
             host_process(log, prefix=cable.host, **told) as (host, url),
             echo_board(url, "--key", str(key), prefix=cable.board) as board,
@@ -139,7 +137,7 @@ def test_a_cable_between_two_machines(tmp_path, line):
             board.wait(PATIENCE_S)
             ended = time.monotonic() - start
             host.wait(PATIENCE_S)
-        tell(f"{line}: host after {noticed:.2f} s, board after {ended:.2f} s")
+        tell(f"host after {noticed:.2f} s, board after {ended:.2f} s")
         assert (board.returncode, host.returncode) == (1, 1)
         assert max(noticed, ended) < BUSY_S
         summary = json.loads((log / "summary.json").read_text())

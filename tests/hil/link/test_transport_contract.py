@@ -1,4 +1,4 @@
-"""One contract, every transport: in-process, TCP, UDP, and serial over a pair of pseudo-terminals; also with faults."""
+"""One contract, every transport: in-process, TCP, and serial over a pair of pseudo-terminals; also with faults."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from lossy_udp import lossy_network
 from serial_line import null_modem
 
 from flyaround.hil.host.faults.line_faults import FaultJournal, with_line_faults
@@ -35,7 +34,7 @@ from flyaround.hil.link.packets.packet import Packet, PacketType
 from flyaround.hil.link.security import HostTransport, prove_to_host
 from flyaround.hil.link.transports.in_process import virtual_pair
 from flyaround.hil.link.transports.serial_port import SerialTransport
-from flyaround.hil.link.transports.url import connect, listen, parse_url
+from flyaround.hil.link.transports.url import connect, listen
 from flyaround.simulator.scenario.faults import (
     Bandwidth,
     Corrupt,
@@ -68,27 +67,14 @@ def virtual_cobs():
 
 
 @contextmanager
-def network(url, options=""):
-    listener = listen(url + options)
-    a = connect(listener.url + options, 5.0)
+def tcp():
+    listener = listen("tcp://127.0.0.1:0")
+    a = connect(listener.url, 5.0)
     b = listener.accept(5.0)
     yield a, b
     a.close()
     b.close()
     listener.close()
-
-
-@contextmanager
-def lossy_udp():
-    listener = listen("udp://127.0.0.1:0")
-    port = parse_url(listener.url)[2]
-    with lossy_network(port, loss=0.05, swap=0.1, double=0.05, flip=0.01) as (url, _):
-        a = connect(url, 5.0)
-        b = listener.accept(5.0)
-        yield a, b
-        a.close()
-        b.close()
-        listener.close()
 
 
 @contextmanager
@@ -116,16 +102,12 @@ def sealed(line):
 LINES = {
     "virtual": virtual,
     "virtual cobs": virtual_cobs,
-    "tcp": lambda: network("tcp://127.0.0.1:0"),
-    "udp": lambda: network("udp://127.0.0.1:0"),
-    "udp jumbo": lambda: network("udp://127.0.0.1:0", "?datagram=8900"),
-    "udp lossy": lossy_udp,
+    "tcp": tcp,
     "serial": serial,
-    "tcp sealed": lambda: sealed(LINES["tcp"]),
-    "udp sealed": lambda: sealed(LINES["udp"]),
+    "tcp sealed": lambda: sealed(tcp),
     "serial sealed": lambda: sealed(serial),
 }
-CONNECTED = [name for name in LINES if "serial" not in name and name != "udp lossy"]
+CONNECTED = [name for name in LINES if "serial" not in name]
 
 
 @pytest.fixture(params=LINES.values(), ids=LINES.keys())
@@ -323,7 +305,6 @@ def test_under_faults_every_packet_is_whole_counted_and_of_those_sent(name, kind
             assert set(range(n)) - set(numbers) <= {n - 1}
             assert numbers != sorted(numbers)
         else:
-            # the lossy network damages a datagram now and then, which the line itself mends or tells
             assert len(got) == n - struck
             assert damage >= struck
         assert kind in ("delay", "jitter", "bandwidth") or struck > 0

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.hil.host.closed_loop import STEPS_CSV, figures, write_steps
+from flyaround.hil.host.closed_loop_run import STEPS_CSV, figures, write_steps
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, ClosedLoopResult, fly_closed_loop
 from flyaround.hil.navigation.measurement import PoseMeasurement, PoseNoise
 from flyaround.hil.navigation.pose_sources import NoisyPoses

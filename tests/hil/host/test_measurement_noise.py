@@ -7,7 +7,7 @@ import pytest
 
 from flyaround.hil.evaluate.metrics import summarise
 from flyaround.hil.evaluate.pose_errors import frame_record
-from flyaround.hil.host.pose_errors import read_pose_noise
+from flyaround.hil.host.measurement_noise import read_pose_noise
 from flyaround.hil.navigation.measurement import PoseNoise
 from flyaround.hil.navigation.pose_sources import PoseErrors
 from flyaround.simulator.errors import UserError

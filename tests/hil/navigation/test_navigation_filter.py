@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.hil.navigation.attitude_forecast import forecast_errors
 from flyaround.hil.navigation.consistency import chi_square_quantile, fisher_quantile, nees, nees_band
 from flyaround.hil.navigation.error_scale import ErrorScale, ScaleSettings
 from flyaround.hil.navigation.measurement import (
@@ -17,8 +16,9 @@ from flyaround.hil.navigation.measurement import (
     Snapshot,
     rotvec_between,
 )
-from flyaround.hil.navigation.pose_filter import FilterSettings, NavigationFilter
+from flyaround.hil.navigation.navigation_filter import FilterSettings, NavigationFilter
 from flyaround.hil.navigation.pose_sources import PoseErrors
+from flyaround.hil.navigation.prediction_error import forecast_errors
 from flyaround.hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
 from flyaround.simulator.world.attitude.rigid_body import propagate_attitude
 from flyaround.simulator.world.frames.lvlh import Lvlh
