@@ -1,4 +1,4 @@
-"""Shadow pass: depth of the target seen from the Sun. Reads the mesh; writes the shadow map."""
+"""Shadow pass: the target as Sun and area lights see it. Reads the mesh; writes shadow maps and their uniforms."""
 
 from __future__ import annotations
 
@@ -7,112 +7,140 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.craft.shadow_frustum import light_matrix
-from flyaround.simulator.render.gl.depth_buffer import DepthBuffer
+from flyaround.simulator.render.craft.light_maps import LightMaps
+from flyaround.simulator.render.craft.placement import TARGET
+from flyaround.simulator.render.craft.shadow_frustum import (
+    WIDER,
+    ShadowFrustum,
+    fit_shadow_frustum,
+    frustum_around,
+)
+from flyaround.simulator.render.craft.shadow_map import (
+    ShadowChoice,
+    ShadowMap,
+    choose_shadow,
+    widest_penumbra,
+)
+from flyaround.simulator.render.frame_graph import Pass, Resource
+from flyaround.simulator.render.view import SCENE, VIEW
 
 if TYPE_CHECKING:
     import moderngl
 
-    from flyaround.simulator.render.craft.mesh import GpuMesh
-    from flyaround.simulator.render.craft.mesh_array import MeshArray
-    from flyaround.simulator.render.gl.programs import ProgramLibrary
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.craft.resident_targets import ResidentTarget
+    from flyaround.simulator.render.craft.viewport_fit import ViewportFit
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.render.view import View
     from flyaround.simulator.runtime.arrays import FloatArray
-    from flyaround.simulator.scene.state import Quality
+    from flyaround.simulator.scene.state import SceneState
 
 
-@dataclass(frozen=True)
-class ShadowChoice:
-    """Resolution of the map, the window of texels that a point looks at (wide penumbrae need many; 0 without sunlight),
-    and the radius of the sharpest edge [texels]: below one, the map's own steps show.
-    """
-
-    size_px: int
-    window: int
-    sharpest: float = 1.0
-
-
-# the coarse map where its texel is less than a pixel wide, else a fine one, close up a finer
-_COARSE, _FINE, _FINER = ShadowChoice(512, 4, 0.6), ShadowChoice(1024, 4), ShadowChoice(2048, 4, 1.4)
-_BEST = ShadowChoice(2048, 10, 0.6)
-_SLACK = 1.3  # for the softness of the disc's own edge
-_PIXEL, _SAWN = 0.9, 2.0  # pixels: wider texels leave their mark on shadows' edges; on all of them, as steps
-_PENUMBRA_M = 3e-3  # radius of the Sun's penumbra 0.6 m behind an edge; it hides the steps of texels no wider
-
-
-def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoice:
-    """Resolution for a preset and a view.
+@dataclass(frozen=True, eq=False)
+class TargetShadow:
+    """The target as the Sun sees it: the map, and how the shading reads it.
 
     Parameters
     ----------
-    box_m : width of the box that the map covers. pixel_m : width of an image pixel on the target.
-    """
-    if quality == "high":
-        return _BEST
-    texel_px = box_m / _COARSE.size_px / pixel_m
-    if quality == "draft" or texel_px < _PIXEL:
-        # two thirds of a pixel, while that is no more than a texel
-        return replace(_COARSE, sharpest=min(max(0.65 / texel_px, _COARSE.sharpest), 1.0))
-    texel_m = box_m / _FINE.size_px
-    return _FINE if texel_m < (_SAWN if texel_m < _PENUMBRA_M else _PIXEL) * pixel_m else _FINER
-
-
-def widest_penumbra(sun_sine: float) -> float:
-    """Width of the map over the height of a blocker whose penumbra fills the window of the preset `high`.
-
-    Parameters
-    ----------
-    sun_sine : of the Sun's angular radius.
-    """
-    reach = _BEST.window / 2 - 0.5
-    return _SLACK * sun_sine * _BEST.size_px / reach
-
-
-class ShadowPass:
-    """Orthographic depth map fitted to the target's bounding sphere.
-
-    Parameters
-    ----------
-    size_px : width and height of the map.
+    lights : maps of area lights. light_points : patches of each of them; 0 where none is.
     """
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, size_px: int) -> None:
-        self._context = context
-        self.size_px = size_px
-        self._depth = DepthBuffer(context, (size_px, size_px))
-        self.map = self._depth.texture
-        self._framebuffer = context.framebuffer(depth_attachment=self.map)
-        self.program = programs.get("craft/shadow.vert", "craft/shadow.frag", {})
+    map: moderngl.Texture
+    choice: ShadowChoice
+    lights: moderngl.Texture | None = None
+    light_points: int = 0
 
-    @property
-    def depths(self) -> tuple[float, float]:
-        """Depths in the map of the box's side to the Sun and of the other; texels that were not drawn are farther."""
-        return self._depth.range
 
-    @staticmethod
-    def light_from_target(mesh: GpuMesh, view: View) -> FloatArray:
-        """(4, 4) clip matrix from the target frame: the Sun looks along -z of a box around the sphere."""
-        along = -(view.R_camera_from_target.T @ view.sun_direction)  # direction of travel of the light
-        return light_matrix(mesh.center_m, mesh.radius_m, along)
+SHADOW: Resource[TargetShadow] = Resource("shadow map")
 
-    def run(
+
+class ShadowPass(Pass):
+    """Draws the target as the Sun sees it, and as area lights do, at the size that a view asks for."""
+
+    name = "target.shadow"
+    reads = (SCENE, VIEW, TARGET)
+    writes = (SHADOW,)
+    submits = True
+
+    def __init__(self, device: Device) -> None:
+        self._context, self._programs = device.context, device.programs
+        self._block = device.blocks.shadow
+        self._lights = LightMaps(device)
+        self._maps: dict[int, ShadowMap] = {}
+
+    def release(self) -> None:
+        """Free the image of the area lights."""
+        self._lights.release()
+
+    def run(self, r: PassResources) -> None:
+        """Draw the maps."""
+        scene, placed = r[SCENE], r[TARGET]
+        sun = self._draw(scene, r[VIEW], placed.loaded, placed.place)
+        if scene.area_lights:
+            r[SHADOW] = TargetShadow(*sun, *self._lights.draw(scene, placed.loaded, placed.place))
+        else:
+            r[SHADOW] = TargetShadow(*sun)
+
+    def _map(self, size: int) -> ShadowMap:
+        if size not in self._maps:
+            self._maps[size] = ShadowMap(self._context, self._programs, size)
+        return self._maps[size]
+
+    def _shadow_frustum(
         self,
-        array: MeshArray,
-        view: View,
+        loaded: ResidentTarget,
+        place: ViewportFit,
+        camera: Camera,
         light_from_target: FloatArray,
-        *,
-        clear: bool = False,
-    ) -> None:
-        """Draw the map: of closed shells the lit sides, which are nearest to the Sun.
+        widest: float,
+    ) -> ShadowFrustum:
+        """What of the box this view's shadow map needs: all that holds the target while the image does."""
+        mesh = loaded.mesh
+        # `high` keeps the sphere's box: its window of texels must hold wide penumbrae
+        whole = ShadowFrustum() if widest > 0 else frustum_around(mesh.hull_m, light_from_target)
+        inside = [*(place.bounds_px[:2] >= 0), *(place.bounds_px[2:] <= [camera.width_px, camera.height_px])]
+        # a lens that bends sees around the edges of its image's pyramid
+        if all(inside) or not camera.distortion.is_none:
+            return whole
+        part = fit_shadow_frustum(
+            loaded.patches,
+            camera,
+            place.camera_from_target,
+            light_from_target,
+            closed=mesh.is_closed,
+            widest=widest,
+        )
+        return part if part.half < whole.half else whole
 
-        Parameters
-        ----------
-        light_from_target : (4, 4) as `light_from_target` gives it.
-        clear : have depths of the first range, so that those of two frames compare.
-        """
-        self.program.set("u_light_clip_from_target", tuple(light_from_target.T.ravel().tolist()))
-        self._depth.begin(self._framebuffer, clear=clear)
-        self._context.enable_only(self._context.DEPTH_TEST)
-        to_sun = np.append(view.R_camera_from_target.T @ view.sun_direction, 0.0)
-        array.render(to_sun)
-        self._depth.end()
+    def _draw(
+        self, scene: SceneState, view: View, loaded: ResidentTarget, place: ViewportFit
+    ) -> tuple[moderngl.Texture, ShadowChoice]:
+        """Draw the shadow map and say what the shading needs to know of it; the map in shade is an old one."""
+        camera = scene.camera
+        box_m = 2 * loaded.mesh.radius_m * WIDER
+        light_from_target = ShadowMap.light_from_target(loaded.mesh, view)
+        # by default no penumbra is wider than three texels
+        widest = widest_penumbra(view.sun_sine) if scene.quality == "high" else 0.0
+        window = self._shadow_frustum(loaded, place, camera, light_from_target, widest)
+        light_from_target = window.matrix @ light_from_target
+        width_m = box_m * window.half
+        choice = choose_shadow(scene.quality, width_m, place.pixel_m(camera))
+        shadow = self._map(choice.size_px)
+        texel_m = width_m / shadow.size_px
+        if view.sun_visible_fraction > 0:
+            # the filter of `high` has depths of its own that it takes for none
+            shadow.run(loaded.shadow, view, light_from_target, clear=scene.quality == "high")
+        near, far = shadow.depths
+        half = np.diag([0.5, 0.5, 0.5 * (far - near), 1.0])
+        half[:3, 3] = 0.5, 0.5, 0.5 * (near + far)
+        self._block.write(
+            {
+                "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
+                # a texel in metres and as a depth, its share of the map, and the radius of the sharpest shadow
+                "u_shadow": [texel_m, texel_m / box_m * (far - near), 1 / shadow.size_px, choice.sharpest],
+                "u_shadow_range": [far - near, 0, 0, 0],
+            }
+        )
+        # without sunlight nothing is to be looked up
+        return shadow.map, choice if view.sun_share.any() else replace(choice, window=0)
