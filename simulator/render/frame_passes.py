@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.simulator.render.craft.edge_pass import EdgePass
 from flyaround.simulator.render.craft.gbuffer_pass import GBufferPass
-from flyaround.simulator.render.craft.label_pass import LabelPass
+from flyaround.simulator.render.craft.label_raster import LabelRaster
 from flyaround.simulator.render.craft.mesh_array import NoCulling
 from flyaround.simulator.render.craft.placement import PlacementPass
 from flyaround.simulator.render.craft.resident_targets import ResidentTargets
@@ -62,7 +62,7 @@ class FramePasses:
         read_back: ReadBackPass,
     ) -> None:
         self._targets = ResidentTargets(device, culling)
-        self.labels = LabelPass(device, self._targets)
+        self.labels = LabelRaster(device, self._targets)
         self._set_up, self._shine = SetUpPass(device.blocks.frame), ShinePass(device, earths)
         self._clear, self._clear_all = clear, ClearPass(device.images_for)
         self._first = (

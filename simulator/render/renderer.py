@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from flyaround.simulator.render.frame_images import COVERAGE, PICTURE, RADIANCE
 from flyaround.simulator.render.frame_passes import plain_passes
 from flyaround.simulator.render.gl.timing import StageClock
 from flyaround.simulator.render.projection import PixelRect
-from flyaround.simulator.render.rendered import Layer, Rendered
 from flyaround.simulator.render.software.software_path import software_passes
 from flyaround.simulator.render.view import GIVEN_IRRADIANCE, MODEL, SCENE
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     import moderngl
 
-    from flyaround.simulator.render.craft.label_pass import Surfaces
+    from flyaround.simulator.render.craft.label_raster import Surfaces
     from flyaround.simulator.render.earth.map_textures import EarthMaps
     from flyaround.simulator.render.frame_graph import Pass
     from flyaround.simulator.render.gl.context import GlInfo
@@ -33,6 +33,32 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
+
+
+Layer = Literal["all", "craft", "sky"]
+"""What is drawn: everything; the target alone, in the scene's own light; or all that it hides, without it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rendered:
+    """One noise-free picture.
+
+    Parameters
+    ----------
+    radiance : (H, W) for mono, (H, W, 3) for rgb, row 0 at the top [W m-2 sr-1 in the band].
+    coverage : (H, W) share of each pixel that the target covers; with labels only.
+    depth_m : (H, W) camera z of the target's nearest surface at the pixel's centre, NaN outside; with labels only.
+    silhouette_inside : share of the target's whole silhouette that falls on the image; with labels only.
+    stage_ms : time spent per stage [ms].
+    window : rows and columns that radiance and coverage are of; the whole image but for a craft alone.
+    """
+
+    radiance: Float32Array
+    coverage: Float32Array | None
+    depth_m: Float32Array | None
+    silhouette_inside: float
+    stage_ms: dict[str, float]
+    window: tuple[slice, slice] = (slice(None), slice(None))
 
 
 def _check_finite(

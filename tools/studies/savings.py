@@ -27,7 +27,7 @@ from flyaround.simulator.render.earth import earth_pass
 from flyaround.simulator.render.earth.earth_view import EarthTilesPass
 from flyaround.simulator.render.gl import depth_buffer
 from flyaround.simulator.render.gl.uniform_block import UniformBlock
-from flyaround.simulator.render.globe import air_pass
+from flyaround.simulator.render.globe import frame_air
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.render.sky.star_pass import StarPass
@@ -83,7 +83,7 @@ WITHOUT: dict[str, list[tuple[object, str, object]]] = {
     ],
     "four pixels to a texel": [(smooth_earth, "worth_packing", lambda *_: False)],
     "planes over four": [(earth_pass, "MAGNIFIED_LEVEL", -float(_MANY))],
-    "air at every other corner": [(air_pass, "_FEWEST_CORNERS", _MANY)],
+    "air at every other corner": [(frame_air, "_FEWEST_CORNERS", _MANY)],
     "one level of maps": [
         _changed(
             _EARTH, "_smooth_draw", lambda draw, _self, _earth, _frame, kind: replace(draw, level=kind.level)
@@ -111,12 +111,17 @@ def wait(self, bands):
         self._begun[bands].result()
 I.begin = wait
 """
+_NOT_AHEAD = """
+from flyaround.simulator.render.frame_passes import FramePasses as P
+frame = P.frame
+P.frame = lambda self, *, target=True, first=False: frame(self, target=target)
+"""
 _ONE_STRIP = "from flyaround.simulator.render.earth import maps; maps._STRIPS = [slice(0, maps.HEIGHT)]"
 # before anything is read, and when all is imported that draws
 START_WITHOUT = {
     "prebuilt cache": (_NOTHING_SHIPPED, ""),
     "strips": (_ONE_STRIP, ""),
-    "compiling ahead": ("", "Renderer._first_frame_passes = lambda self, *, target: []"),
+    "compiling ahead": ("", _NOT_AHEAD),
     "defines spoken of": ("", _ALL_DEFINES),
     "light baked beside": ("", _BAKED_FIRST),
 }

@@ -30,8 +30,8 @@ from flyaround.simulator.render.gl.mipmaps import (
     mipmapped_texture,
     release_mipmapped,
 )
-from flyaround.simulator.render.globe.air_pass import AIR_SAMPLERS, TABLE_DEFINES, Air, AirPass
 from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
+from flyaround.simulator.render.globe.frame_air import AIR_SAMPLERS, TABLE_DEFINES, Air, FrameAir
 from flyaround.simulator.render.moon.moon_view import MOON
 from flyaround.simulator.render.view import SCENE
 
@@ -173,7 +173,7 @@ class Earth:
             buffer.release()
 
     def _keep_air(self, tables: AirTables) -> None:
-        frame = AirPass(self._context, self._programs, self.bands, tables)
+        frame = FrameAir(self._context, self._programs, self.bands, tables)
         self._airs[tables.air.thickness_m] = Air(tables, frame)
 
     def _mapped(self, levels: MipmapChain) -> moderngl.Texture:
@@ -337,7 +337,7 @@ class Earth:
             self._ice = (day, self._mapped(mipmap_chain(sea_ice(day), globe=True)))
         return {"t_ice": self._ice[1], "t_ocean_colour": self._ocean_colour}
 
-    def _textures(self, images: FrameImages, air: AirPass) -> dict[str, moderngl.Texture]:
+    def _textures(self, images: FrameImages, air: FrameAir) -> dict[str, moderngl.Texture]:
         textures = {
             "t_coverage": images.coverage,
             "t_radiance": images.radiance,

@@ -13,7 +13,7 @@ from flyaround.simulator.render.earth.map_textures import prefetch_earth_maps, s
 from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES, uniform_tiles
 from flyaround.simulator.render.frame_graph import FrameGraph, FrameResources, Pass, Resource
 from flyaround.simulator.render.frame_images import COVERAGE, IMAGES, RADIANCE
-from flyaround.simulator.render.globe.air_pass import AIR, AIR_TABLES
+from flyaround.simulator.render.globe.frame_air import AIR, AIR_TABLES
 from flyaround.simulator.render.globe.globe_pass import PLAIN_GLOBE, PlainGlobe
 from flyaround.simulator.render.globe.globe_view import GLOBE, globe_values, globe_view
 from flyaround.simulator.render.view import GIVEN_IRRADIANCE, SCENE, VIEW, frame_values

@@ -13,15 +13,15 @@ from flyaround.simulator.render.frame_graph import Pass, Resource
 from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.programs import FULL_SCREEN
-from flyaround.simulator.render.globe.air_pass import (
+from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
+from flyaround.simulator.render.globe.frame_air import (
     AIR,
     AIR_SAMPLERS,
     AIR_TABLES,
     TABLE_DEFINES,
     Air,
-    AirPass,
+    FrameAir,
 )
-from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from flyaround.simulator.render.globe.globe_view import GLOBE
 from flyaround.simulator.render.view import SCENE
 
@@ -59,7 +59,7 @@ class PlainGlobe:
     def __init__(self, device: Device, body: Body, bands: Bands) -> None:
         context, self.bands = device.context, 1 if bands == "mono" else 3
         tables = air_tables(bands, body=body)
-        self.air = Air(tables, AirPass(context, device.programs, self.bands, tables))
+        self.air = Air(tables, FrameAir(context, device.programs, self.bands, tables))
         albedo = albedo_of(body)
         self.albedo = context.texture(albedo.shape[::-1], 1, albedo.tobytes(), dtype="f4", alignment=1)
         self.albedo.build_mipmaps()

@@ -14,7 +14,7 @@ from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.frame_graph import Pass
 from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to, flush
-from flyaround.simulator.render.globe.air_pass import AIR_SAMPLERS, AIR_TABLES, TABLE_DEFINES
+from flyaround.simulator.render.globe.frame_air import AIR_SAMPLERS, AIR_TABLES, TABLE_DEFINES
 from flyaround.simulator.render.globe.globe_view import GLOBE
 from flyaround.simulator.render.moon.craters import (
     BROAD_LARGEST_PX,

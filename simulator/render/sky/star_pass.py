@@ -14,7 +14,7 @@ from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.frame_graph import Pass
 from flyaround.simulator.render.frame_images import IMAGES, RADIANCE, STARLIGHT, Spread
 from flyaround.simulator.render.gl.fences import draw_to
-from flyaround.simulator.render.globe.air_pass import AIR
+from flyaround.simulator.render.globe.frame_air import AIR
 from flyaround.simulator.render.globe.globe_view import GLOBE
 from flyaround.simulator.render.moon.moon_view import MOON
 from flyaround.simulator.render.projection import PixelRect

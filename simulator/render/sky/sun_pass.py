@@ -8,7 +8,7 @@ from flyaround.simulator.render.frame_graph import Pass
 from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.programs import FULL_SCREEN
-from flyaround.simulator.render.globe.air_pass import AIR_SAMPLERS, AIR_TABLES, TABLE_DEFINES
+from flyaround.simulator.render.globe.frame_air import AIR_SAMPLERS, AIR_TABLES, TABLE_DEFINES
 from flyaround.simulator.render.globe.globe_view import GLOBE
 from flyaround.simulator.render.moon.moon_view import MOON, disc_rect
 from flyaround.simulator.render.view import SCENE, VIEW

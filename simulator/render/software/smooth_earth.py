@@ -1,7 +1,7 @@
 """The Earth in tiles that are smooth enough: light and air at their corners, one level of detail, packed by quads.
 
 Worth 860 ms of 800: without it the eight scenes take twice as long. Of those: one level of the detail 21, one of
-magnified maps 22, the air at every other corner (`AirPass.corners`) 17.
+magnified maps 22, the air at every other corner (`FrameAir.corners`) 17.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from flyaround.simulator.render.earth.earth_pass import (
 from flyaround.simulator.render.earth.earth_view import EarthAirPass
 from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES
 from flyaround.simulator.render.frame_graph import Resource
-from flyaround.simulator.render.globe.air_pass import AIR_TABLES
+from flyaround.simulator.render.globe.frame_air import AIR_TABLES
 from flyaround.simulator.render.globe.globe_view import GLOBE
 from flyaround.simulator.render.moon.moon_view import MOON
 from flyaround.simulator.render.software.quad_packing import QUADS, worth_packing
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.earth.earth_pass import Earth
     from flyaround.simulator.render.earth.screen_tiles import ScreenTiles, TileKind
     from flyaround.simulator.render.frame_graph import PassResources
-    from flyaround.simulator.render.globe.air_pass import AirPass
+    from flyaround.simulator.render.globe.frame_air import FrameAir
     from flyaround.simulator.runtime.arrays import Float32Array, IntArray
 
 
@@ -45,15 +45,15 @@ class CornerAir:
 
     Parameters
     ----------
-    whole, fine : of all tiles' corners (N, M, V) as of `AirPass.corners`, and of the fine ones' (9 P, V) as of
-        `AirPass.at`.
+    whole, fine : of all tiles' corners (N, M, V) as of `FrameAir.corners`, and of the fine ones' (9 P, V) as of
+        `FrameAir.at`.
     """
 
     def __init__(self, tiles: ScreenTiles, whole: Float32Array, fine: Float32Array) -> None:
         self._tiles, self._whole, self._fine = tiles, whole, fine
 
     @staticmethod
-    def of(tiles: ScreenTiles, air: AirPass) -> CornerAir | None:
+    def of(tiles: ScreenTiles, air: FrameAir) -> CornerAir | None:
         """What the air pass gives at the tiles' corners; `None` where no tile is smooth."""
         if tiles.smooth_share <= 0:
             return None

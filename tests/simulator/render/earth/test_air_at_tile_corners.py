@@ -5,8 +5,8 @@ import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.render.earth import earth_view
-from flyaround.simulator.render.globe.air_pass import AirPass
 from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
+from flyaround.simulator.render.globe.frame_air import FrameAir
 from flyaround.simulator.render.projection import directions
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.state import TargetRef
@@ -29,7 +29,7 @@ def _ground(earth, columns_px, rows_px, thickness_km):
 
 def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, draw_kit, monkeypatch):
     seen = {}
-    corners, view = AirPass.corners, earth_view.globe_view
+    corners, view = FrameAir.corners, earth_view.globe_view
 
     def kept_corners(self, columns_px, rows_px, *, all_ground):
         seen.update(air=corners(self, columns_px, rows_px, all_ground=all_ground), grid=(columns_px, rows_px))
@@ -39,7 +39,7 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
         seen["earth"] = view(*given)
         return seen["earth"]
 
-    monkeypatch.setattr(AirPass, "corners", kept_corners)
+    monkeypatch.setattr(FrameAir, "corners", kept_corners)
     monkeypatch.setattr(earth_view, "globe_view", kept_view)
     speck = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     world = Environment(stars=False, moon=False)
@@ -60,7 +60,7 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
 
 def test_cubics_between_every_other_corner_are_nearer_than_a_tile_s_plane(renderer, draw_kit, monkeypatch):
     seen = {}
-    corners, view = AirPass.corners, earth_view.globe_view
+    corners, view = FrameAir.corners, earth_view.globe_view
 
     def both(self, columns_px, rows_px, *, all_ground):
         coarse = corners(self, columns_px, rows_px, all_ground=all_ground)
@@ -72,7 +72,7 @@ def test_cubics_between_every_other_corner_are_nearer_than_a_tile_s_plane(render
         seen["earth"] = view(*given)
         return seen["earth"]
 
-    monkeypatch.setattr(AirPass, "corners", both)
+    monkeypatch.setattr(FrameAir, "corners", both)
     monkeypatch.setattr(earth_view, "globe_view", kept_view)
     speck = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     ref = TargetRef(name=speck.name, sha256=speck.sha256)

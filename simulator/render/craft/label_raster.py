@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 _SILHOUETTE_SIDE_PX = 1024  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved
 _ROUNDING_PX = 1 / 4096  # what a driver's single precision moves a corner at a whole step by
-MAX_PARTS = 2048  # what the surface buffer's 16-bit floats count exactly
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +79,7 @@ class PendingSurfaces:
         return Surfaces(depth_m, normals, parts)
 
 
-class LabelPass:
+class LabelRaster:
     """Draws the target once more at one sample a pixel. Reads the mesh; owns what it writes."""
 
     def __init__(self, device: Device, targets: ResidentTargets) -> None:

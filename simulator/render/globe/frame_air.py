@@ -63,7 +63,7 @@ def _cubic(values: Float32Array, which: IntArray, weights: Float32Array) -> Floa
     return np.ascontiguousarray(fine.reshape(-1, *values.shape[1:]).swapaxes(0, 1))
 
 
-class AirPass:
+class FrameAir:
     """From one camera position the air's light depends on two angles: one texel per pair."""
 
     def __init__(
@@ -171,7 +171,7 @@ class Air:
     """One atmosphere: its static tables and the pass that makes each frame's."""
 
     tables: AirTables
-    frame: AirPass
+    frame: FrameAir
 
 
 class _Corners:
