@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.imaging.image_motion import CraftFlow
-    from flyaround.simulator.render.rendered import Rendered
-    from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.render.renderer import Rendered, Renderer
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.labels.request import LabelRequest
     from flyaround.simulator.labels.truth import Box, FlowLabel
-    from flyaround.simulator.render.craft.label_pass import Surfaces
+    from flyaround.simulator.render.craft.label_raster import Surfaces
     from flyaround.simulator.render.renderer import Renderer
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import SceneState

@@ -14,7 +14,7 @@ from flyaround.simulator.scene.motion import propagated_scene
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flyaround.simulator.render.craft.label_pass import Surfaces
+    from flyaround.simulator.render.craft.label_raster import Surfaces
     from flyaround.simulator.render.renderer import Renderer
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target

@@ -14,7 +14,7 @@ from flyaround.simulator.render.gl.fences import flush
 from flyaround.simulator.render.gl.timing import StageClock
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Container, Iterable, Iterator
+    from collections.abc import Container, Iterable, Iterator
 
     import moderngl
 
@@ -78,26 +78,31 @@ class PassResources:
         self._resources[resource] = value
 
 
-@dataclass(frozen=True)
 class Pass:
-    """One step of a frame.
+    """One step of a frame; a subclass declares its resources and implements `run`.
 
-    Parameters
+    Attributes
     ----------
-    name : also its key in the frame's timings.
-    run : does it, with the resources that it declared.
-    reads : what it needs; where the frame lacks one of them the pass is left out. optional : what it uses if present.
-    writes : what it makes or draws into.
-    submits : the driver is told to begin as soon as the pass has run. A software driver's threads draw then, while the
-        next pass is worked out.
+    name : key in the frame's timings.
+    reads : required resources; the pass is skipped when the frame lacks one of them.
+    optional : resources that it uses when they are present.
+    writes : resources that it makes or draws into.
+    submits : flush the driver's commands after the pass. A software driver's threads then draw while the next pass is
+        prepared.
     """
 
     name: str
-    run: Callable[[PassResources], None]
     reads: tuple[Resource[object], ...] = ()
-    writes: tuple[Resource[object], ...] = ()
     optional: tuple[Resource[object], ...] = ()
+    writes: tuple[Resource[object], ...] = ()
     submits: bool = False
+
+    def run(self, r: PassResources) -> None:
+        """Do it, with the resources that the pass declared."""
+        raise NotImplementedError
+
+    def release(self) -> None:
+        """Free what the pass keeps on the GPU."""
 
 
 class FrameGraph:

@@ -1,21 +1,28 @@
-"""The frame's images: radiance of all layers and the target's coverage, at the camera's size."""
+"""The frame's images: radiance of all layers and the target's coverage; the passes that clear and read them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from flyaround.simulator.render.frame_graph import Pass, Resource
 from flyaround.simulator.render.gl.context import release
 from flyaround.simulator.render.gl.fences import draw_to, flush
 from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.render.view import SCENE
 from flyaround.simulator.runtime.threads import pieces_of, share_out
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import moderngl
 
-    from flyaround.simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.runtime.arrays import Float32Array, IntArray
+    from flyaround.simulator.scene.state import SceneState
 
 _WORTH_TWO = 3 << 19  # values of a picture that two threads put in order sooner than one
 
@@ -158,3 +165,71 @@ class FrameImages:
         if self._quads is not None:
             release(self._context, self._quads[1], *self._quads[0])
             self._quads = None
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Light of points over the pixels next to them.
+
+    Parameters
+    ----------
+    at : (M,) numbers of the pixels, row by row. light : (M, n) radiance to be added, per band [W m-2 sr-1].
+    """
+
+    at: IntArray
+    light: Float32Array
+
+    def add_to(self, radiance: Float32Array) -> None:
+        """Add it to a picture (H, W) or (H, W, n)."""
+        bands = self.light.shape[1]
+        values = radiance.reshape(-1)  # one number an entry: numpy adds rows of several ten times as slowly
+        for band in range(bands):
+            np.add.at(values, self.at * bands + band, self.light[:, band])
+
+
+RADIANCE: Resource[FrameImages] = Resource("radiance")
+COVERAGE: Resource[FrameImages] = Resource("coverage")
+IMAGES = (RADIANCE, COVERAGE)
+"""Two of the frame's images: the target is drawn into both, the sky is added to the first by what the second leaves."""
+STARLIGHT: Resource[Spread] = Resource("starlight")
+"""Light of points that is added to the picture when it is read."""
+PICTURE: Resource[Float32Array] = Resource("picture")
+
+
+class ClearPass(Pass):
+    """Empties the frame's images.
+
+    Parameters
+    ----------
+    images_for : returns the images of a scene's size and bands.
+    """
+
+    reads = (SCENE,)
+    writes = IMAGES
+
+    def __init__(self, images_for: Callable[[SceneState], FrameImages], name: str = "clear") -> None:
+        self._images_for, self.name = images_for, name
+
+    def run(self, r: PassResources) -> None:
+        """Clear all pixels that were drawn."""
+        r[RADIANCE] = r[COVERAGE] = images = self._images_for(r[SCENE])
+        images.clear(PixelRect(0, 0, *images.size))
+
+
+class ReadBackPass(Pass):
+    """Waits for the driver and takes the picture."""
+
+    name = "readback"
+    reads = (RADIANCE,)
+    optional: tuple[Resource[object], ...] = (STARLIGHT,)
+    writes = (PICTURE,)
+
+    def run(self, r: PassResources) -> None:
+        """Read the radiance and add the light of points."""
+        r[PICTURE] = radiance = self._read(r)
+        starlight = r.find(STARLIGHT)
+        if starlight is not None:
+            starlight.add_to(radiance)
+
+    def _read(self, r: PassResources) -> Float32Array:
+        return r[RADIANCE].read_radiance()

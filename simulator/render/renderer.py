@@ -1,52 +1,32 @@
-"""The renderer: turns a SceneState into radiance by a list of passes, each with what it reads and writes."""
+"""The renderer: turns a SceneState into radiance by a list of passes."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.device import Device
-from flyaround.simulator.render.drawing import Drawing
-from flyaround.simulator.render.drawing_path import PlainPath
-from flyaround.simulator.render.frame_graph import FrameGraph, FrameResources, Pass
-from flyaround.simulator.render.frame_resources import (
-    AIR,
-    AIR_TABLES,
-    COVERAGE,
-    EARTH_PASS,
-    EARTH_TILES,
-    EDGE_SLOPES,
-    GIVEN_IRRADIANCE,
-    GLOBE,
-    GLOBE_PASS,
-    MODEL,
-    MOON,
-    PICTURE,
-    RADIANCE,
-    SAMPLES,
-    SCENE,
-    SHADOW,
-    STARLIGHT,
-    TARGET,
-    TARGET_LIGHT,
-    TARGET_TILES,
-    VIEW,
-)
+from flyaround.simulator.render.earth.earth_view import Earths
+from flyaround.simulator.render.frame_graph import FrameGraph, FrameResources
+from flyaround.simulator.render.frame_images import COVERAGE, PICTURE, RADIANCE
+from flyaround.simulator.render.frame_passes import plain_passes
 from flyaround.simulator.render.gl.timing import StageClock
 from flyaround.simulator.render.projection import PixelRect
-from flyaround.simulator.render.rendered import Layer, Rendered
-from flyaround.simulator.render.software.software_path import SoftwarePath
+from flyaround.simulator.render.software.software_path import software_passes
+from flyaround.simulator.render.view import GIVEN_IRRADIANCE, MODEL, SCENE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
     import moderngl
 
-    from flyaround.simulator.render.craft.label_pass import Surfaces
+    from flyaround.simulator.render.craft.label_raster import Surfaces
     from flyaround.simulator.render.earth.map_textures import EarthMaps
-    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.render.frame_graph import Pass
     from flyaround.simulator.render.gl.context import GlInfo
     from flyaround.simulator.runtime.arrays import Float32Array
     from flyaround.simulator.scene.illumination.bands import Bands
@@ -54,112 +34,31 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-_IMAGES = (RADIANCE, COVERAGE)
+
+Layer = Literal["all", "craft", "sky"]
+"""What is drawn: everything; the target alone, in the scene's own light; or all that it hides, without it."""
 
 
-def sampling_passes(draw: Drawing) -> list[Pass]:
-    """What the target's samples see, which depends on no light but the Sun's."""
-    return [
-        Pass("target.placement", draw.place_target, (SCENE, MODEL, VIEW), (TARGET, TARGET_TILES)),
-        Pass("target.samples", draw.draw_samples, (SCENE, TARGET), (SAMPLES,), submits=True),
-        Pass("target.shadow", draw.draw_shadow, (SCENE, VIEW, TARGET), (SHADOW,), submits=True),
-        Pass("target.edges", draw.draw_edges, (SCENE, TARGET), (EDGE_SLOPES,), submits=True),
-    ]
-
-
-def shading_passes(draw: Drawing) -> list[Pass]:
-    """The target's samples in the light of Sun, Earth and Moon, resolved to pixels."""
-    sampled = (TARGET_TILES, SAMPLES, SHADOW, EDGE_SLOPES)
-    return [
-        Pass("target.light", draw.light_target, (SCENE, VIEW, TARGET), (TARGET_LIGHT,)),
-        Pass(
-            "target.shading",
-            draw.shade_target,
-            (SCENE, TARGET, *sampled, TARGET_LIGHT, *_IMAGES),
-            _IMAGES,
-            submits=True,
-        ),
-    ]
-
-
-def view_passes(draw: Drawing) -> list[Pass]:
-    """Where Moon and globe are in the image, and this frame's air."""
-    return [
-        Pass("moon.view", draw.find_moon, (SCENE,), (MOON,)),
-        Pass("earth.view", draw.find_globe, (SCENE, VIEW), (EARTH_PASS, GLOBE_PASS, GLOBE, AIR)),
-        Pass("earth.tiles", draw.cut_tiles, (SCENE, EARTH_PASS, GLOBE), (EARTH_TILES,)),
-        Pass("earth.air", draw.fill_air_tables, (SCENE, EARTH_PASS, GLOBE, EARTH_TILES, AIR), (AIR_TABLES,)),
-        Pass("globe.air", draw.fill_globe_air, (SCENE, GLOBE_PASS, GLOBE, AIR), (AIR_TABLES,)),
-    ]
-
-
-def earth_pass(draw: Drawing) -> Pass:
-    """Ground, clouds and air: the first light of the sky behind the target."""
-    reads = (SCENE, EARTH_PASS, EARTH_TILES, *_IMAGES)
-    return Pass("earth.surface", draw.draw_earth, reads, (RADIANCE,), optional=(MOON,))
-
-
-def sky_passes(draw: Drawing) -> list[Pass]:
-    """All behind the target: each pass adds its light times the share that the target leaves open."""
-    behind = (GLOBE, MOON)
-    return [
-        earth_pass(draw),
-        Pass(
-            "globe.surface",
-            draw.draw_globe,
-            (GLOBE_PASS, GLOBE, *_IMAGES),
-            (RADIANCE,),
-            optional=(AIR_TABLES,),
-        ),
-        Pass(
-            "stars",
-            draw.draw_stars,
-            (SCENE, VIEW, *_IMAGES),
-            (RADIANCE, STARLIGHT),
-            optional=(*behind, AIR, TARGET),
-        ),
-        Pass(
-            "moon", draw.draw_moon, (SCENE, MOON, *_IMAGES), (RADIANCE,), optional=(GLOBE, AIR_TABLES, TARGET)
-        ),
-        Pass("sun", draw.draw_sun, (SCENE, VIEW, *_IMAGES), (RADIANCE,), optional=(*behind, AIR_TABLES)),
-    ]
-
-
-def frame_passes(draw: Drawing, *, target: bool = True, first: Sequence[Pass] = ()) -> list[Pass]:
-    """One picture, from the scene to its radiance.
-
-    The target's samples come first: a software driver's threads draw them while the light of Earth and Moon, which
-    they need not, is worked out. What they hide of the sky is never shaded.
+@dataclass(frozen=True, eq=False)
+class Rendered:
+    """One noise-free picture.
 
     Parameters
     ----------
-    target : draw it; else all that it hides, without it. first : done before anything of the Earth is needed.
+    radiance : (H, W) for mono, (H, W, 3) for rgb, row 0 at the top [W m-2 sr-1 in the band].
+    coverage : (H, W) share of each pixel that the target covers; with labels only.
+    depth_m : (H, W) camera z of the target's nearest surface at the pixel's centre, NaN outside; with labels only.
+    silhouette_inside : share of the target's whole silhouette that falls on the image; with labels only.
+    stage_ms : time spent per stage [ms].
+    window : rows and columns that radiance and coverage are of; the whole image but for a craft alone.
     """
-    return [
-        _set_up(draw),
-        _clear(draw),
-        *(sampling_passes(draw) if target else ()),
-        *first,
-        _light_sky(draw),
-        *view_passes(draw),
-        *(shading_passes(draw) if target else ()),
-        *sky_passes(draw),
-        Pass("readback", draw.read_picture, (RADIANCE,), (PICTURE,), optional=(STARLIGHT,)),
-    ]
 
-
-def _set_up(draw: Drawing) -> Pass:
-    return Pass("setup", draw.set_up, (SCENE,), (VIEW,), optional=(GIVEN_IRRADIANCE,))
-
-
-def _clear(draw: Drawing) -> Pass:
-    return Pass("clear", draw.clear, (SCENE,), _IMAGES)
-
-
-def _light_sky(draw: Drawing) -> Pass:
-    return Pass(
-        "earth_and_moon_shine", draw.light_sky, (SCENE, VIEW, TARGET), (VIEW,), optional=(GIVEN_IRRADIANCE,)
-    )
+    radiance: Float32Array
+    coverage: Float32Array | None
+    depth_m: Float32Array | None
+    silhouette_inside: float
+    stage_ms: dict[str, float]
+    window: tuple[slice, slice] = (slice(None), slice(None))
 
 
 def _check_finite(
@@ -212,21 +111,21 @@ class Renderer:
         software_path: bool | None = None,
     ) -> None:
         self.timed = timed
-        self._device = device = Device(device_index, context)
+        self.device = device = Device(device_index, context)
         self.takes_software_path = device.info.is_software if software_path is None else software_path
-        self._path = SoftwarePath(device) if self.takes_software_path else PlainPath()
-        self._draw = Drawing(device, self._path, prefetched)
+        self._earths = Earths(device, prefetched)
+        self._passes = (software_passes if self.takes_software_path else plain_passes)(device, self._earths)
         self._graphs: dict[str, FrameGraph] = {}
         device.check("start-up")
 
     @property
     def info(self) -> GlInfo:
         """What draws; recorded beside every image."""
-        return self._device.info
+        return self.device.info
 
     def make_current(self) -> None:
         """Take the thread's OpenGL for this renderer's own context: another renderer may have been made since."""
-        self._device.make_current()
+        self.device.make_current()
 
     def render(
         self,
@@ -255,30 +154,26 @@ class Renderer:
         if layer == "craft":
             return self._render_craft(scene, target, sky)
         frame = self._begin(scene, target, sky)
-        self._draw.prefetch_maps(scene)
-        maps = self._draw.maps_of(scene.bands)
+        self._earths.prefetch(scene)
         with_target = layer == "all"
         if not with_target:
             frame[TARGET] = None
-        if maps is None:
-            stage_ms = self._run(
-                f"frame {layer}", lambda: frame_passes(self._draw, target=with_target), frame
-            )
-        else:
-            first = self._first_frame_passes(target=with_target)
-            stage_ms = self._run("", lambda: frame_passes(self._draw, target=with_target, first=first), frame)
+        first = self._earths.pending(scene.bands) is not None
+        stage_ms = self._run(
+            "" if first else layer, lambda: self._passes.frame(target=with_target, first=first), frame
+        )
         picture = frame[PICTURE]
         _check_finite(picture, scene, target, frame[COVERAGE].read_coverage)
         coverage = depth = None
         inside = 1.0
         if labels:
-            clock = StageClock(self._device.context, finish=self.timed)
+            clock = StageClock(self.device.context, finish=self.timed)
             coverage = frame[COVERAGE].read_coverage()
-            depth = self._draw.target.start_surfaces(scene, target, layers=False)().depth_m
-            inside = self._draw.target.silhouette_inside(scene, target)
+            depth = self._passes.labels.start_surfaces(scene, target, layers=False)().depth_m
+            inside = self._passes.labels.silhouette_inside(scene, target)
             clock.lap("labels")
             stage_ms |= clock.stage_ms
-        self._device.check("a frame")
+        self.device.check("a frame")
         return Rendered(picture, coverage, depth, inside, stage_ms)
 
     def start_surfaces(
@@ -292,13 +187,13 @@ class Renderer:
         ----------
         layers : normals and parts too, not depth alone.
         """
-        self._device.prepare(scene)
-        finish = self._draw.target.start_surfaces(scene, target, layers=layers)
+        self.device.prepare(scene)
+        finish = self._passes.labels.start_surfaces(scene, target, layers=layers)
 
         def surfaces() -> Surfaces:
             self.make_current()
             seen = finish()
-            self._device.check("the labels of a frame")
+            self.device.check("the labels of a frame")
             return seen
 
         return surfaces
@@ -309,31 +204,21 @@ class Renderer:
 
     def silhouette_inside(self, scene: SceneState, target: Target) -> float:
         """Share of the target's whole silhouette that falls on the image."""
-        self._device.prepare(scene)
-        return self._draw.target.silhouette_inside(scene, target)
+        self.device.prepare(scene)
+        return self._passes.labels.silhouette_inside(scene, target)
 
     def _render_craft(self, scene: SceneState, target: Target, sky: IrradianceField | None) -> Rendered:
-        frame, draw = self._begin(scene, target, sky), self._draw
+        frame = self._begin(scene, target, sky)
         if sky is None:
-            draw.prefetch_maps(scene)
-
-        def passes() -> list[Pass]:
-            return [
-                _set_up(draw),
-                *sampling_passes(draw),
-                _light_sky(draw),
-                _clear(draw),
-                *shading_passes(draw),
-            ]
-
-        stage_ms = self._run("craft", passes, frame)
-        clock = StageClock(self._device.context, finish=self.timed)
+            self._earths.prefetch(scene)
+        stage_ms = self._run("craft", self._passes.craft, frame)
+        clock = StageClock(self.device.context, finish=self.timed)
         drawn = frame.find(TARGET)
         part = PixelRect(0, 0, 0, 0) if drawn is None else drawn.rect
         light, share, window = frame[RADIANCE].read_part(part)
         clock.lap("readback")
         _check_finite(light, scene, target, lambda: share)
-        self._device.check("a craft")
+        self.device.check("a craft")
         return Rendered(light, share, None, 1.0, stage_ms | clock.stage_ms, window)
 
     def _begin(self, scene: SceneState, target: Target, sky: IrradianceField | None) -> FrameResources:
@@ -343,7 +228,7 @@ class Renderer:
                 f"the scene was made for target {scene.target.name} ({scene.target.sha256[:12]}) and is drawn with "
                 f"{target.name} ({target.sha256[:12]}); use the same version of the target file"
             )
-        self._device.prepare(scene)
+        self.device.prepare(scene)
         frame = FrameResources()
         frame[SCENE], frame[MODEL], frame[GIVEN_IRRADIANCE] = scene, target, sky
         return frame
@@ -352,36 +237,17 @@ class Renderer:
         """Run passes; a graph with a name is checked once and kept."""
         graph = self._graphs.get(kept_as)
         if graph is None:
-            graph = FrameGraph(self._path.adapt(passes()), frame)
+            graph = FrameGraph(passes(), frame)
         if kept_as:
             self._graphs[kept_as] = graph
-        return graph.run(self._device.context, frame, timed=self.timed)
-
-    def _first_frame_passes(self, *, target: bool) -> list[Pass]:
-        """Have the driver compile while the first frame's maps are decoded; what that draws is cleared."""
-        draw = self._draw
-        sampled = (TARGET, TARGET_TILES, SAMPLES, SHADOW, EDGE_SLOPES)
-        shading = Pass("target.programs", draw.compile_shading, (SCENE, *sampled, *_IMAGES), _IMAGES)
-        return [
-            Pass("earth.programs", self._compile_earth, (SCENE, VIEW, *_IMAGES), _IMAGES, optional=(TARGET,)),
-            *((shading,) if target else ()),
-            Pass("clear.again", draw.clear, (SCENE,), _IMAGES),
-        ]
-
-    def _compile_earth(self, r: PassResources) -> None:
-        """A second's work: some tiles are drawn from stand-ins of the maps."""
-        passes = self._path.adapt([*view_passes(self._draw), earth_pass(self._draw)])
-        frame = FrameResources()
-        frame[SCENE], frame[VIEW], frame[TARGET] = r[SCENE], r[VIEW], r.find(TARGET)
-        frame[RADIANCE], frame[COVERAGE] = r[RADIANCE], r[COVERAGE]
-        with self._draw.stand_in_earth(r[SCENE]):
-            FrameGraph(passes, frame).run(self._device.context, frame)
+        return graph.run(self.device.context, frame, timed=self.timed)
 
     def close(self) -> None:
         """Free what the renderer made, and its context."""
         self.make_current()
-        self._draw.release()
-        self._device.close()
+        self._passes.release()
+        self._earths.release()
+        self.device.close()
 
     def __enter__(self) -> Self:
         return self

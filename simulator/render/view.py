@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.render.frame_graph import Pass, Resource
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
 from flyaround.simulator.scene.illumination.irradiance import IrradianceField, dark_field
@@ -24,8 +25,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.render.gl.uniform_block import UniformBlock
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Target
     from flyaround.simulator.world.ephemeris.body import Body
 
 
@@ -64,6 +68,31 @@ class View:
     sun_share: FloatArray
     sky: IrradianceField
     lights: tuple[tuple[FloatArray, FloatArray], ...] = ()
+
+
+SCENE: Resource[SceneState] = Resource("scene")
+MODEL: Resource[Target] = Resource("target model")
+VIEW: Resource[View] = Resource("view")
+"""The scene in the camera's coordinates; the light of Earth and Moon on the target comes into it last."""
+GIVEN_IRRADIANCE: Resource[IrradianceField] = Resource("given irradiance")
+"""Light on the target in place of that of Earth and Moon, for proofs."""
+
+
+class SetUpPass(Pass):
+    """Builds the view and writes its uniforms, without the light of Earth and Moon on the target yet."""
+
+    name = "setup"
+    reads = (SCENE,)
+    optional = (GIVEN_IRRADIANCE,)
+    writes = (VIEW,)
+
+    def __init__(self, block: UniformBlock) -> None:
+        self._block = block
+
+    def run(self, r: PassResources) -> None:
+        """Build the view."""
+        r[VIEW] = view = build_view(r[SCENE], r.find(GIVEN_IRRADIANCE))
+        self._block.write(frame_values(r[SCENE], view))
 
 
 def build_view(scene: SceneState, sky: IrradianceField | None = None) -> View:

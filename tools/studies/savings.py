@@ -24,11 +24,10 @@ from flyaround.simulator.render import frame_graph
 from flyaround.simulator.render.craft import viewport_fit, visible_edges, visible_triangles
 from flyaround.simulator.render.craft.mesh_array import WholeMesh
 from flyaround.simulator.render.earth import earth_pass
-from flyaround.simulator.render.earth.screen_tiles import uniform_tiles
-from flyaround.simulator.render.frame_resources import EARTH_TILES, GLOBE, SCENE
+from flyaround.simulator.render.earth.earth_view import EarthTilesPass
 from flyaround.simulator.render.gl import depth_buffer
 from flyaround.simulator.render.gl.uniform_block import UniformBlock
-from flyaround.simulator.render.globe import air_pass
+from flyaround.simulator.render.globe import frame_air
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.render.sky.star_pass import StarPass
@@ -39,15 +38,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from flyaround.simulator.render.frame_images import FrameImages
-    from flyaround.simulator.render.view import View
-    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
 
 SCENES = BENCH_SCENES[:8]
 TURNS, WARM_UP = 15, 2
 STARTS = 7
 _MANY = 10**9
 _RAYS: Any = vars(tiles)["_CornerRays"]
-_PATH, _CULLING = software_path.SoftwarePath, software_path.TileCulling
+_CULLING = software_path.TileCulling
 _EARTH, _BLOCK = smooth_earth.SmoothEarthPass, UniformBlock
 
 
@@ -57,18 +55,10 @@ def _changed(owner: object, name: str, after: Any) -> tuple[object, str, object]
     return owner, name, lambda *a, **k: after(before(*a, **k), *a)
 
 
-def _all_alike(path: object, r: Any) -> None:  # noqa: ANN401, ARG001
-    if r[GLOBE].rect is not None:
-        r[EARTH_TILES] = uniform_tiles(r[GLOBE], r[SCENE].camera)
+def _all_hidden(_self: StarPass, pixels: FloatArray, images: FrameImages, _target: object) -> BoolArray:
+    images.mark_lit(PixelRect(0, 0, *images.size))
+    return np.ones(len(pixels), bool)
 
-
-def _all_stars(self: StarPass, scene: SceneState, view: View, images: FrameImages, *behind: Any) -> object:  # noqa: ANN401
-    return _DRAW_STARS(
-        self, scene, view, images, behind[0], behind[1], behind[2], PixelRect(0, 0, *images.size)
-    )
-
-
-_DRAW_STARS = StarPass.run
 
 WITHOUT: dict[str, list[tuple[object, str, object]]] = {
     "triangles left out": [(_CULLING, "mesh_array", WholeMesh)],
@@ -82,7 +72,7 @@ WITHOUT: dict[str, list[tuple[object, str, object]]] = {
     "five samples close up": [(viewport_fit, "NEAR_PIXEL_M", 0.0)],
     "short edges left out": [(visible_edges, "_SHORTEST_PX", 0.0)],
     "depth ranges": [(depth_buffer, "MOST_RANGES", 1)],
-    "sorted tiles": [(_PATH, "_sort_tiles", _all_alike)],
+    "sorted tiles": [(tiles.SortedTilesPass, "run", EarthTilesPass.run)],
     "smooth tiles": [_changed(_RAYS, "smooth", lambda found, *_: tuple(np.zeros_like(f) for f in found))],
     "fine tiles": [_changed(_RAYS, "smooth", lambda found, *_: (found[0], np.zeros_like(found[1])))],
     "tiles of air": [_changed(_RAYS, "touched", lambda found, *_: (found[0], np.zeros_like(found[1])))],
@@ -91,13 +81,15 @@ WITHOUT: dict[str, list[tuple[object, str, object]]] = {
     "tiles beside the craft": [
         (tiles, "_covered", lambda shape, _size, target: np.full(shape, target is not None))
     ],
-    "four pixels to a texel": [(software_path, "worth_packing", lambda *_: False)],
+    "four pixels to a texel": [(smooth_earth, "worth_packing", lambda *_: False)],
     "planes over four": [(earth_pass, "MAGNIFIED_LEVEL", -float(_MANY))],
-    "air at every other corner": [(air_pass, "_FEWEST_CORNERS", _MANY)],
+    "air at every other corner": [(frame_air, "_FEWEST_CORNERS", _MANY)],
     "one level of maps": [
-        _changed(_EARTH, "_smooth_draw", lambda draw, _self, _frame, kind: replace(draw, level=kind.level))
+        _changed(
+            _EARTH, "_smooth_draw", lambda draw, _self, _earth, _frame, kind: replace(draw, level=kind.level)
+        )
     ],
-    "stars added at the end": [(StarPass, "run", _all_stars)],
+    "stars added at the end": [(StarPass, "_may_be_hidden", _all_hidden)],
     "blocks kept": [_changed(_BLOCK, "write", lambda _, block, *__: setattr(block, "_written", None))],
     "driver told at once": [(frame_graph, "flush", lambda _context: None)],
 }
@@ -119,12 +111,17 @@ def wait(self, bands):
         self._begun[bands].result()
 I.begin = wait
 """
+_NOT_AHEAD = """
+from flyaround.simulator.render.frame_passes import FramePasses as P
+frame = P.frame
+P.frame = lambda self, *, target=True, first=False: frame(self, target=target)
+"""
 _ONE_STRIP = "from flyaround.simulator.render.earth import maps; maps._STRIPS = [slice(0, maps.HEIGHT)]"
 # before anything is read, and when all is imported that draws
 START_WITHOUT = {
     "prebuilt cache": (_NOTHING_SHIPPED, ""),
     "strips": (_ONE_STRIP, ""),
-    "compiling ahead": ("", "Renderer._first_frame_passes = lambda self, *, target: []"),
+    "compiling ahead": ("", _NOT_AHEAD),
     "defines spoken of": ("", _ALL_DEFINES),
     "light baked beside": ("", _BAKED_FIRST),
 }

@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.render.craft.mesh_array import sample_program
+from flyaround.simulator.render.craft.placement import TARGET
+from flyaround.simulator.render.frame_graph import Pass, Resource
 from flyaround.simulator.render.gl.buffer_pool import BufferPool
 from flyaround.simulator.render.gl.context import release
 from flyaround.simulator.render.gl.depth_buffer import DepthBuffer
+from flyaround.simulator.render.view import SCENE
 from flyaround.simulator.scene.illumination.bands import bands_of, reflectance
 
 if TYPE_CHECKING:
     import moderngl
 
     from flyaround.simulator.render.craft.mesh import GpuMesh
-    from flyaround.simulator.render.craft.mesh_array import MeshArray
     from flyaround.simulator.render.craft.textures import Textures
-    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
-    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.scene.illumination.bands import Bands
 
 STAMP_SHIFT = 28
+TEXEL_SAMPLERS = ("t_texel", "t_detail")
+"""Of the shading, for what textures add to a sample."""
 KEPT_BYTES = 320 << 20
 """Of all sizes at hand: two frames filled by a craft of plain materials, or one of textures."""
 _PLAIN_BYTES, _TEXEL_BYTES = 12, 16  # a sample
-
-
-def normal_bits(mesh: GpuMesh) -> int:
-    """Bits of each of the normal's two coordinates: what the material's number leaves of 32."""
-    return 13 if len(mesh.materials) < 1 << 6 else 12
 
 
 class SampleImages:
@@ -75,84 +77,67 @@ class SampleImages:
         release(self._context, self.framebuffer, self.surface, self.depth, *self.texels)
 
 
-class GBufferPass:
-    """The supersampled target."""
+@dataclass(frozen=True, eq=False)
+class TargetSamples:
+    """What the samples see, by the names of the shading's samplers; ``stamp`` tells this frame's from older ones."""
 
-    DEFINES: ClassVar[dict[str, object]] = {}
-    SAMPLERS: ClassVar[tuple[str, ...]] = ()
-    TEXELS: ClassVar[bool] = False
+    textures: dict[str, moderngl.Texture]
+    stamp: int
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
-        self._context = context
-        self._programs = programs
-        most = KEPT_BYTES / (_PLAIN_BYTES + _TEXEL_BYTES * self.TEXELS)
-        self._images = BufferPool(lambda w, h: SampleImages(context, w, h, texels=self.TEXELS), most)
 
-    def program(self, mesh: GpuMesh) -> Program:
-        """The program for a mesh: closed shells show no back faces, few materials leave bits to the normal."""
-        defines = {
-            "NORMAL_BITS": normal_bits(mesh),
-            **({"CLOSED": ""} if mesh.is_closed else {}),
-            **self.DEFINES,
-        }
-        return self._programs.get("craft/gbuffer.vert", "craft/gbuffer.frag", defines, self.SAMPLERS)
+SAMPLES: Resource[TargetSamples] = Resource("samples")
 
-    def run(
-        self, mesh: GpuMesh, array: MeshArray, size: tuple[int, int], camera_m: FloatArray, *, cut: bool
-    ) -> SampleImages:
-        """Draw the samples of one lattice window.
 
-        Parameters
-        ----------
-        array : of ``mesh``. camera_m : (3,) place of the camera, target frame. cut : some of the target may be nearer
-            than the near plane.
-        """
-        images = self._begin(mesh, size, cut=cut)
-        array.render(np.append(camera_m, 1.0))
-        images.end()
-        return images
+class GBufferPass(Pass):
+    """Draws the supersampled target: the samples take longest, so they come first."""
 
-    def _begin(self, mesh: GpuMesh, size: tuple[int, int], *, cut: bool) -> SampleImages:
-        images = self._images.at_least(*size)
-        images.begin(clear=cut)
-        self.program(mesh).set("u_stamp", images.stamp)
+    name = "target.samples"
+    reads = (SCENE, TARGET)
+    writes = (SAMPLES,)
+    submits = True
+
+    def __init__(self, device: Device) -> None:
+        self._context, self._programs = device.context, device.programs
+        self._plain, self._textured = self._pool(texels=False), self._pool(texels=True)
+
+    def _pool(self, *, texels: bool) -> BufferPool[SampleImages]:
+        most = KEPT_BYTES / (_PLAIN_BYTES + _TEXEL_BYTES * texels)
+        return BufferPool(lambda w, h: SampleImages(self._context, w, h, texels=texels), most)
+
+    def run(self, r: PassResources) -> None:
+        """Draw the samples of one lattice window."""
+        placed = r[TARGET]
+        mesh, array, textures = placed.drawn.mesh, placed.drawn.gbuffer, placed.loaded.textures
+        images = (self._plain if textures is None else self._textured).at_least(*placed.size)
+        # where some of the target may be nearer than the near plane, older samples are not told by their depth
+        images.begin(clear=placed.place.is_cut)
+        program = sample_program(self._programs, mesh)
+        program.set("u_stamp", images.stamp)
         # back faces of closed shells are never seen and need not be drawn
         culled = self._context.CULL_FACE if mesh.is_closed else 0
         self._context.enable_only(self._context.DEPTH_TEST | culled)
-        images.framebuffer.viewport = (0, 0, *size)
-        return images
-
-
-class TexturedGBufferPass(GBufferPass):
-    """The supersampled target with two more words per sample; meshes without textures never meet it."""
-
-    DEFINES: ClassVar[dict[str, object]] = {"TEXTURED": ""}
-    SAMPLERS: ClassVar[tuple[str, ...]] = ("t_base_color", "t_metallic_roughness", "t_normal")
-    TEXELS: ClassVar[bool] = True
-
-    def run_textured(
-        self,
-        vertex_array: moderngl.VertexArray,
-        size: tuple[int, int],
-        mesh: GpuMesh,
-        textures: Textures,
-        bands: Bands,
-        *,
-        cut: bool,
-    ) -> SampleImages:
-        """Draw the samples of one lattice window, one set of textures after the other; parameters as in `run`."""
-        images = self._begin(mesh, size, cut=cut)
-        program = self.program(mesh)
-        program.set("u_band_from_rgb", _band_from_rgb(bands))
-        for draw in mesh.draws:
-            color, data, normal = textures.of(draw.material)
-            program.bind_textures(t_base_color=color, t_metallic_roughness=data, t_normal=normal)
-            material = draw.material
-            program.set("u_base_factor", (0.0,) * 4 if material is None else (*material.base_color, 1.0))
-            program.set("u_normal_mapped", float(material is not None and material.normal_texture != ""))
-            vertex_array.render(vertices=draw.count, first=draw.first)
+        images.framebuffer.viewport = (0, 0, *placed.size)
+        if textures is None:
+            array.render(np.append(placed.place.camera_target_m, 1.0))
+        else:
+            program.set("u_band_from_rgb", _band_from_rgb(r[SCENE].bands))
+            _draw_textured(array.array, mesh, program, textures)
         images.end()
-        return images
+        texels = dict(zip(TEXEL_SAMPLERS, images.texels, strict=True)) if images.texels else {}
+        r[SAMPLES] = TargetSamples(
+            {"t_surface": images.surface, "t_depth": images.depth, **texels}, images.stamp
+        )
+
+
+def _draw_textured(array: moderngl.VertexArray, mesh: GpuMesh, program: Program, textures: Textures) -> None:
+    """Draw a mesh one set of textures after the other."""
+    for draw in mesh.draws:
+        color, data, normal = textures.of(draw.material)
+        program.bind_textures(t_base_color=color, t_metallic_roughness=data, t_normal=normal)
+        material = draw.material
+        program.set("u_base_factor", (0.0,) * 4 if material is None else (*material.base_color, 1.0))
+        program.set("u_normal_mapped", float(material is not None and material.normal_texture != ""))
+        array.render(vertices=draw.count, first=draw.first)
 
 
 def _band_from_rgb(bands: Bands) -> tuple[float, ...]:

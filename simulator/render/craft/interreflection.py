@@ -117,12 +117,6 @@ class Interreflection:
             self._kept[bands] = AtlasTextures(self._empty.pop(bands), self._begun.pop(bands).result())
         return self._kept[bands]
 
-    def stand_ins(self, bands: Bands) -> dict[str, moderngl.Texture]:
-        """The textures by the names of the shading's samplers, whatever is in them while they are being baked."""
-        self.begin(bands)
-        visibility, interreflection = self._empty[bands] if bands in self._empty else self.bake(bands).pair
-        return {"t_sky_visibility": visibility, "t_interreflection": interreflection}
-
     def update(self, bands: Bands, view: View) -> AtlasTextures:
         """The textures of a frame."""
         textures = self.bake(bands)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.geometry.directions import orthonormal_basis
+from flyaround.simulator.render.craft.mesh_array import shadow_program
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.shared_blocks import MOST_PATCHES
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
@@ -20,8 +21,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.render.craft.resident_targets import ResidentTarget
     from flyaround.simulator.render.craft.viewport_fit import ViewportFit
-    from flyaround.simulator.render.gl.programs import ProgramLibrary
-    from flyaround.simulator.render.gl.shared_blocks import UniformBlocks
+    from flyaround.simulator.render.device import Device
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.area_light import PlacedLight
     from flyaround.simulator.scene.state import Quality, SceneState
@@ -61,9 +61,9 @@ def patch_view(place_m: FloatArray, center_m: FloatArray, radius_m: float) -> tu
 class LightMaps:
     """The maps of one frame's area lights."""
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: UniformBlocks) -> None:
-        self._context, self._blocks = context, blocks
-        self._program = programs.get("craft/shadow.vert", "craft/shadow.frag", {})
+    def __init__(self, device: Device) -> None:
+        self._context, self._block = device.context, device.blocks.lights
+        self._programs = device.programs
         self._image: moderngl.Texture | None = None
         self._framebuffer: moderngl.Framebuffer | None = None
 
@@ -81,6 +81,7 @@ class LightMaps:
         framebuffer.viewport = (0, 0, *image.size)
         framebuffer.clear()
         self._context.enable_only(self._context.DEPTH_TEST)
+        program = shadow_program(self._programs)
         matrices, texel_rad = np.zeros((MOST_PATCHES, 4, 4)), 0.0
         for k, patch in enumerate(patches):
             row, column = divmod(k, columns)
@@ -88,13 +89,13 @@ class LightMaps:
             clip, texel = patch_view(point, mesh.center_m, mesh.radius_m)
             texel_rad = max(texel_rad, texel)
             framebuffer.viewport = (column * TILE_PX, row * TILE_PX, TILE_PX, TILE_PX)
-            self._program.set("u_light_clip_from_target", tuple(clip.T.ravel().tolist()))
+            program.set("u_light_clip_from_target", tuple(clip.T.ravel().tolist()))
             loaded.shadow.render(np.append(point, 1.0))
             tile = np.eye(4)
             tile[:3, :3] = np.diag([0.5 / columns, 0.5 / columns, 0.5])
             tile[:3, 3] = (column + 0.5) / columns, (row + 0.5) / columns, 0.5
             matrices[k] = tile @ clip @ target_from_camera
-        self._blocks.lights.write(_values(scene, lights, patches, matrices, texel_rad))
+        self._block.write(_values(scene, lights, patches, matrices, texel_rad))
         return image, count
 
     def _images(self, side: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:

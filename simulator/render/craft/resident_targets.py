@@ -8,24 +8,56 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.baking.charts import TEXEL
+from flyaround.simulator.baking.radiance_transfer import PATCH
+from flyaround.simulator.render.craft.interreflection import Interreflection
+from flyaround.simulator.render.craft.mesh import upload
+from flyaround.simulator.render.craft.mesh_array import LabelArrays, WholeMesh, sample_program, shadow_program
 from flyaround.simulator.render.craft.shadow_frustum import SurfacePatches
+from flyaround.simulator.render.craft.textures import Textures
+from flyaround.simulator.render.craft.visible_edges import VisibleEdges
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     import moderngl
 
-    from flyaround.simulator.render.craft.edge_pass import EdgeBuffers
-    from flyaround.simulator.render.craft.interreflection import Interreflection
-    from flyaround.simulator.render.craft.label_pass import LabelArrays
     from flyaround.simulator.render.craft.mesh import GpuMesh
-    from flyaround.simulator.render.craft.mesh_array import MeshArray
-    from flyaround.simulator.render.craft.textures import Textures
-    from flyaround.simulator.render.craft.visible_edges import VisibleEdges
+    from flyaround.simulator.render.craft.mesh_array import Culling, MeshArray
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.targets.model import Target
 
+# between nodes of baked light in the preset `high`, of the target's radius; and nodes along a patch that returns light
+FINE_TEXEL, FINE_PATCH = 0.012, 2
 MOST_CUTS = 8  # of one target: an approach needs two more each time that it halves the range
 MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others are uploaded again
+
+
+class EdgeBuffers:
+    """The edges of one mesh on the GPU, and the list of those that this frame draws."""
+
+    def __init__(self, context: moderngl.Context, seen: VisibleEdges) -> None:
+        self._context = context
+        self._arrays: dict[Program, moderngl.VertexArray] = {}
+        self.seen = seen
+        self.vertices = context.buffer(self.seen.edges.quads().tobytes() or b"\0")
+        self.indices = context.buffer(reserve=max(4 * 6 * len(seen.edges.ends), 4), dynamic=True)
+
+    def vertex_array(self, program: Program, layout: str, names: list[str]) -> moderngl.VertexArray:
+        """The edges as a program reads them: they go with the mesh, where a pass would keep its buffers for ever."""
+        if program not in self._arrays:
+            content = [(self.vertices, layout, *names)]
+            self._arrays[program] = self._context.vertex_array(program.gl, content, self.indices)
+        return self._arrays[program]
+
+    def release(self) -> None:
+        """Free the buffers and vertex arrays."""
+        for array in self._arrays.values():
+            array.release()
+        self._arrays.clear()
+        self.vertices.release()
+        self.indices.release()
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,32 +132,57 @@ class ResidentTarget:
 
 
 class ResidentTargets:
-    """The targets drawn last, by their SHA-256; the preset `high` has its own.
+    """The targets drawn last, by their SHA-256, for each kind of lens: vertex arrays belong to programs.
 
-    Parameters
-    ----------
-    upload : makes one; ``fine`` with nodes of baked light closer together.
+    The preset `high` has its own, with nodes of baked light closer together. Labels are drawn from the other.
     """
 
-    def __init__(self, upload: Callable[[Target, bool], ResidentTarget]) -> None:
-        self._upload = upload
-        self._kept: dict[tuple[str, bool], ResidentTarget] = {}
+    def __init__(self, device: Device, culling: Culling) -> None:
+        self.culling = culling
+        self._context, self._programs = device.context, device.programs
+        self._kept: dict[bool, dict[tuple[str, bool], ResidentTarget]] = {False: {}, True: {}}
 
     def get(self, target: Target, *, fine: bool = False) -> ResidentTarget:
-        """A target on the GPU, uploaded now if it is not there."""
-        key = target.sha256, fine
+        """Return a target on the GPU, uploaded now if it is not there.
+
+        Parameters
+        ----------
+        fine : with the nodes of `high`.
+        """
+        kept, key = self._kept[self._programs.lens], (target.sha256, fine)
         # the last used is the last of them
-        loaded = self._kept.pop(key, None) or self._upload(target, fine)
-        self._kept[key] = loaded
-        while len(self._kept) > MOST_LOADED:
-            self._kept.pop(next(iter(self._kept))).release()
+        loaded = kept.pop(key, None) or self._upload(target, fine=fine)
+        kept[key] = loaded
+        while len(kept) > MOST_LOADED:
+            kept.pop(next(iter(kept))).release()
         return loaded
 
-    def __iter__(self) -> Iterator[ResidentTarget]:
-        return iter(self._kept.values())
+    def _upload(self, target: Target, *, fine: bool) -> ResidentTarget:
+        context, programs = self._context, self._programs
+        mesh = upload(context, target, FINE_TEXEL if fine else TEXEL)
+        # textures are bound by stretches of the index buffer
+        geometry_array = self.culling.mesh_array if mesh.uv is None else WholeMesh
+
+        def draw(some: GpuMesh, seen: VisibleEdges) -> DrawnMesh:
+            return DrawnMesh(
+                some,
+                geometry_array(context, some, sample_program(programs, some).gl),
+                EdgeBuffers(context, seen),
+                lambda mesh: LabelArrays.of(context, programs, target, mesh),
+            )
+
+        return ResidentTarget(
+            mesh,
+            VisibleEdges(mesh.edges, mesh),
+            self.culling.mesh_array(context, mesh, shadow_program(programs).gl),
+            Interreflection(context, mesh, FINE_PATCH if fine else PATCH),
+            draw,
+            None if mesh.uv is None else Textures(context, target),
+        )
 
     def release(self) -> None:
         """Free them all."""
-        for loaded in self._kept.values():
-            loaded.release()
-        self._kept.clear()
+        for kept in self._kept.values():
+            for loaded in kept.values():
+                loaded.release()
+            kept.clear()

@@ -7,64 +7,116 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 
 from flyaround.simulator.baking.radiance_transfer import LARGEST_SLOPE
-from flyaround.simulator.render.craft.edge_pass import edge_defines
-from flyaround.simulator.render.craft.gbuffer_pass import normal_bits
+from flyaround.simulator.render.craft.edge_pass import EDGE_SLOPES, edge_defines
+from flyaround.simulator.render.craft.gbuffer_pass import SAMPLES, TEXEL_SAMPLERS
+from flyaround.simulator.render.craft.mesh_array import normal_bits
+from flyaround.simulator.render.craft.placement import TARGET, TARGET_TILES
 from flyaround.simulator.render.craft.sample_pattern import pattern_defines
+from flyaround.simulator.render.craft.shadow_pass import SHADOW
 from flyaround.simulator.render.craft.viewport_fit import TILE_PX
+from flyaround.simulator.render.frame_graph import Pass, Resource
+from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to
-from flyaround.simulator.render.gl.library import draw_one_point
+from flyaround.simulator.render.view import SCENE, VIEW
+from flyaround.simulator.scene.illumination.bands import bands_of
 from flyaround.simulator.scene.illumination.lamp import Profile
 
 if TYPE_CHECKING:
     import moderngl
 
+    from flyaround.simulator.render.craft.interreflection import AtlasTextures
     from flyaround.simulator.render.craft.mesh import GpuMesh
-    from flyaround.simulator.render.craft.sample_pattern import SamplePattern
-    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
-    from flyaround.simulator.render.projection import PixelRect
-    from flyaround.simulator.runtime.arrays import FloatArray
-    from flyaround.simulator.scene.illumination.lamp import Lamp
+    from flyaround.simulator.render.craft.placement import PlacedTarget
+    from flyaround.simulator.render.craft.shadow_pass import TargetShadow
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.render.gl.programs import Program
+    from flyaround.simulator.scene.state import SceneState
 
 # distinct (material, normal) groups shaded per pixel, with exact areas per quarter of it; the rest joins the last
 MAX_SURFACES, MAX_SURFACES_EXACT = 4, 17
 # a far craft has dozens in each of its few pixels: of four the last, by chance a facet that faces the Sun, stood for so
 # much that pixels came out twice as bright, and flickered
 MAX_SURFACES_FAR, FAR_SAMPLES = 12, 32
+_SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_sky_visibility", "t_interreflection")
 
 
-class ShadePass:
-    """Reads g-buffer and shadow map, writes the frame's radiance (premultiplied) and the target's coverage."""
+TARGET_LIGHT: Resource[AtlasTextures] = Resource("target light")
+"""Light that the target's parts give each other, on the atlas of its charts."""
 
-    SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_sky_visibility", "t_interreflection")
-    TEXTURED = ("t_texel", "t_detail")
-    LIT = ("t_light_depth",)
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
-        self._context = context
-        self._programs = programs
+class LightPass(Pass):
+    """Works out the light that the target's parts give each other."""
+
+    name = "target.light"
+    reads = (SCENE, VIEW, TARGET)
+    writes = (TARGET_LIGHT,)
+
+    def run(self, r: PassResources) -> None:
+        """Update the atlas; a first frame waits for its baking here."""
+        r[TARGET_LIGHT] = r[TARGET].loaded.interreflection.update(r[SCENE].bands, r[VIEW])
+
+
+class ShadePass(Pass):
+    """Reads samples, shadows and light, writes the frame's radiance (premultiplied) and the target's coverage."""
+
+    name = "target.shading"
+    reads = (SCENE, TARGET, TARGET_TILES, SAMPLES, SHADOW, EDGE_SLOPES, TARGET_LIGHT, *IMAGES)
+    writes = IMAGES
+    submits = True
+
+    def __init__(self, device: Device) -> None:
+        self._context, self._programs = device.context, device.programs
         self._arrays: dict[Program, moderngl.VertexArray] = {}
-        self._tiles = context.buffer(reserve=8, dynamic=True)
+        self._tiles = self._context.buffer(reserve=8, dynamic=True)
 
-    def program(
-        self,
-        lattice: SamplePattern,
-        bands: int,
-        mesh: GpuMesh,
-        shadow_window: int,
-        lamp: Lamp | None = None,
-        *,
-        exact: bool,
-        light_points: int = 0,
-    ) -> Program:
-        """The program of one lattice, number of bands and kind of mesh; what its materials lack is left out.
+    def run(self, r: PassResources) -> None:
+        """Shade the pixels of the target's tiles."""
+        rect, images, samples, shadow, light = (
+            r[TARGET].rect,
+            r[RADIANCE],
+            r[SAMPLES],
+            r[SHADOW],
+            r[TARGET_LIGHT],
+        )
+        program = self._program(r[SCENE], r[TARGET], shadow)
+        textures = {
+            **samples.textures,
+            "t_shadow": shadow.map,
+            "t_slope": r[EDGE_SLOPES],
+            "t_sky_visibility": light.visibility,
+            "t_interreflection": light.interreflection,
+            **({} if shadow.lights is None else {"t_light_depth": shadow.lights}),
+        }
+        program.set("u_stamp", samples.stamp)
+        images.mark_covered(rect)
+        draw_to(images.target_framebuffer)
+        # whole tiles, beyond the image's edge too: a point is dropped when its middle is outside
+        width, height = (-(-side // TILE_PX) * TILE_PX for side in (rect.width, rect.height))
+        window = (rect.x0, rect.y0, width, height)
+        images.target_framebuffer.viewport = window
+        self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
+        program.bind_textures(**textures)
+        if program not in self._arrays:
+            self._arrays[program] = self._context.vertex_array(
+                program.gl, [(self._tiles, "2f", "in_pixel")], mode=self._context.POINTS
+            )
+        tiles = r[TARGET_TILES].astype(np.float32)
+        self._tiles.orphan(tiles.nbytes)
+        self._tiles.write(tiles)
+        program.set("u_window", window)
+        for name, image in (("u_texel", "t_surface"), ("u_slope_texel", "t_slope")):
+            columns, rows = textures[image].size
+            program.set(name, (1 / columns, 1 / rows))
+        self._arrays[program].render(vertices=len(tiles))
 
-        Parameters
-        ----------
-        exact : the slopes are those of `EXACT_AREAS`. light_points : patches of each area light; 0 where none is.
-        """
+    def _program(self, scene: SceneState, placed: PlacedTarget, shadow: TargetShadow) -> Program:
+        """The program of one lattice, number of bands and kind of mesh; what its materials lack is left out."""
+        mesh, lattice, lamp = placed.loaded.mesh, placed.lattice, scene.lamp
+        exact, light_points = scene.quality == "high", shadow.light_points
         most = MAX_SURFACES_FAR if lattice.samples > FAR_SAMPLES else MAX_SURFACES
         defines = {
-            **_light_defines(bands, mesh, shadow_window),
+            **_light_defines(len(bands_of(scene.bands)), mesh, shadow.choice.window),
             **pattern_defines(lattice),
             **edge_defines(exact=exact),
             "MAX_SURFACES": MAX_SURFACES_EXACT if exact else most,
@@ -72,53 +124,11 @@ class ShadePass:
             **({} if lamp is None else {"LAMP": 1 + get_args(Profile).index(lamp.profile)}),
             **({"LIGHT_POINTS": light_points} if light_points else {}),
         }
+        texels = TEXEL_SAMPLERS if mesh.uv is not None else ()
+        lit = ("t_light_depth",) if light_points else ()
         return self._programs.get(
-            "craft/tiles.vert",
-            "craft/shade.frag",
-            defines,
-            self.SAMPLERS + self.TEXTURED * (mesh.uv is not None) + self.LIT * (light_points > 0),
+            "craft/tiles.vert", "craft/shade.frag", defines, (*_SAMPLERS, *texels, *lit)
         )
-
-    def run(
-        self,
-        framebuffer: moderngl.Framebuffer,
-        rect: PixelRect,
-        tiles_px: FloatArray,
-        program: Program,
-        textures: dict[str, moderngl.Texture],
-        *,
-        one_tile: bool = False,
-    ) -> None:
-        """Shade the pixels of ``rect`` that the target may touch.
-
-        Parameters
-        ----------
-        tiles_px : (K, 2) centres of the tiles of those pixels.
-        textures : by the names of the program's samplers.
-        one_tile : draw the first alone, while other threads go on: a software driver compiles the program then.
-        """
-        draw_to(framebuffer)
-        # whole tiles, beyond the image's edge too: a point is dropped when its middle is outside
-        width, height = (-(-side // TILE_PX) * TILE_PX for side in (rect.width, rect.height))
-        window = (rect.x0, rect.y0, width, height)
-        framebuffer.viewport = window
-        self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
-        program.bind_textures(**textures)
-        if program not in self._arrays:
-            self._arrays[program] = self._context.vertex_array(
-                program.gl, [(self._tiles, "2f", "in_pixel")], mode=self._context.POINTS
-            )
-        tiles = tiles_px.astype(np.float32)
-        self._tiles.orphan(tiles.nbytes)
-        self._tiles.write(tiles)
-        program.set("u_window", window)
-        for name, image in (("u_texel", "t_surface"), ("u_slope_texel", "t_slope")):
-            columns, rows = textures[image].size
-            program.set(name, (1 / columns, 1 / rows))
-        if one_tile:
-            draw_one_point(self._arrays[program])
-        else:
-            self._arrays[program].render(vertices=len(tiles))
 
 
 def _light_defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, object]:

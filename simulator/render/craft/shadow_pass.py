@@ -1,4 +1,4 @@
-"""Shadow pass: depth of the target seen from the Sun. Reads the mesh; writes the shadow map."""
+"""Shadow pass: the target as Sun and area lights see it. Reads the mesh; writes shadow maps and their uniforms."""
 
 from __future__ import annotations
 
@@ -7,18 +7,34 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.craft.shadow_frustum import light_matrix
+from flyaround.simulator.render.craft.light_maps import LightMaps
+from flyaround.simulator.render.craft.mesh_array import shadow_program
+from flyaround.simulator.render.craft.placement import TARGET
+from flyaround.simulator.render.craft.shadow_frustum import (
+    WIDER,
+    ShadowFrustum,
+    fit_shadow_frustum,
+    frustum_around,
+    light_matrix,
+)
+from flyaround.simulator.render.frame_graph import Pass, Resource
 from flyaround.simulator.render.gl.depth_buffer import DepthBuffer
+from flyaround.simulator.render.view import SCENE, VIEW
 
 if TYPE_CHECKING:
     import moderngl
 
+    from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.render.craft.mesh import GpuMesh
     from flyaround.simulator.render.craft.mesh_array import MeshArray
+    from flyaround.simulator.render.craft.resident_targets import ResidentTarget
+    from flyaround.simulator.render.craft.viewport_fit import ViewportFit
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.render.gl.programs import ProgramLibrary
     from flyaround.simulator.render.view import View
     from flyaround.simulator.runtime.arrays import FloatArray
-    from flyaround.simulator.scene.state import Quality
+    from flyaround.simulator.scene.state import Quality, SceneState
 
 
 @dataclass(frozen=True)
@@ -68,7 +84,7 @@ def widest_penumbra(sun_sine: float) -> float:
     return _SLACK * sun_sine * _BEST.size_px / reach
 
 
-class ShadowPass:
+class ShadowMap:
     """Orthographic depth map fitted to the target's bounding sphere.
 
     Parameters
@@ -82,7 +98,7 @@ class ShadowPass:
         self._depth = DepthBuffer(context, (size_px, size_px))
         self.map = self._depth.texture
         self._framebuffer = context.framebuffer(depth_attachment=self.map)
-        self.program = programs.get("craft/shadow.vert", "craft/shadow.frag", {})
+        self._program = shadow_program(programs)
 
     @property
     def depths(self) -> tuple[float, float]:
@@ -110,9 +126,118 @@ class ShadowPass:
         light_from_target : (4, 4) as `light_from_target` gives it.
         clear : have depths of the first range, so that those of two frames compare.
         """
-        self.program.set("u_light_clip_from_target", tuple(light_from_target.T.ravel().tolist()))
+        self._program.set("u_light_clip_from_target", tuple(light_from_target.T.ravel().tolist()))
         self._depth.begin(self._framebuffer, clear=clear)
         self._context.enable_only(self._context.DEPTH_TEST)
         to_sun = np.append(view.R_camera_from_target.T @ view.sun_direction, 0.0)
         array.render(to_sun)
         self._depth.end()
+
+
+@dataclass(frozen=True, eq=False)
+class TargetShadow:
+    """The target as the Sun sees it: the map, and how the shading reads it.
+
+    Parameters
+    ----------
+    lights : maps of area lights. light_points : patches of each of them; 0 where none is.
+    """
+
+    map: moderngl.Texture
+    choice: ShadowChoice
+    lights: moderngl.Texture | None = None
+    light_points: int = 0
+
+
+SHADOW: Resource[TargetShadow] = Resource("shadow map")
+
+
+class ShadowPass(Pass):
+    """Draws the target as the Sun sees it, and as area lights do, at the size that a view asks for."""
+
+    name = "target.shadow"
+    reads = (SCENE, VIEW, TARGET)
+    writes = (SHADOW,)
+    submits = True
+
+    def __init__(self, device: Device) -> None:
+        self._context, self._programs = device.context, device.programs
+        self._block = device.blocks.shadow
+        self._lights = LightMaps(device)
+        self._maps: dict[int, ShadowMap] = {}
+
+    def release(self) -> None:
+        """Free the image of the area lights."""
+        self._lights.release()
+
+    def run(self, r: PassResources) -> None:
+        """Draw the maps."""
+        scene, placed = r[SCENE], r[TARGET]
+        sun = self._draw(scene, r[VIEW], placed.loaded, placed.place)
+        if scene.area_lights:
+            r[SHADOW] = TargetShadow(*sun, *self._lights.draw(scene, placed.loaded, placed.place))
+        else:
+            r[SHADOW] = TargetShadow(*sun)
+
+    def _map(self, size: int) -> ShadowMap:
+        if size not in self._maps:
+            self._maps[size] = ShadowMap(self._context, self._programs, size)
+        return self._maps[size]
+
+    def _shadow_frustum(
+        self,
+        loaded: ResidentTarget,
+        place: ViewportFit,
+        camera: Camera,
+        light_from_target: FloatArray,
+        widest: float,
+    ) -> ShadowFrustum:
+        """What of the box this view's shadow map needs: all that holds the target while the image does."""
+        mesh = loaded.mesh
+        # `high` keeps the sphere's box: its window of texels must hold wide penumbrae
+        whole = ShadowFrustum() if widest > 0 else frustum_around(mesh.hull_m, light_from_target)
+        inside = [*(place.bounds_px[:2] >= 0), *(place.bounds_px[2:] <= [camera.width_px, camera.height_px])]
+        # a lens that bends sees around the edges of its image's pyramid
+        if all(inside) or not camera.distortion.is_none:
+            return whole
+        part = fit_shadow_frustum(
+            loaded.patches,
+            camera,
+            place.camera_from_target,
+            light_from_target,
+            closed=mesh.is_closed,
+            widest=widest,
+        )
+        return part if part.half < whole.half else whole
+
+    def _draw(
+        self, scene: SceneState, view: View, loaded: ResidentTarget, place: ViewportFit
+    ) -> tuple[moderngl.Texture, ShadowChoice]:
+        """Draw the shadow map and say what the shading needs to know of it; the map in shade is an old one."""
+        camera = scene.camera
+        box_m = 2 * loaded.mesh.radius_m * WIDER
+        light_from_target = ShadowMap.light_from_target(loaded.mesh, view)
+        # by default no penumbra is wider than three texels
+        widest = widest_penumbra(view.sun_sine) if scene.quality == "high" else 0.0
+        window = self._shadow_frustum(loaded, place, camera, light_from_target, widest)
+        light_from_target = window.matrix @ light_from_target
+        width_m = box_m * window.half
+        choice = choose_shadow(scene.quality, width_m, place.pixel_m(camera))
+        shadow = self._map(choice.size_px)
+        texel_m = width_m / shadow.size_px
+        if view.sun_visible_fraction > 0:
+            # the filter of `high` has depths of its own that it takes for none
+            shadow.run(loaded.shadow, view, light_from_target, clear=scene.quality == "high")
+        near, far = shadow.depths
+        half = np.diag([0.5, 0.5, 0.5 * (far - near), 1.0])
+        half[:3, 3] = 0.5, 0.5, 0.5 * (near + far)
+        self._block.write(
+            {
+                "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
+                # a texel in metres and as a depth, its share of the map, and the radius of the sharpest shadow
+                "u_shadow": [texel_m, texel_m / box_m * (far - near), 1 / shadow.size_px, choice.sharpest],
+                "u_shadow_range": [far - near, 0, 0, 0],
+            }
+        )
+        # without sunlight nothing is to be looked up
+        return shadow.map, choice if view.sun_share.any() else replace(choice, window=0)

@@ -12,6 +12,8 @@ from flyaround.simulator.render.craft.sample_pattern import SEVEN, SamplePattern
 from flyaround.simulator.render.projection import PixelRect, image_of
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.render.craft.mesh import GpuMesh
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
@@ -89,6 +91,13 @@ def tile_centers(tiles: BoolArray, rect: PixelRect) -> FloatArray:
     centers[:, 0] = column * TILE_PX + (rect.x0 + middle)
     centers[:, 1] = row * TILE_PX + (rect.y0 + middle)
     return centers
+
+
+def matrix_of(R: FloatArray, t_m: ArrayLike) -> FloatArray:
+    """(4, 4) of a rotation (3, 3) and a translation (3,)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = R, t_m
+    return matrix
 
 
 def fit_viewport(

@@ -15,15 +15,25 @@ from flyaround.simulator.render.earth.map_textures import AUGUST
 from flyaround.simulator.render.earth.maps import TERRAIN_SLOPE_MAX, terrain_texture
 from flyaround.simulator.render.earth.maps import WIDTH as MAP_WIDTH
 from flyaround.simulator.render.earth.ocean_colour import SCALE as OCEAN_COLOUR_SCALE
+from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES
 from flyaround.simulator.render.earth.sea_ice import WIDTH as ICE_WIDTH
 from flyaround.simulator.render.earth.sea_ice import sea_ice
 from flyaround.simulator.render.earth.seasons import OCTAVES, month_gain, season
 from flyaround.simulator.render.earth.seasons import SLOPE_MAX as GROUND_SLOPE_MAX
+from flyaround.simulator.render.frame_graph import Pass, Resource
+from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to, flush
 from flyaround.simulator.render.gl.library import draw_one_point
-from flyaround.simulator.render.gl.mipmaps import mipmap_chain, mipmapped_texture, release_mipmapped
-from flyaround.simulator.render.globe.air_pass import TABLE_DEFINES, Air, AirPass
+from flyaround.simulator.render.gl.mipmaps import (
+    level_textures,
+    mipmap_chain,
+    mipmapped_texture,
+    release_mipmapped,
+)
 from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
+from flyaround.simulator.render.globe.frame_air import AIR_SAMPLERS, TABLE_DEFINES, Air, FrameAir
+from flyaround.simulator.render.moon.moon_view import MOON
+from flyaround.simulator.render.view import SCENE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -31,6 +41,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.render.earth.map_textures import EarthMaps
     from flyaround.simulator.render.earth.screen_tiles import ScreenTiles, TileKind
+    from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.render.frame_images import FrameImages
     from flyaround.simulator.render.gl.mipmaps import MipmapChain
     from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
@@ -46,28 +57,11 @@ LOG2_TEXEL_KM = math.log2(TEXEL_KM)
 CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distance
 MAGNIFIED_LEVEL = -0.5  # of a tile: there the maps' texels are at least six pixels wide
 FAR_LEVEL = 0.5  # of a tile: from the next on floes, and then puffs, are averaged
-_OWN = (
-    "t_coverage",
-    "t_radiance",
-    "t_map",
-    "t_detail",
-    "t_ground_slopes",
-    "t_month_before",
-    "t_month_after",
-    "t_ice",
-    "t_ocean_colour",
-    "t_terrain",
-)
+_OWN = ("t_coverage", "t_radiance", "t_map", "t_detail", "t_ground_slopes", "t_month_before", "t_month_after")
+_RARE = ("t_ice", "t_ocean_colour", "t_terrain")
 _SAMPLERS = {
-    1: (*_OWN, "t_air", "t_ground"),
-    3: (
-        *_OWN,
-        "t_colour",
-        "t_ground",
-        "t_air_rayleigh",
-        "t_air_mie",
-        "t_air_transmittance",
-    ),
+    1: (*_OWN, *_RARE, "t_air", "t_ground"),
+    3: (*_OWN, *_RARE, "t_colour", "t_ground", *AIR_SAMPLERS[3]),
 }
 
 
@@ -109,9 +103,15 @@ class EarthFrame:
     scene: SceneState
     moon_in_front: bool
 
+    @staticmethod
+    def of(r: PassResources) -> EarthFrame:
+        """Collect the resources of a pass that declares them."""
+        moon = r.find(MOON)
+        return EarthFrame(r[RADIANCE], r[EARTH_TILES], r[SCENE], moon is not None and moon.in_front)
 
-class EarthPass:
-    """The Earth for one number of bands; its maps are uploaded when it is made.
+
+class Earth:
+    """The Earth's maps, air and programs on the GPU for one number of bands; its maps are uploaded when it is made.
 
     Parameters
     ----------
@@ -141,6 +141,7 @@ class EarthPass:
         self._months = {k: self._mapped(levels) for k, levels in prefetched.months.result().items()}
         self._detail_levels = prefetched.detail.result()
         self._detail: moderngl.Texture | None = None
+        self._single_levels: list[moderngl.Texture] = []
         self._terrain: moderngl.Texture | None = None  # of `high`
         self._ground_slopes = self._mapped(prefetched.ground_slopes.result())
         self._keep_air(prefetched.air.result())
@@ -163,6 +164,8 @@ class EarthPass:
         for texture in maps:
             if isinstance(texture, moderngl.Texture):
                 release_mipmapped(texture)
+        for texture in self._single_levels:
+            texture.release()
         for air in self._airs.values():
             air.frame.release()
         for buffer, array in self._arrays.values():
@@ -170,7 +173,7 @@ class EarthPass:
             buffer.release()
 
     def _keep_air(self, tables: AirTables) -> None:
-        frame = AirPass(self._context, self._programs, self.bands, tables)
+        frame = FrameAir(self._context, self._programs, self.bands, tables)
         self._airs[tables.air.thickness_m] = Air(tables, frame)
 
     def _mapped(self, levels: MipmapChain) -> moderngl.Texture:
@@ -184,7 +187,8 @@ class EarthPass:
             self._months[month] = self._mapped(mipmap_chain(month_gain(month, self.bands), globe=True))
         return self._months[month]
 
-    def _program(self, frame: EarthFrame, kind: TileKind, *, quads: bool) -> Program:
+    def program(self, frame: EarthFrame, kind: TileKind, *, quads: bool) -> Program:
+        """Return the program that draws tiles of a kind; with ``quads`` four pixels to a texel."""
         environment, behind = frame.scene.environment, frame.moon_in_front
         high, dark = frame.scene.quality == "high", frame.tiles.dark and kind.night
         key = (environment, kind, behind, high, quads, dark, self._programs.lens)
@@ -237,22 +241,7 @@ class EarthPass:
             **TABLE_DEFINES,
         }
 
-    def run(self, frame: EarthFrame) -> None:
-        """Add the Earth's light to the images."""
-        tiles = frame.tiles
-        for kind, centers in tiles.centers_px.items():
-            draw = EarthDraw(
-                self._program(frame, kind, quads=False),
-                frame.images.sky_framebuffer,
-                (0, 0, *tiles.extent_px),
-                kind.covered,
-                float(tiles.size_px),
-                self._mipmapped_detail(self._context.LINEAR_MIPMAP_LINEAR),
-                kind.level,
-            )
-            self._run(frame, [(draw, partial(np.asarray, centers))])
-
-    def _run(self, frame: EarthFrame, draws: Iterable[tuple[EarthDraw, Callable[[], Float32Array]]]) -> None:
+    def draw(self, frame: EarthFrame, draws: Iterable[tuple[EarthDraw, Callable[[], Float32Array]]]) -> None:
         """Draw tiles.
 
         Parameters
@@ -317,7 +306,13 @@ class EarthPass:
             self._arrays[program] = (buffer, array)
         return self._arrays[program]
 
-    def _mipmapped_detail(self, smaller: int) -> moderngl.Texture:
+    def single_levels(self) -> list[moderngl.Texture]:
+        """Return each of the detail's levels as a texture of its own."""
+        if not self._single_levels:
+            self._single_levels = level_textures(self._context, self._detail_levels)
+        return self._single_levels
+
+    def mipmapped_detail(self, smaller: int) -> moderngl.Texture:
         """The detail with all its levels; ``smaller`` is OpenGL's filter between them."""
         if self._detail is None:
             self._detail = mipmapped_texture(self._context, self._detail_levels)
@@ -342,7 +337,7 @@ class EarthPass:
             self._ice = (day, self._mapped(mipmap_chain(sea_ice(day), globe=True)))
         return {"t_ice": self._ice[1], "t_ocean_colour": self._ocean_colour}
 
-    def _textures(self, images: FrameImages, air: AirPass) -> dict[str, moderngl.Texture]:
+    def _textures(self, images: FrameImages, air: FrameAir) -> dict[str, moderngl.Texture]:
         textures = {
             "t_coverage": images.coverage,
             "t_radiance": images.radiance,
@@ -357,3 +352,34 @@ class EarthPass:
             "t_air_mie": air.tables[1],
             "t_air_transmittance": air.tables[2],
         }
+
+
+EARTH: Resource[Earth] = Resource("earth")
+
+
+class EarthPass(Pass):
+    """Adds ground, clouds and air: the first light of the sky behind the target."""
+
+    name = "earth.surface"
+    reads = (SCENE, EARTH, EARTH_TILES, *IMAGES)
+    optional: tuple[Resource[object], ...] = (MOON,)
+    writes: tuple[Resource[object], ...] = (RADIANCE,)
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+
+    def run(self, r: PassResources) -> None:
+        """Draw the tiles, all of which any pixel may be."""
+        frame, earth = EarthFrame.of(r), r[EARTH]
+        tiles = frame.tiles
+        for kind, centers in tiles.centers_px.items():
+            draw = EarthDraw(
+                earth.program(frame, kind, quads=False),
+                frame.images.sky_framebuffer,
+                (0, 0, *tiles.extent_px),
+                kind.covered,
+                float(tiles.size_px),
+                earth.mipmapped_detail(self._context.LINEAR_MIPMAP_LINEAR),
+                kind.level,
+            )
+            earth.draw(frame, [(draw, partial(np.asarray, centers))])

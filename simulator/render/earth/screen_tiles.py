@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.render.frame_graph import Resource
 from flyaround.simulator.render.projection import PixelRect
 
 if TYPE_CHECKING:
@@ -120,6 +121,9 @@ class ScreenTiles:
         low = np.min([at.min(axis=0) + 0.5 - size / 2 for size, at in found], axis=0)
         high = np.max([at.max(axis=0) + 0.5 + size / 2 for size, at in found], axis=0)
         return PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
+
+
+EARTH_TILES: Resource[ScreenTiles] = Resource("earth tiles")
 
 
 def tile_size_px(camera: Camera) -> int:

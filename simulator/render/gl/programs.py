@@ -84,6 +84,10 @@ class ProgramLibrary:
         self._asked: dict[tuple[object, ...], Program] = {}  # the same, by what was asked for word by word
         self.lens = False
 
+    def __len__(self) -> int:
+        """Return how many programs were compiled."""
+        return len(self._built)
+
     def get(
         self,
         vertex: str,

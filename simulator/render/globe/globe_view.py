@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.render.frame_graph import Resource
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
 from flyaround.simulator.render.projection import PixelRect, directions
 from flyaround.simulator.scene.illumination.atmosphere import SUN_ANGULAR_RADIUS_RAD
@@ -54,6 +55,10 @@ class GlobeView:
     def sun_cosine(self) -> float:
         """Cosine of the Sun's angle from the camera's zenith."""
         return float(self.camera @ self.sun / np.linalg.norm(self.camera))
+
+
+GLOBE: Resource[GlobeView] = Resource("globe")
+"""The body that is ray-cast, in the image; it hides what is behind it."""
 
 
 def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:

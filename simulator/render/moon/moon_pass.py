@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING
 
@@ -9,8 +10,12 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.render.craft.placement import TARGET
+from flyaround.simulator.render.frame_graph import Pass
+from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to, flush
-from flyaround.simulator.render.globe.air_pass import AIR_SAMPLERS, TABLE_DEFINES
+from flyaround.simulator.render.globe.frame_air import AIR_SAMPLERS, AIR_TABLES, TABLE_DEFINES
+from flyaround.simulator.render.globe.globe_view import GLOBE
 from flyaround.simulator.render.moon.craters import (
     BROAD_LARGEST_PX,
     FINE_LARGEST_PX,
@@ -18,7 +23,8 @@ from flyaround.simulator.render.moon.craters import (
     crater_texture,
 )
 from flyaround.simulator.render.moon.craters import SIZE as CRATERS_SIZE
-from flyaround.simulator.render.moon.moon_tiles import one_tile
+from flyaround.simulator.render.moon.moon_view import MOON
+from flyaround.simulator.render.view import SCENE
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.scene.illumination.moonlight import surface_phase
@@ -26,12 +32,12 @@ from flyaround.simulator.scene.illumination.moonlight import surface_phase
 if TYPE_CHECKING:
     import moderngl
 
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.render.frame_images import FrameImages
-    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
-    from flyaround.simulator.render.moon.moon_tiles import MoonTiles
-    from flyaround.simulator.render.moon.moon_view import MoonView
+    from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.render.projection import PixelRect
-    from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 MAP = "albedo_4096x2048.jpg"
 MAP_SCALE = 2.5  # of the map's 8 bits, in means of the near side
@@ -66,27 +72,75 @@ def moon_map() -> ByteArray:
     return cached_array(entry_name("moon", MAP_VERSION, len(data)), make)
 
 
-class MoonPass:
-    """Its textures are uploaded when it is made, which is when the Moon is first in view."""
+@dataclass(frozen=True, eq=False)
+class MoonTiles:
+    """Tiles of the Moon's rectangle that are drawn alike.
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
-        self._context, self._programs = context, programs
+    Parameters
+    ----------
+    triangles_px : (6 K, 2) corners of two of each [px], edges of pixels at .5.
+    smooth : their ground may be interpolated between their corners. covered : the target may be in front.
+    footprint_km : of the pixel that sees most ground; infinite where that is not known. size_px : side of a tile.
+    """
+
+    triangles_px: Float32Array
+    smooth: bool = False
+    covered: bool = True
+    footprint_km: float = float("inf")
+    size_px: int = 0
+
+
+def one_tile(rect: PixelRect) -> MoonTiles:
+    """A rectangle as one tile, of which nothing is known."""
+    x_px, y_px = np.array([rect.x0, rect.x1]) - 0.5, np.array([rect.y0, rect.y1]) - 0.5
+    return MoonTiles(triangles_of(x_px, y_px).reshape(-1, 2))
+
+
+def triangles_of(x_px: FloatArray, y_px: FloatArray) -> Float32Array:
+    """(rows, columns, 6, 2) corners of the two triangles of each cell of a grid."""
+    corners = np.stack(np.meshgrid(x_px, y_px), axis=-1).astype(np.float32)
+    first, right, below, across = corners[:-1, :-1], corners[:-1, 1:], corners[1:, :-1], corners[1:, 1:]
+    return np.stack([first, below, right, right, below, across], axis=2)
+
+
+class MoonTextures:
+    """The Moon's map, craters and photometric tables on the GPU."""
+
+    def __init__(self, context: moderngl.Context) -> None:
         albedo = moon_map()
-        self._map = context.texture(albedo.shape[::-1], 1, albedo, alignment=1)
-        self._craters = []
+        self.map = context.texture(albedo.shape[::-1], 1, albedo, alignment=1)
+        self.craters = []
         for largest in (BROAD_LARGEST_PX, FINE_LARGEST_PX):
             craters = crater_texture(largest)
-            self._craters.append(context.texture(craters.shape[1::-1], 4, craters))
-        for texture in (self._map, *self._craters):
+            self.craters.append(context.texture(craters.shape[1::-1], 4, craters))
+        for texture in (self.map, *self.craters):
             texture.build_mipmaps()
             texture.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
-        self._map.repeat_y = False
+        self.map.repeat_y = False
         phase = surface_phase((np.arange(_PHASES) + 0.5) / _PHASES * np.pi).astype(np.float32)
-        self._phase = context.texture((_PHASES, 1), 1, phase.tobytes(), dtype="f4")
-        self._umbra = context.texture((256, 1), 4, dtype="f4")
-        for texture in (self._phase, self._umbra):
+        self.phase = context.texture((_PHASES, 1), 1, phase.tobytes(), dtype="f4")
+        self.umbra = context.texture((256, 1), 4, dtype="f4")
+        for texture in (self.phase, self.umbra):
             texture.filter = (context.LINEAR, context.LINEAR)
             texture.repeat_x = texture.repeat_y = False
+
+    def release(self) -> None:
+        """Free them."""
+        for texture in (self.map, *self.craters, self.phase, self.umbra):
+            texture.release()
+
+
+class MoonPass(Pass):
+    """Adds the Moon; every pixel is worked out by itself. Its textures are uploaded when it is first in view."""
+
+    name = "moon"
+    reads = (SCENE, MOON, *IMAGES)
+    optional = (GLOBE, AIR_TABLES, TARGET)
+    writes = (RADIANCE,)
+
+    def __init__(self, device: Device) -> None:
+        self._device, self._context, self._programs = device, device.context, device.programs
+        self._uploaded: MoonTextures | None = None
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
 
     def release(self) -> None:
@@ -94,44 +148,42 @@ class MoonPass:
         for buffer, array in self._arrays.values():
             array.release()
             buffer.release()
-        for texture in (self._map, *self._craters, self._phase, self._umbra):
-            texture.release()
+        if self._uploaded is not None:
+            self._uploaded.release()
 
-    def run(
-        self,
-        images: FrameImages,
-        moon: MoonView,
-        *,
-        earth: bool,
-        air: list[moderngl.Texture] | None,
-        fine: bool = False,
-        tiles: list[MoonTiles] | None = None,
-    ) -> None:
-        """Add the Moon.
+    def _textures(self) -> MoonTextures:
+        if self._uploaded is None:
+            self._uploaded = MoonTextures(self._context)
+            self._device.check("uploading the Moon's map")
+        return self._uploaded
 
-        Parameters
-        ----------
-        earth : whether the Earth may hide it. air : this frame's air table, which dims it; ``None`` without air.
-        fine : several rays a pixel, so that shadows seen at a grazing angle end smoothly.
-        tiles : of `moon_tiles`; without them every pixel is worked out by itself.
-        """
-        if moon.rect is None:
+    def _tiles(self, r: PassResources, rect: PixelRect) -> list[MoonTiles]:  # noqa: ARG002
+        """The tiles to draw: here one, of all pixels that the Moon can touch."""
+        return [one_tile(rect)]
+
+    def run(self, r: PassResources) -> None:
+        """Draw the Moon where the globe leaves room."""
+        moon, earth, images = r[MOON], r.find(GLOBE), r[RADIANCE]
+        if moon.rect is None or (earth is not None and earth.fills_image and not moon.in_front):
             return
-        behind = earth and not moon.in_front
-        air = air if behind else None
+        # several rays a pixel, so that shadows seen at a grazing angle end smoothly
+        fine = r[SCENE].quality == "high"
+        textures, tiles = self._textures(), self._tiles(r, moon.rect)
+        behind = earth is not None and not moon.in_front
+        air = r.find(AIR_TABLES) if behind else None
         share = np.ones((256, 4), np.float32)
         if moon.shadow_share is not None:
             share[:, : moon.shadow_share.shape[1]] = moon.shadow_share
         flush(self._context)  # what still reads the last frame's, and this frame's sky, are waited for here
-        self._umbra.write(share.tobytes())
+        textures.umbra.write(share.tobytes())
         images.mark_lit(moon.rect)
         draw_to(images.sky_framebuffer)
         images.sky_framebuffer.viewport = moon.rect.viewport
         self._context.enable_only(self._context.BLEND)
         self._context.blend_func = self._context.ONE, self._context.ONE
-        for kind in tiles or [one_tile(moon.rect)]:
+        for kind in tiles:
             program = self._program(images.bands, kind, behind=behind, air=air, fine=fine)
-            self._draw(program, images, air, moon.rect, kind)
+            self._draw(program, textures, images, air, moon.rect, kind)
 
     def _program(
         self, bands: int, kind: MoonTiles, *, behind: bool, air: list[moderngl.Texture] | None, fine: bool
@@ -161,6 +213,7 @@ class MoonPass:
     def _draw(
         self,
         program: Program,
+        textures: MoonTextures,
         images: FrameImages,
         air: list[moderngl.Texture] | None,
         rect: PixelRect,
@@ -168,17 +221,17 @@ class MoonPass:
     ) -> None:
         c = self._context
         texels_km = (TEXEL_KM, BROAD_KM / CRATERS_SIZE, FINE_KM / CRATERS_SIZE)
-        for texture, texel_km in zip((self._map, *self._craters), texels_km, strict=True):
+        for texture, texel_km in zip((textures.map, *textures.craters), texels_km, strict=True):
             # larger than life it has one level, and a driver that need not ask is quicker
             smaller = c.LINEAR_MIPMAP_NEAREST if kind.smooth else c.LINEAR_MIPMAP_LINEAR
             texture.filter = (c.LINEAR if kind.footprint_km <= texel_km else smaller, c.LINEAR)
         program.bind_textures(
             t_coverage=images.coverage,
-            t_moon=self._map,
-            t_broad=self._craters[0],
-            t_fine=self._craters[1],
-            t_phase=self._phase,
-            t_umbra=self._umbra,
+            t_moon=textures.map,
+            t_broad=textures.craters[0],
+            t_fine=textures.craters[1],
+            t_phase=textures.phase,
+            t_umbra=textures.umbra,
         )
         if air is not None:
             program.bind_textures(**dict(zip(AIR_SAMPLERS[images.bands], air, strict=True)))

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.render.frame_graph import Pass, Resource
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
 from flyaround.simulator.render.projection import PixelRect
+from flyaround.simulator.render.view import SCENE
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
 from flyaround.simulator.scene.illumination.moonlight import moon_albedo
 from flyaround.simulator.scene.illumination.refraction import shadow_profile
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.render.gl.uniform_block import UniformBlock
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import SceneState
 
@@ -61,6 +65,26 @@ class MoonView:
     def hides(self, directions_camera: FloatArray) -> np.typing.NDArray[np.bool_]:
         """Whether unit directions (K, 3) in the camera frame end on the Moon."""
         return np.asarray(directions_camera @ self.center_camera > np.sqrt(max(1 - self.sine**2, 0.0)))
+
+
+MOON: Resource[MoonView] = Resource("moon")
+
+
+class MoonViewPass(Pass):
+    """Finds the Moon in the image and writes its uniforms."""
+
+    name = "moon.view"
+    reads = (SCENE,)
+    writes = (MOON,)
+
+    def __init__(self, block: UniformBlock) -> None:
+        self._block = block
+
+    def run(self, r: PassResources) -> None:
+        """Find the Moon, where the scene has one."""
+        if r[SCENE].environment.moon:
+            r[MOON] = moon = moon_view(r[SCENE])
+            self._block.write(moon_values(moon))
 
 
 def moon_view(scene: SceneState) -> MoonView:

@@ -6,12 +6,17 @@ software driver a microsecond, and four sums a twentieth of that.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.render.craft.placement import TARGET
+from flyaround.simulator.render.frame_graph import Pass
+from flyaround.simulator.render.frame_images import IMAGES, RADIANCE, STARLIGHT, Spread
 from flyaround.simulator.render.gl.fences import draw_to
+from flyaround.simulator.render.globe.frame_air import AIR
+from flyaround.simulator.render.globe.globe_view import GLOBE
+from flyaround.simulator.render.moon.moon_view import MOON
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.sky.star_catalogue import stars
 from flyaround.simulator.render.sky.star_colours import (
@@ -19,6 +24,7 @@ from flyaround.simulator.render.sky.star_colours import (
     photons_over_sunlights,
     usual_v_minus_i,
 )
+from flyaround.simulator.render.view import SCENE, VIEW
 from flyaround.simulator.scene.illumination.atmosphere import optical_depth_to_top
 from flyaround.simulator.scene.illumination.planets import earth_velocity_c, planets
 from flyaround.simulator.world.constants import LIGHT_M_S
@@ -27,12 +33,15 @@ if TYPE_CHECKING:
     import moderngl
 
     from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.craft.placement import PlacedTarget
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.render.frame_images import FrameImages
-    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.render.moon.moon_view import MoonView
     from flyaround.simulator.render.view import View
-    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
     from flyaround.simulator.scene.state import SceneState
 
@@ -41,63 +50,43 @@ _REACH_PX = 2  # of a point
 _SLACK = 1e-3  # of a cosine: aberration changes lengths by a ten-thousandth
 
 
-@dataclass(frozen=True, eq=False)
-class Spread:
-    """Light of points over the pixels next to them.
+class StarPass(Pass):
+    """Adds stars and planets: those that the target may hide now, the others when the picture is read.
 
-    Parameters
-    ----------
-    at : (M,) numbers of the pixels, row by row. light : (M, n) radiance to be added, per band [W m-2 sr-1].
+    Positions and light are worked out in float64 on the CPU.
     """
 
-    at: IntArray
-    light: Float32Array
+    name = "stars"
+    reads = (SCENE, VIEW, *IMAGES)
+    optional = (GLOBE, MOON, AIR, TARGET)
+    writes = (RADIANCE, STARLIGHT)
 
-    def add_to(self, radiance: Float32Array) -> None:
-        """Add it to a picture (H, W) or (H, W, n)."""
-        bands = self.light.shape[1]
-        values = radiance.reshape(-1)  # one number an entry: numpy adds rows of several ten times as slowly
-        for band in range(bands):
-            np.add.at(values, self.at * bands + band, self.light[:, band])
-
-
-class StarPass:
-    """Positions and light are worked out in float64 on the CPU, and spread there but where the target may be."""
-
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
-        self._context, self._programs = context, programs
-        self._points = context.buffer(reserve=_MAX_STARS * 5 * 4, dynamic=True)
+    def __init__(self, device: Device) -> None:
+        self._context, self._programs = device.context, device.programs
+        self._points = self._context.buffer(reserve=_MAX_STARS * 5 * 4, dynamic=True)
         self._arrays: dict[Program, moderngl.VertexArray] = {}
 
-    def run(
-        self,
-        scene: SceneState,
-        view: View,
-        images: FrameImages,
-        earth: GlobeView | None,
-        air: Atmosphere | None,
-        moon: MoonView | None,
-        hidden: PixelRect | None = None,
-    ) -> Spread:
-        """Draw the stars in view that the target may hide.
-
-        Parameters
-        ----------
-        earth : what hides them, ``None`` without Earth. air : what dims them near its limb.
-        moon : what also hides them. hidden : pixels that the target may cover.
-
-        Returns
-        -------
-        the light of the others, to be added to the picture.
-        """
-        pixels, radiance = stars_in_view(scene, view, earth, air, moon)
-        near: BoolArray = np.zeros(len(pixels), bool)
-        if hidden is not None:
-            low, high = (hidden.x0 - 1, hidden.y0 - 1), (hidden.x1, hidden.y1)
-            near = np.asarray(((pixels > low) & (pixels < high)).all(axis=1))
-            images.mark_lit(PixelRect(*(v - _REACH_PX for v in low), *(v + _REACH_PX for v in high)))
+    def run(self, r: PassResources) -> None:
+        """Draw the stars in view that the target may hide, and write the light of the others."""
+        scene, images, earth = r[SCENE], r[RADIANCE], r.find(GLOBE)
+        environment = scene.environment
+        if (earth is not None and earth.fills_image) or not (environment.stars or environment.planets):
+            return
+        pixels, radiance = stars_in_view(scene, r[VIEW], earth, r.find(AIR), r.find(MOON))
+        near = self._may_be_hidden(pixels, images, r.find(TARGET))
         self._draw(pixels[near], radiance[near], images)
-        return spread(pixels[~near], radiance[~near], images.size)
+        r[STARLIGHT] = spread(pixels[~near], radiance[~near], images.size)
+
+    def _may_be_hidden(
+        self, pixels: FloatArray, images: FrameImages, target: PlacedTarget | None
+    ) -> BoolArray:
+        """Return True for each point that the target may hide."""
+        if target is None:
+            return np.zeros(len(pixels), bool)
+        rect = target.rect
+        low, high = (rect.x0 - 1, rect.y0 - 1), (rect.x1, rect.y1)
+        images.mark_lit(PixelRect(*(v - _REACH_PX for v in low), *(v + _REACH_PX for v in high)))
+        return np.asarray(((pixels > low) & (pixels < high)).all(axis=1))
 
     def _draw(self, pixels: FloatArray, radiance: FloatArray, images: FrameImages) -> None:
         """Add points, times what the target leaves open of their pixels."""

@@ -4,53 +4,55 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flyaround.simulator.render.frame_graph import Pass
+from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.programs import FULL_SCREEN
-from flyaround.simulator.render.globe.air_pass import AIR_SAMPLERS, TABLE_DEFINES
-from flyaround.simulator.render.moon.moon_view import disc_rect
+from flyaround.simulator.render.globe.frame_air import AIR_SAMPLERS, AIR_TABLES, TABLE_DEFINES
+from flyaround.simulator.render.globe.globe_view import GLOBE
+from flyaround.simulator.render.moon.moon_view import MOON, disc_rect
+from flyaround.simulator.render.view import SCENE, VIEW
 
 if TYPE_CHECKING:
     import moderngl
 
     from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.render.frame_images import FrameImages
-    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.render.projection import PixelRect
     from flyaround.simulator.render.view import View
 
 
-class SunPass:
-    """The disc is some 28 pixels wide in a SPEED camera, and one in a wide one: its edge is shared by coverage."""
+class SunPass(Pass):
+    """Adds the Sun's disc.
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
-        self._context, self._programs = context, programs
+    It is some 28 pixels wide in a SPEED camera, and one in a wide one: its edge is shared by coverage.
+    """
+
+    name = "sun"
+    reads = (SCENE, VIEW, *IMAGES)
+    optional = (GLOBE, MOON, AIR_TABLES)
+    writes = (RADIANCE,)
+
+    def __init__(self, device: Device) -> None:
+        self._context, self._programs = device.context, device.programs
         self._arrays: dict[Program, moderngl.VertexArray] = {}
 
-    def run(
-        self,
-        images: FrameImages,
-        view: View,
-        camera: Camera,
-        *,
-        earth: bool,
-        air: list[moderngl.Texture] | None,
-        moon: bool,
-    ) -> None:
-        """Add the Sun.
-
-        Parameters
-        ----------
-        earth : whether the Earth hides it. air : this frame's air table, which reddens it; ``None`` without air.
-        moon : whether the Moon may hide it.
-        """
-        rect = sun_rect(view, camera)
+    def run(self, r: PassResources) -> None:
+        """Draw the disc where it is in the image and the globe leaves room."""
+        images, view = r[RADIANCE], r[VIEW]
+        earth, moon, air = r.find(GLOBE), r.find(MOON), r.find(AIR_TABLES)
+        if (earth is not None and earth.fills_image) or not r[SCENE].environment.sun:
+            return
+        rect = sun_rect(view, r[SCENE].camera)
         if rect is None:
             return
         defines = {
             "BANDS": images.bands,
-            "GLOBE": int(earth),
+            "GLOBE": int(earth is not None),
             "AIR": int(air is not None),
-            "MOON": int(moon),
+            "MOON": int(moon is not None and moon.rect is not None),
             **TABLE_DEFINES,
         }
         program = self._programs.get(

@@ -7,14 +7,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES
+from flyaround.simulator.render.frame_graph import Pass, Resource
+from flyaround.simulator.render.frame_images import RADIANCE, ReadBackPass
 from flyaround.simulator.render.gl.fences import draw_to
 
 if TYPE_CHECKING:
     import moderngl
 
+    from flyaround.simulator.render.device import Device
     from flyaround.simulator.render.earth.screen_tiles import ScreenTiles
+    from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.render.frame_images import FrameImages
-    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
+    from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.runtime.arrays import Float32Array
 
 LEAST_SHARE = 0.4
@@ -26,12 +31,20 @@ def worth_packing(images: FrameImages, tiles: ScreenTiles) -> bool:
     return images.can_pack_quads and tiles.smooth_share > LEAST_SHARE
 
 
-class QuadPackingPass:
+QUADS: Resource[bool] = Resource("quads")
+"""Present where the Earth's smooth tiles are drawn four pixels to a texel."""
+
+
+class QuadPackingPass(Pass):
     """Copies tiles of the image that were drawn pixel by pixel to the texels of four."""
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
-        self._context, self._programs = context, programs
-        self._tiles = context.buffer(reserve=8, dynamic=True)
+    name = "earth.quad_packing"
+    reads = (QUADS, EARTH_TILES, RADIANCE)
+    writes = (QUADS,)
+
+    def __init__(self, device: Device) -> None:
+        self._context, self._programs = device.context, device.programs
+        self._tiles = self._context.buffer(reserve=8, dynamic=True)
         self._made: dict[int, tuple[Program, moderngl.VertexArray]] = {}  # by the number of bands
 
     def _of(self, bands: int) -> tuple[Program, moderngl.VertexArray]:
@@ -45,13 +58,10 @@ class QuadPackingPass:
             self._made[bands] = program, array
         return self._made[bands]
 
-    def run(self, images: FrameImages, tiles: ScreenTiles, centers: Float32Array) -> None:
-        """Copy tiles.
-
-        Parameters
-        ----------
-        centers : (K, 2) middles of some of ``tiles``.
-        """
+    def run(self, r: PassResources) -> None:
+        """Copy the tiles that are not smooth."""
+        images, tiles = r[RADIANCE], r[EARTH_TILES]
+        centers = tiles.others_px
         if not len(centers):
             return
         width, height = tiles.extent_px
@@ -66,3 +76,12 @@ class QuadPackingPass:
         self._tiles.orphan(centers.nbytes)
         self._tiles.write(centers)
         array.render(vertices=len(centers))
+
+
+class ReadQuadsPass(ReadBackPass):
+    """Waits for the driver and takes the picture, unpacked where it was drawn four pixels to a texel."""
+
+    optional = (*ReadBackPass.optional, QUADS)
+
+    def _read(self, r: PassResources) -> Float32Array:
+        return r[RADIANCE].read_radiance(quads=r.find(QUADS) is not None)

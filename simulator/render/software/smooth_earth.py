@@ -1,7 +1,7 @@
 """The Earth in tiles that are smooth enough: light and air at their corners, one level of detail, packed by quads.
 
 Worth 860 ms of 800: without it the eight scenes take twice as long. Of those: one level of the detail 21, one of
-magnified maps 22, the air at every other corner (`AirPass.corners`) 17.
+magnified maps 22, the air at every other corner (`FrameAir.corners`) 17.
 """
 
 from __future__ import annotations
@@ -15,22 +15,29 @@ import numpy as np
 
 from flyaround.simulator.render.earth.earth_pass import (
     DETAIL_TEXEL_KM,
+    EARTH,
     LOG2_TEXEL_KM,
     EarthDraw,
     EarthFrame,
     EarthPass,
 )
-from flyaround.simulator.render.gl.mipmaps import level_textures
+from flyaround.simulator.render.earth.earth_view import EarthAirPass
+from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES
+from flyaround.simulator.render.frame_graph import Resource
+from flyaround.simulator.render.globe.frame_air import AIR_TABLES
+from flyaround.simulator.render.globe.globe_view import GLOBE
+from flyaround.simulator.render.moon.moon_view import MOON
+from flyaround.simulator.render.software.quad_packing import QUADS, worth_packing
+from flyaround.simulator.render.view import SCENE
 
 if TYPE_CHECKING:
     import moderngl
 
-    from flyaround.simulator.render.earth.map_textures import EarthMaps
+    from flyaround.simulator.render.earth.earth_pass import Earth
     from flyaround.simulator.render.earth.screen_tiles import ScreenTiles, TileKind
-    from flyaround.simulator.render.gl.programs import ProgramLibrary
-    from flyaround.simulator.render.globe.air_pass import AirPass
+    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.render.globe.frame_air import FrameAir
     from flyaround.simulator.runtime.arrays import Float32Array, IntArray
-    from flyaround.simulator.scene.illumination.bands import Bands
 
 
 class CornerAir:
@@ -38,15 +45,15 @@ class CornerAir:
 
     Parameters
     ----------
-    whole, fine : of all tiles' corners (N, M, V) as of `AirPass.corners`, and of the fine ones' (9 P, V) as of
-        `AirPass.at`.
+    whole, fine : of all tiles' corners (N, M, V) as of `FrameAir.corners`, and of the fine ones' (9 P, V) as of
+        `FrameAir.at`.
     """
 
     def __init__(self, tiles: ScreenTiles, whole: Float32Array, fine: Float32Array) -> None:
         self._tiles, self._whole, self._fine = tiles, whole, fine
 
     @staticmethod
-    def of(tiles: ScreenTiles, air: AirPass) -> CornerAir | None:
+    def of(tiles: ScreenTiles, air: FrameAir) -> CornerAir | None:
         """What the air pass gives at the tiles' corners; `None` where no tile is smooth."""
         if tiles.smooth_share <= 0:
             return None
@@ -70,69 +77,72 @@ class CornerAir:
         return np.stack(at, axis=-1).reshape(len(place[0]), -1)
 
 
+CORNER_AIR: Resource[CornerAir] = Resource("corner air")
+
+
+class CornerAirPass(EarthAirPass):
+    """Draws this frame's air tables if any pixel reads them, and works out the air at smooth tiles' corners."""
+
+    optional = (MOON,)
+    writes = (AIR_TABLES, CORNER_AIR)
+
+    def run(self, r: PassResources) -> None:
+        """Fill the tables and the corners."""
+        tiles, moon = r[EARTH_TILES], r.find(MOON)
+        # a view of nothing but smooth ground reads the air at its tiles' corners only
+        corners_do = tiles.all_smooth and r[GLOBE].sky_rows is None
+        if not corners_do or (moon is not None and moon.in_front):
+            super().run(r)
+        r[CORNER_AIR] = CornerAir.of(tiles, r[EARTH].air(r[SCENE].environment.atmosphere_thickness_km).frame)
+
+
 class SmoothEarthPass(EarthPass):
-    """Draws tiles by kind, and takes smooth ones from what their corners see; parameters as of `EarthPass`."""
+    """Draws tiles by kind, and takes smooth ones from what their corners see: four pixels to a texel where many are."""
 
-    def __init__(
-        self,
-        context: moderngl.Context,
-        programs: ProgramLibrary,
-        bands: Bands,
-        prefetched: EarthMaps,
-        *,
-        precompiles: bool = False,
-    ) -> None:
-        super().__init__(context, programs, bands, prefetched, precompiles=precompiles)
-        self._details = level_textures(context, self._detail_levels)
+    optional = (*EarthPass.optional, CORNER_AIR)
+    writes = (*EarthPass.writes, QUADS)
 
-    def release(self) -> None:
-        """Free maps, tables and vertices; the programs are the library's."""
-        super().release()
-        for texture in self._details:
-            texture.release()
-
-    def run_smooth(self, frame: EarthFrame, corner_air: CornerAir | None, *, quads: bool) -> None:
-        """Add the Earth's light to the images.
-
-        Parameters
-        ----------
-        corner_air : ``None`` without air, and where no tile is smooth.
-        quads : draw smooth tiles four pixels to a texel, and not into the image itself; those that the target may
-            cover are added to what is there.
-        """
+    def run(self, r: PassResources) -> None:
+        """Draw smooth tiles of four pixels to a texel not into the image itself; covered ones are added to it."""
+        frame, corner_air = EarthFrame.of(r), r.find(CORNER_AIR)
+        quads = worth_packing(frame.images, frame.tiles) and not frame.moon_in_front
         groups: dict[EarthDraw, list[tuple[TileKind, Float32Array]]] = {}
         # what goes into one image comes together, and kinds that differ in nothing that is drawn too: a driver that
         # changes images finishes the first
         for kind, centers in sorted(frame.tiles.centers_px.items(), key=itemgetter(0)):
-            draw = self._smooth_draw(frame, kind, quads=quads and kind.smooth)
+            draw = self._smooth_draw(r[EARTH], frame, kind, quads=quads and kind.smooth)
             groups.setdefault(draw, []).append((kind, centers))
-        self._run(frame, ((draw, partial(_vertices, tiles, corner_air)) for draw, tiles in groups.items()))
+        r[EARTH].draw(
+            frame, ((draw, partial(_vertices, tiles, corner_air)) for draw, tiles in groups.items())
+        )
+        r[QUADS] = quads or None
 
-    def _smooth_draw(self, frame: EarthFrame, kind: TileKind, *, quads: bool) -> EarthDraw:
+    def _smooth_draw(self, earth: Earth, frame: EarthFrame, kind: TileKind, *, quads: bool) -> EarthDraw:
         images, quality = frame.images, frame.scene.quality
         width, height = frame.tiles.extent_px
         # larger than life the maps have one level; a driver that need not ask is quicker
         magnified = quality != "high" and kind.smooth and kind.level <= LOG2_TEXEL_KM
         return EarthDraw(
-            self._program(frame, kind, quads=quads),
+            earth.program(frame, kind, quads=quads),
             images.quad_framebuffer if quads else images.sky_framebuffer,
             (0, 0, width // 2, height // 2) if quads else (0, 0, width, height),
             kind.covered and not quads,
             frame.tiles.size_of(kind),
-            self._detail_of(kind, quality),
+            self._detail_of(earth, kind, quality),
             None if magnified else kind.level,
         )
 
-    def _detail_of(self, kind: TileKind, quality: str) -> moderngl.Texture:
+    def _detail_of(self, earth: Earth, kind: TileKind, quality: str) -> moderngl.Texture:
         """The detail with all its levels, or the one level that a smooth tile needs: the driver then has no choice.
 
         Half of a trilinear look-up's cost is its second level, which the eye of the default preset does not miss.
         """
         level = kind.level - math.log2(DETAIL_TEXEL_KM)
         if kind.smooth and quality != "high":
-            return self._details[min(max(round(level), 0), len(self._details) - 1)]
+            levels = earth.single_levels()
+            return levels[min(max(round(level), 0), len(levels) - 1)]
         two = quality == "high"
-        return self._mipmapped_detail(
+        return earth.mipmapped_detail(
             self._context.LINEAR_MIPMAP_LINEAR if two else self._context.LINEAR_MIPMAP_NEAREST
         )
 

@@ -6,46 +6,37 @@ Such a driver takes a fraction of the time then; a GPU would wait for Python.
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from flyaround.simulator.render.craft.viewport_fit import TILE_PX, all_tiles, tile_centers
 from flyaround.simulator.render.craft.visible_triangles import CulledVertexArray
-from flyaround.simulator.render.drawing import earth_frame
-from flyaround.simulator.render.earth.earth_pass import ice_day
-from flyaround.simulator.render.frame_graph import Pass, Resource
-from flyaround.simulator.render.frame_resources import (
-    AIR_TABLES,
-    COVERAGE,
-    EARTH_PASS,
-    EARTH_TILES,
-    GLOBE,
-    MOON,
-    PICTURE,
-    RADIANCE,
-    SCENE,
-    STARLIGHT,
-    TARGET,
-)
+from flyaround.simulator.render.earth.earth_view import GlobeViewPass
+from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES
+from flyaround.simulator.render.frame_graph import Pass
+from flyaround.simulator.render.frame_images import COVERAGE, IMAGES, RADIANCE, ClearPass
+from flyaround.simulator.render.frame_passes import FramePasses
+from flyaround.simulator.render.globe.globe_pass import GlobeAirPass, GlobePass
+from flyaround.simulator.render.globe.globe_view import GLOBE
+from flyaround.simulator.render.moon.moon_view import MoonViewPass
 from flyaround.simulator.render.projection import PixelRect
-from flyaround.simulator.render.software.quad_packing import QuadPackingPass, worth_packing
-from flyaround.simulator.render.software.smooth_earth import CornerAir, SmoothEarthPass
-from flyaround.simulator.render.software.tiles import earth_tiles
+from flyaround.simulator.render.sky.star_pass import StarPass
+from flyaround.simulator.render.sky.sun_pass import SunPass
+from flyaround.simulator.render.software.quad_packing import QuadPackingPass, ReadQuadsPass
+from flyaround.simulator.render.software.smooth_earth import CornerAirPass, SmoothEarthPass
+from flyaround.simulator.render.software.smooth_moon import SmoothMoonPass
+from flyaround.simulator.render.software.tiles import SortedTilesPass
+from flyaround.simulator.render.view import SCENE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from flyaround.simulator.render.craft.viewport_fit import ViewportFit
     from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.earth.earth_view import Earths
     from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
-CORNER_AIR: Resource[CornerAir] = Resource("corner air")
-QUADS: Resource[bool] = Resource("quads")
-"""There where the Earth's smooth tiles are drawn four pixels to a texel."""
 _MASK_PX = 2  # of the picture that the hulls are filled into
 _FOUR_BYTES = np.uint32  # a tile's row there
 _SHIFT = 4  # bits of a corner's fraction there
@@ -97,126 +88,64 @@ def hull_tiles(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> Float
     return tile_centers(inner.view(_FOUR_BYTES) != 0, rect)
 
 
-class SoftwarePath:
-    """Implements `render.drawing_path.DrawingPath` for drivers that draw on the processor's own cores."""
+class EarlyClearPass(ClearPass):
+    """Empties the images while the first pass is prepared, where that was right in the last frame."""
 
-    culling = TileCulling()
-    earth_pass = SmoothEarthPass
-    smooth_moon = True
+    filled = False
+    """Whether the Earth filled the last frame: then nothing is cleared early."""
 
-    def __init__(self, device: Device) -> None:
-        self._device = device
-        self._quads = QuadPackingPass(device.context, device.programs)
-        self._filled = False  # by the Earth, in the last frame: nothing is to be cleared early
+    def run(self, r: PassResources) -> None:
+        """Clear, unless the Earth may write all pixels."""
+        if self.filled:
+            r[RADIANCE] = r[COVERAGE] = self._images_for(r[SCENE])
+        else:
+            super().run(r)
 
-    def adapt(self, passes: Sequence[Pass]) -> list[Pass]:
-        """Sort the Earth's tiles, pack pixels, and clear images only where needed."""
-        adapted = [self._adapted(one) for one in passes]
-        _insert_after(
-            adapted,
-            "sun",
-            Pass(
-                "earth.quad_packing",
-                self._pack_quads,
-                reads=(QUADS, EARTH_TILES, RADIANCE),
-                writes=(QUADS,),
-            ),
-        )
-        names = [one.name for one in adapted]
-        if "clear" in names and "earth.air" in names:
-            clear = names.index("clear")
-            adapted[clear] = replace(adapted[clear], run=self._clear_early)
-            _insert_after(
-                adapted,
-                "earth.air",
-                Pass(
-                    "clear.rest",
-                    self._clear_the_rest,
-                    reads=(RADIANCE, COVERAGE),
-                    optional=(GLOBE, EARTH_TILES),
-                    writes=(RADIANCE, COVERAGE),
-                ),
-            )
-        return adapted
 
-    def _adapted(self, one: Pass) -> Pass:
-        """A pass of the plain path in this path's way."""
-        if one.name == "earth.tiles":
-            return replace(one, run=self._sort_tiles, optional=(TARGET,))
-        if one.name == "earth.air":
-            return replace(one, run=self._look_through_air, optional=(MOON,), writes=(AIR_TABLES, CORNER_AIR))
-        if one.name == "earth.surface":
-            return replace(
-                one,
-                run=self._draw_earth,
-                optional=(*one.optional, CORNER_AIR),
-                writes=(RADIANCE, QUADS),
-            )
-        if one.name == "readback":
-            return replace(one, run=self._read_picture, optional=(*one.optional, QUADS))
-        return one
+class ClearRestPass(Pass):
+    """Empties what was not: an Earth that fills the image is written to all pixels but the target's."""
 
-    # clearing
+    name = "clear.rest"
+    reads = IMAGES
+    optional = (GLOBE, EARTH_TILES)
+    writes = IMAGES
 
-    def _clear_early(self, r: PassResources) -> None:
-        """Empty the images while the first pass is prepared, where that was right before."""
-        images = self._device.images_for(r[SCENE])
-        if not self._filled:
-            images.clear(PixelRect(0, 0, *images.size))
-        r[RADIANCE] = r[COVERAGE] = images
+    def __init__(self, early: EarlyClearPass) -> None:
+        self._early = early
 
-    def _clear_the_rest(self, r: PassResources) -> None:
-        """Empty what was not: an Earth that fills the image is written to all pixels but the target's."""
+    def run(self, r: PassResources) -> None:
+        """Clear what the Earth will not write, if nothing was cleared early."""
         earth, tiles, images = r.find(GLOBE), r.find(EARTH_TILES), r[RADIANCE]
         written = tiles if earth is not None and earth.fills_image else None
-        if self._filled:
+        if self._early.filled:
             everything = PixelRect(0, 0, *images.size)
             images.clear(everything if written is None else written.holding(covered=True))
-        self._filled = written is not None
-
-    # the Earth
-
-    def _sort_tiles(self, r: PassResources) -> None:
-        """Cut what the Earth touches into tiles by what their pixels see."""
-        scene, earth, target = r[SCENE], r[GLOBE], r.find(TARGET)
-        if earth.rect is not None:
-            target_px = None if target is None else target.tiles_px
-            r[EARTH_TILES] = earth_tiles(earth, scene.camera, target_px, ice_day(scene))
-
-    def _look_through_air(self, r: PassResources) -> None:
-        """Draw this frame's air tables if any pixel asks for them, and work out the air at smooth tiles' corners."""
-        earth, tiles, moon = r[GLOBE], r[EARTH_TILES], r.find(MOON)
-        air = r[EARTH_PASS].air(r[SCENE].environment.atmosphere_thickness_km).frame
-        # a view of nothing but smooth ground asks for the air at its tiles' corners only
-        corners_do = tiles.all_smooth and earth.sky_rows is None
-        if not corners_do or (moon is not None and moon.in_front):
-            air.run(earth)
-            r[AIR_TABLES] = air.tables
-        r[CORNER_AIR] = CornerAir.of(tiles, air)
-
-    def _draw_earth(self, r: PassResources) -> None:
-        """Add ground, clouds and air, smooth tiles four pixels to a texel where there are many."""
-        frame = earth_frame(r)
-        quads = worth_packing(frame.images, frame.tiles) and not frame.moon_in_front
-        earth_pass = cast("SmoothEarthPass", r[EARTH_PASS])
-        earth_pass.run_smooth(frame, r.find(CORNER_AIR), quads=quads)
-        r[QUADS] = quads or None
-
-    def _pack_quads(self, r: PassResources) -> None:
-        """Pack the pixels that were drawn one by one."""
-        self._quads.run(r[RADIANCE], r[EARTH_TILES], r[EARTH_TILES].others_px)
-
-    def _read_picture(self, r: PassResources) -> None:
-        """Wait for the driver and take the picture, unpacked."""
-        radiance = r[RADIANCE].read_radiance(quads=r.find(QUADS) is not None)
-        starlight = r.find(STARLIGHT)
-        if starlight is not None:
-            starlight.add_to(radiance)
-        r[PICTURE] = radiance
+        self._early.filled = written is not None
 
 
-def _insert_after(passes: list[Pass], name: str, new: Pass) -> None:
-    """Put a pass after the one of some name, if there is one."""
-    names = [one.name for one in passes]
-    if name in names:
-        passes.insert(names.index(name) + 1, new)
+def software_passes(device: Device, earths: Earths) -> FramePasses:
+    """Return the passes for a driver that draws on the processor's own cores."""
+    clear, earth = EarlyClearPass(device.images_for), SmoothEarthPass(device.context)
+    find = (
+        MoonViewPass(device.blocks.moon),
+        GlobeViewPass(device, earths),
+        SortedTilesPass(),
+        CornerAirPass(),
+    )
+    return FramePasses(
+        device,
+        earths,
+        TileCulling(),
+        clear=clear,
+        views=(*find, ClearRestPass(clear), GlobeAirPass()),
+        sky=(
+            earth,
+            GlobePass(device),
+            StarPass(device),
+            SmoothMoonPass(device),
+            SunPass(device),
+            QuadPackingPass(device),
+        ),
+        earth_programs=(*find, earth),
+        read_back=ReadQuadsPass(),
+    )

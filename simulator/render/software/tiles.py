@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.craft.viewport_fit import TILE_PX
-from flyaround.simulator.render.earth.earth_pass import FAR_LEVEL
+from flyaround.simulator.render.earth.earth_pass import FAR_LEVEL, ice_day
+from flyaround.simulator.render.earth.earth_view import EarthTilesPass
 from flyaround.simulator.render.earth.ocean_colour import near_bright_water
 from flyaround.simulator.render.earth.screen_tiles import (
+    EARTH_TILES,
     ICE_SINE,
     ScreenTiles,
     TileKind,
@@ -22,11 +25,14 @@ from flyaround.simulator.render.earth.screen_tiles import (
     tile_size_px,
 )
 from flyaround.simulator.render.earth.sea_ice import near_ice
+from flyaround.simulator.render.globe.globe_view import GLOBE
 from flyaround.simulator.render.projection import directions
+from flyaround.simulator.render.view import SCENE
 from flyaround.simulator.world.constants import EARTH_RADIUS_M
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
@@ -128,6 +134,19 @@ class _CornerRays:
         """(K, 2) of tiles."""
         corner = np.stack([self.x_px[column], self.y_px[row]], axis=1).astype(np.float32)
         return np.asarray(corner + np.float32(self.size_px / 2))
+
+
+class SortedTilesPass(EarthTilesPass):
+    """Cuts what the Earth touches into tiles by what their pixels see."""
+
+    optional = (TARGET,)
+
+    def run(self, r: PassResources) -> None:
+        """Cut and sort the tiles, where the Earth is in the image."""
+        scene, earth, target = r[SCENE], r[GLOBE], r.find(TARGET)
+        if earth.rect is not None:
+            target_px = None if target is None else target.tiles_px
+            r[EARTH_TILES] = earth_tiles(earth, scene.camera, target_px, ice_day(scene))
 
 
 def earth_tiles(earth: GlobeView, camera: Camera, target_px: FloatArray | None, day: str) -> ScreenTiles:

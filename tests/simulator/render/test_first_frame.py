@@ -21,30 +21,30 @@ from flyaround.simulator.scenario.plan import plan_flight
 pytestmark = pytest.mark.gl
 
 
-@pytest.mark.parametrize(("bands", "name"), [("mono", "tango-earth-10m-1024"), ("rgb", "tango-flyaround")])
-def test_the_first_frame_needs_no_program_that_was_not_compiled_ahead(bands, name, monkeypatch):
+@pytest.mark.parametrize(
+    ("bands", "name", "software"),
+    [("mono", "tango-earth-10m-1024", True), ("rgb", "tango-flyaround", True), ("mono", "tango-limb", False)],
+)
+def test_the_first_frame_needs_no_program_that_was_not_compiled_ahead(bands, name, software, monkeypatch):
     scenario = load_scenario(name)
     plan = plan_flight(scenario, n=1, bands=bands)
     scene = replace(plan.scene(0), camera=smaller(scenario.camera_model, 128))
-    runs = []
+    of_path = SmoothEarthPass if software else EarthPass
+    compiled, run = [], of_path.run
 
-    def watch(run):
-        def watched(self, *arguments, **options):
-            before = len(renderer._device.programs._built)
-            run(self, *arguments, **options)
-            runs.append((self._precompiles, len(renderer._device.programs._built) - before))
+    def watch(self, resources):
+        before = len(renderer.device.programs)
+        run(self, resources)
+        compiled.append(len(renderer.device.programs) - before)
 
-        return watched
-
-    monkeypatch.setattr(EarthPass, "run", watch(EarthPass.run))
-    monkeypatch.setattr(SmoothEarthPass, "run_smooth", watch(SmoothEarthPass.run_smooth))
+    monkeypatch.setattr(of_path, "run", watch)
     prefetched = prefetch_earth_maps(bands, scenario.environment.layers(), scene.epoch_utc)
-    with Renderer(prefetched={bands: prefetched}) as renderer:
+    with Renderer(prefetched={bands: prefetched}, software_path=software) as renderer:
         first = renderer.render(scene, plan.target).radiance
         again = renderer.render(scene, plan.target).radiance
-    assert [ahead for ahead, _ in runs] == [True, False, False]
-    assert runs[0][1] > 0
-    assert [made for _, made in runs[1:]] == [0, 0]
+    ahead, *frames = compiled
+    assert ahead > 0
+    assert frames == [0, 0]
     assert np.isfinite(first).all()
     np.testing.assert_array_equal(first, again)
 

@@ -12,6 +12,13 @@ MOON: Resource[str] = Resource("moon")
 CONTEXT = SimpleNamespace(extra=None, finish=lambda: None)
 
 
+class Step(Pass):
+    """A pass made of a function."""
+
+    def __init__(self, name, run, reads=(), writes=(), optional=()):
+        self.name, self.run, self.reads, self.writes, self.optional = name, run, reads, writes, optional
+
+
 def _draw_depth(resources):
     resources[DEPTH] = ["depth"]
 
@@ -28,8 +35,8 @@ def _run(*passes, given=None):
     return resources, spent
 
 
-DEPTH_PASS = Pass("depth", _draw_depth, writes=(DEPTH,))
-SHADE_PASS = Pass("shade", _shade, reads=(DEPTH,), writes=(COLOR,))
+DEPTH_PASS = Step("depth", _draw_depth, writes=(DEPTH,))
+SHADE_PASS = Step("shade", _shade, reads=(DEPTH,), writes=(COLOR,))
 
 
 def test_passes_hand_on_what_they_write():
@@ -46,7 +53,7 @@ def test_a_pass_that_reads_what_nobody_wrote_is_refused(passes):
 
 def test_an_optional_resource_must_be_known_too():
     with pytest.raises(FrameGraphError, match="reads moon"):
-        FrameGraph([Pass("sun", lambda _: None, optional=(MOON,))])
+        FrameGraph([Step("sun", lambda _: None, optional=(MOON,))])
 
 
 def test_what_is_given_need_not_be_written():
@@ -56,8 +63,8 @@ def test_what_is_given_need_not_be_written():
 
 def test_a_pass_without_what_it_needs_is_left_out_and_so_are_those_after_it():
     seen = []
-    last = Pass("last", lambda r: seen.append(r.find(MOON)), reads=(), optional=(MOON,))
-    after = Pass("after", lambda _: seen.append("after"), reads=(COLOR,))
+    last = Step("last", lambda r: seen.append(r.find(MOON)), reads=(), optional=(MOON,))
+    after = Step("after", lambda _: seen.append("after"), reads=(COLOR,))
     resources, spent = _run(SHADE_PASS, after, last, given={DEPTH: None, MOON: None})
     assert list(spent) == ["last"]
     assert seen == [None]
@@ -65,7 +72,7 @@ def test_a_pass_without_what_it_needs_is_left_out_and_so_are_those_after_it():
 
 
 def test_a_pass_left_out_does_not_undo_what_others_drew():
-    draw_moon = Pass("moon", lambda _: None, reads=(MOON, COLOR), writes=(COLOR,))
+    draw_moon = Step("moon", lambda _: None, reads=(MOON, COLOR), writes=(COLOR,))
     resources, _ = _run(DEPTH_PASS, SHADE_PASS, draw_moon, given={MOON: None})
     assert resources[COLOR] == ["depth", "color"]
 
@@ -80,4 +87,4 @@ def test_a_pass_left_out_does_not_undo_what_others_drew():
 )
 def test_a_pass_may_touch_only_what_it_declared(run, does):
     with pytest.raises(FrameGraphError, match=f"pass thief {does}, which it did not declare"):
-        _run(Pass("thief", run, reads=(DEPTH,), writes=(DEPTH,)), given={DEPTH: [], COLOR: []})
+        _run(Step("thief", run, reads=(DEPTH,), writes=(DEPTH,)), given={DEPTH: [], COLOR: []})

@@ -26,7 +26,7 @@ def fresnel(index, cosine):
 
 def evaluated(renderer, functions, expression):
     """A GLSL expression of the cosine ``c`` at each of `COSINES`."""
-    context = renderer._device.context
+    context = renderer.device.context
     step, low = COSINES[1] - COSINES[0], COSINES[0]
     program = context.program(
         vertex_shader=SCREEN,

@@ -54,7 +54,7 @@ def test_lattice_window_holds_every_sample(lattice):
 
 @pytest.mark.gl
 def test_block_layout_is_the_drivers(renderer):
-    context = renderer._device.context
+    context = renderer.device.context
     for number, fields in enumerate(
         (FRAME, TARGET, MATERIALS, GLOBE, (Field("float", "a"), Field("vec3", "b")))
     ):
@@ -75,7 +75,7 @@ def test_block_layout_is_the_drivers(renderer):
 
 @pytest.mark.gl
 def test_a_missing_or_unknown_member_is_an_error(renderer):
-    block = UniformBlock(renderer._device.context, "Probe", 7, (Field("vec4", "one"), Field("vec4", "two")))
+    block = UniformBlock(renderer.device.context, "Probe", 7, (Field("vec4", "one"), Field("vec4", "two")))
     with pytest.raises(KeyError, match="two"):
         block.write({"one": [0, 0, 0, 0]})
     with pytest.raises(KeyError, match="three"):
@@ -84,7 +84,7 @@ def test_a_missing_or_unknown_member_is_an_error(renderer):
 
 @pytest.mark.gl
 def test_setting_a_uniform_that_is_not_used_is_nothing(renderer):
-    library = ProgramLibrary(renderer._device.context, ())
+    library = ProgramLibrary(renderer.device.context, ())
     program = library.get("common/full_screen.vert", "craft/shadow.frag", {})
     program.set("u_removed_by_the_compiler", 3.0)
     assert library.get("common/full_screen.vert", "craft/shadow.frag", {}) is program

@@ -1,71 +1,64 @@
-"""The renderer's lists of passes: complete on both ways of drawing, and each pass of the target's is needed."""
+"""The lists of passes: complete on both paths, and each pass of the target's is needed."""
 
-from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import pytest
 
-from flyaround.simulator.render.drawing import Drawing
-from flyaround.simulator.render.drawing_path import PlainPath
+from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.frame_graph import FrameGraph, FrameGraphError
-from flyaround.simulator.render.frame_resources import GIVEN_IRRADIANCE, MODEL, SCENE, TARGET
-from flyaround.simulator.render.renderer import frame_passes
-from flyaround.simulator.render.software.software_path import SoftwarePath
+from flyaround.simulator.render.frame_passes import plain_passes
+from flyaround.simulator.render.software.software_path import software_passes
+from flyaround.simulator.render.view import GIVEN_IRRADIANCE, MODEL, SCENE
 
 GIVEN = (SCENE, MODEL, GIVEN_IRRADIANCE)
 
 
-@pytest.fixture
-def draw():
-    """What the passes call, without a driver: nothing of it is run."""
-    return SimpleNamespace(**{name: print for name in vars(Drawing) if not name.startswith("_")})
+def _made(path):
+    """Return the passes of a path without a driver: none of them is run."""
+    return path(MagicMock(), MagicMock())
 
 
-@pytest.fixture
-def software():
-    """The software driver's way without a driver."""
-    return SoftwarePath.__new__(SoftwarePath)
+def _names(passes):
+    return [one.name for one in passes]
 
 
-@pytest.mark.parametrize("with_target", [True, False])
-def test_every_pass_reads_what_is_given_or_written_before(draw, software, with_target):
-    given = GIVEN if with_target else (*GIVEN, TARGET)
-    for path in (PlainPath(), software):
-        names = [one.name for one in FrameGraph(path.adapt(frame_passes(draw, target=with_target)), given)]
-        assert len(set(names)) == len(names)
-        assert names[0] == "setup"
-        assert names[-1] == "readback"
-        assert ("target.shading" in names) is with_target
+@pytest.mark.parametrize("path", [plain_passes, software_passes])
+@pytest.mark.parametrize(("target", "first"), [(True, False), (True, True), (False, False), (False, True)])
+def test_every_pass_reads_what_is_given_or_written_before(path, target, first):
+    given = GIVEN if target else (*GIVEN, TARGET)
+    names = _names(FrameGraph(_made(path).frame(target=target, first=first), given))
+    assert len(set(names)) == len(names)
+    assert names[0] == "setup"
+    assert names[-1] == "readback"
+    assert ("target.shading" in names) is target
+    assert ("earth.programs" in names) is first
 
 
-def test_the_plain_path_runs_the_list_as_it_reads(draw):
-    passes = frame_passes(draw)
-    assert PlainPath().adapt(passes) == passes
+@pytest.mark.parametrize("path", [plain_passes, software_passes])
+def test_the_craft_alone_is_drawn_without_the_sky(path):
+    names = _names(FrameGraph(_made(path).craft(), GIVEN))
+    assert names[-1] == "target.shading"
+    assert not {"earth.surface", "stars", "moon", "sun"} & set(names)
 
 
-def test_the_software_path_adds_passes_and_leaves_none_out(draw, software):
-    plain = [one.name for one in frame_passes(draw)]
-    adapted = [one.name for one in software.adapt(frame_passes(draw))]
-    assert [name for name in adapted if name in plain] == plain
-    assert {name for name in adapted if name not in plain} == {
-        "clear.rest",
-        "earth.quad_packing",
-    }
+def test_the_software_path_adds_passes_and_leaves_none_out():
+    plain, software = (_names(_made(path).frame()) for path in (plain_passes, software_passes))
+    assert [name for name in software if name in plain] == plain
+    assert set(software) - set(plain) == {"clear.rest", "earth.quad_packing"}
 
 
 @pytest.mark.parametrize(
     "name",
     ["setup", "clear", "target.placement", "target.samples", "target.shadow", "target.edges", "target.light"],
 )
-def test_a_list_without_one_of_its_passes_is_refused(draw, name):
+def test_a_list_without_one_of_its_passes_is_refused(name):
     with pytest.raises(FrameGraphError, match="which no pass before it writes"):
-        FrameGraph([one for one in frame_passes(draw) if one.name != name], GIVEN)
+        FrameGraph([one for one in _made(plain_passes).frame() if one.name != name], GIVEN)
 
 
-def test_passes_in_another_order_are_refused(draw):
-    passes = frame_passes(draw)
-    names = [one.name for one in passes]
-    shading = passes.pop(names.index("target.shading"))
+def test_passes_in_another_order_are_refused():
+    passes = _made(plain_passes).frame()
+    light = _names(passes).index("target.light")
+    passes[light : light + 2] = reversed(passes[light : light + 2])
     with pytest.raises(FrameGraphError, match="shading reads target light"):
-        FrameGraph(
-            [*passes[: names.index("target.light")], shading, *passes[names.index("target.light") :]], GIVEN
-        )
+        FrameGraph(passes, GIVEN)

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.craft import target_passes as passes
-from flyaround.simulator.render.craft import viewport_fit as placement
+from flyaround.simulator.render.craft import placement, viewport_fit
 from flyaround.simulator.render.craft.sample_pattern import SEVEN, rotated
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
@@ -26,9 +25,9 @@ def flight():
 )
 def test_a_pixel_of_a_millimetre_takes_five_samples(flight, renderer, monkeypatch, quality, farther, lattice):
     scene, target = flight
-    chosen, choose = [], passes.choose_pattern
+    chosen, choose = [], placement.choose_pattern
     monkeypatch.setattr(
-        passes, "choose_pattern", lambda *a, **k: chosen.append(choose(*a, **k)) or chosen[-1]
+        placement, "choose_pattern", lambda *a, **k: chosen.append(choose(*a, **k)) or chosen[-1]
     )
     away_m = tuple(farther * m for m in scene.t_camera_from_target_m)
     renderer.render(replace(scene, t_camera_from_target_m=away_m, quality=quality), target)
@@ -38,9 +37,9 @@ def test_a_pixel_of_a_millimetre_takes_five_samples(flight, renderer, monkeypatc
 def test_where_it_begins_the_picture_stays(flight, renderer, monkeypatch):
     scene, target = flight
     five = renderer.render(scene, target)
-    monkeypatch.setattr(placement, "NEAR_PIXEL_M", 0.0)
+    monkeypatch.setattr(viewport_fit, "NEAR_PIXEL_M", 0.0)
     seven = renderer.render(scene, target)
-    monkeypatch.setattr(placement, "PATTERNS", {"default": placement.PATTERNS["high"]})
+    monkeypatch.setattr(viewport_fit, "PATTERNS", {"default": viewport_fit.PATTERNS["high"]})
     many = renderer.render(scene, target)
     brightest = np.quantile(many.radiance, 0.995)
     rms = [np.sqrt(np.mean((one.radiance - many.radiance) ** 2)) / brightest for one in (five, seven)]

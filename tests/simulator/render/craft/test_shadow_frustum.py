@@ -39,7 +39,7 @@ def test_a_shadow_on_a_long_craft_is_where_geometry_says(renderer, draw_kit):
 
 @pytest.mark.parametrize("name", ["tianzhou", "tango"])
 def test_the_window_holds_all_that_shows(renderer, draw_kit, name):
-    mesh = upload(renderer._device.context, load_target(name))
+    mesh = upload(renderer.device.context, load_target(name))
     positions = np.frombuffer(mesh.vertices.read(), VERTEX)["position_m"].astype(float)
     patches = SurfacePatches.of(mesh, positions)
     rng, camera, smaller = np.random.default_rng(7), draw_kit.camera, 0

@@ -284,7 +284,7 @@ def test_timers_are_off_unless_asked_for(renderer, draw_kit, monkeypatch):
         finished = []
         with monkeypatch.context() as patch:
             patch.setattr(renderer, "timed", timed)
-            patch.setattr(renderer._device, "context", Counting(renderer._device.context, finished))
+            patch.setattr(renderer.device, "context", Counting(renderer.device.context, finished))
             ms = renderer.render(scene, target).stage_ms
         assert {"target.shadow", "target.samples", "target.edges", "target.shading", "readback"} <= ms.keys()
         assert (len(finished) > 5) is timed

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
-from flyaround.simulator.render import drawing
-from flyaround.simulator.render.globe.air_pass import AirPass
-from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES
+from flyaround.simulator.render.earth import earth_view
+from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
+from flyaround.simulator.render.globe.frame_air import FrameAir
 from flyaround.simulator.render.projection import directions
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.state import TargetRef
@@ -17,19 +17,19 @@ SOFTWARE_PATH = True
 CAMERA = Camera(width_px=64, height_px=64, fx_px=180.0, fy_px=180.0, cx_px=31.5, cy_px=31.5)
 
 
-def _ground(renderer, earth, columns_px, rows_px, thickness_km):
+def _ground(earth, columns_px, rows_px, thickness_km):
     """Cosine of the Sun's zenith angle where the rays through a grid meet the ground, and the table of its light."""
     d = directions(CAMERA, columns_px, rows_px, earth.earth_from_camera)
     d /= np.linalg.norm(d, axis=-1, keepdims=True)
     along = d @ earth.camera
     disc = 1 - (earth.camera @ earth.camera - along**2)
     foot = earth.camera - (along + np.sqrt(disc))[..., None] * d
-    return foot @ earth.sun, renderer._draw.earth("mono").air(thickness_km).tables.ground[:, 0]
+    return foot @ earth.sun, air_tables("mono", thickness_km * 1e3).ground[:, 0]
 
 
 def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, draw_kit, monkeypatch):
     seen = {}
-    corners, view = AirPass.corners, drawing.globe_view
+    corners, view = FrameAir.corners, earth_view.globe_view
 
     def kept_corners(self, columns_px, rows_px, *, all_ground):
         seen.update(air=corners(self, columns_px, rows_px, all_ground=all_ground), grid=(columns_px, rows_px))
@@ -39,8 +39,8 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
         seen["earth"] = view(*given)
         return seen["earth"]
 
-    monkeypatch.setattr(AirPass, "corners", kept_corners)
-    monkeypatch.setattr(drawing, "globe_view", kept_view)
+    monkeypatch.setattr(FrameAir, "corners", kept_corners)
+    monkeypatch.setattr(earth_view, "globe_view", kept_view)
     speck = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     world = Environment(stars=False, moon=False)
     ref = TargetRef(name=speck.name, sha256=speck.sha256)
@@ -49,7 +49,7 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
     )
     renderer.render(scene, speck)
 
-    mu, table = _ground(renderer, seen["earth"], *seen["grid"], world.atmosphere_thickness_km)
+    mu, table = _ground(seen["earth"], *seen["grid"], world.atmosphere_thickness_km)
     assert (
         0 < mu.min() < 0.5 * mu.max() < 0.1
     )  # the light changes much, and nowhere as the angle from the nadir does
@@ -60,7 +60,7 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
 
 def test_cubics_between_every_other_corner_are_nearer_than_a_tile_s_plane(renderer, draw_kit, monkeypatch):
     seen = {}
-    corners, view = AirPass.corners, drawing.globe_view
+    corners, view = FrameAir.corners, earth_view.globe_view
 
     def both(self, columns_px, rows_px, *, all_ground):
         coarse = corners(self, columns_px, rows_px, all_ground=all_ground)
@@ -72,8 +72,8 @@ def test_cubics_between_every_other_corner_are_nearer_than_a_tile_s_plane(render
         seen["earth"] = view(*given)
         return seen["earth"]
 
-    monkeypatch.setattr(AirPass, "corners", both)
-    monkeypatch.setattr(drawing, "globe_view", kept_view)
+    monkeypatch.setattr(FrameAir, "corners", both)
+    monkeypatch.setattr(earth_view, "globe_view", kept_view)
     speck = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     ref = TargetRef(name=speck.name, sha256=speck.sha256)
     world = Environment(stars=False, moon=False)
@@ -91,7 +91,7 @@ def test_cubics_between_every_other_corner_are_nearer_than_a_tile_s_plane(render
     if not renderer.info.is_software:
         # GPUs filter textures by weights of eight bits: the light on the ground, from a table, is off by half of 1/256
         # of the table's steps at most (1.2e-4 of itself, seen by nobody); cubics both ways add up 1.6 times as much
-        mu, table = _ground(renderer, seen["earth"], *seen["grid"], world.atmosphere_thickness_km)
+        mu, table = _ground(seen["earth"], *seen["grid"], world.atmosphere_thickness_km)
         at = (np.array([mu.min(), mu.max()]) - GROUND_MU_MIN) / (1 - GROUND_MU_MIN) * (GROUND_SAMPLES - 1)
         steps = np.abs(np.diff(table[int(at[0]) : int(at[1]) + 2]))
         limit[2] += 2.6 * steps.max() / 512

@@ -3,7 +3,7 @@
 import re
 
 from flyaround.simulator.render.gl.programs import ProgramLibrary, _head
-from flyaround.simulator.render.globe.air_pass import TABLE_DEFINES
+from flyaround.simulator.render.globe.frame_air import TABLE_DEFINES
 
 
 class Recorder:

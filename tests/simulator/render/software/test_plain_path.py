@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.files import load_camera
-from flyaround.simulator.render.craft import target_passes as passes
+from flyaround.simulator.render.craft import placement
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
@@ -72,9 +72,9 @@ def test_nothing_that_a_lens_shows_of_a_craft_is_left_out(renderers, camera):
 @pytest.mark.gl
 def test_the_lattice_is_the_same_though_its_buffer_is_not(renderers, monkeypatch):
     # a craft that fills much of a large picture: its rectangle has more samples than a lattice of `high` may have
-    chosen, choose = [], passes.choose_pattern
+    chosen, choose = [], placement.choose_pattern
     monkeypatch.setattr(
-        passes, "choose_pattern", lambda *a, **k: chosen.append(choose(*a, **k)) or chosen[-1]
+        placement, "choose_pattern", lambda *a, **k: chosen.append(choose(*a, **k)) or chosen[-1]
     )
     plan = plan_flight(load_scenario("tango-close-3m"), n=1)
     scene = plan.scene(0)

@@ -10,8 +10,7 @@ import pytest
 
 from flyaround.simulator.bench.scenes import bench_scenes
 from flyaround.simulator.camera.lens.camera_model import Camera
-from flyaround.simulator.render.craft import resident_targets as loaded_targets
-from flyaround.simulator.render.craft import target_passes
+from flyaround.simulator.render.craft import resident_targets
 from flyaround.simulator.render.craft import visible_triangles as culling
 from flyaround.simulator.render.craft.viewport_fit import TILE_PX, all_tiles
 from flyaround.simulator.render.gl.depth_buffer import MOST_RANGES
@@ -175,8 +174,8 @@ def test_levels_of_a_kept_map_are_means_of_four_texels(renderer, tmp_path, monke
     monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
     made = np.random.default_rng(1).integers(0, 256, (38, 100, 4), np.uint8)
     image = cached_array("map", lambda: made)
-    texture = mipmapped_texture(renderer._device.context, mipmap_chain(image, globe=False))
-    renderer._device.check("uploading levels")
+    texture = mipmapped_texture(renderer.device.context, mipmap_chain(image, globe=False))
+    renderer.device.check("uploading levels")
     assert {path.name for path in tmp_path.iterdir()} == {"map.npy", f"map-levels-v{VERSION}.npy"}
     texture.use(0)
     library = gl_library()
@@ -186,7 +185,7 @@ def test_levels_of_a_kept_map_are_means_of_four_texels(renderer, tmp_path, monke
         means = cv2.resize(made.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
         # each level is rounded anew
         assert np.abs(found - means).max() <= (1 if level == 1 else 6)
-    assert renderer._device.context.error == "GL_NO_ERROR"
+    assert renderer.device.context.error == "GL_NO_ERROR"
     release_mipmapped(texture)
 
 
@@ -203,9 +202,9 @@ def test_the_bench_times_frames_without_waits_and_passes_apart(draw_kit):
 
 
 def test_few_targets_stay_on_the_gpu_and_come_back_the_same(draw_kit, monkeypatch):
-    made, upload = [], target_passes.upload
-    monkeypatch.setattr(loaded_targets, "MOST_LOADED", 2)
-    monkeypatch.setattr(target_passes, "upload", lambda *a: made.append(upload(*a)) or made[-1])
+    made, upload = [], resident_targets.upload
+    monkeypatch.setattr(resident_targets, "MOST_LOADED", 2)
+    monkeypatch.setattr(resident_targets, "upload", lambda *a: made.append(upload(*a)) or made[-1])
     targets = [
         draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), half)], [draw_kit.white()])
         for half in (0.2, 0.3, 0.4)

@@ -7,9 +7,9 @@ import pytest
 
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.imaging.image_formation import expose_scene
-from flyaround.simulator.render.moon.moon_tiles import moon_tiles
 from flyaround.simulator.render.moon.moon_view import moon_view
 from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.render.software.smooth_moon import moon_tiles
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 
@@ -40,7 +40,7 @@ def test_tiles_show_what_their_pixels_do(name, most_dn):
 def test_the_moons_tiles_cover_its_rectangle_once():
     scene, _ = _scene("lunar-orbit", 960)
     moon = moon_view(scene)
-    tiles = moon_tiles(moon, scene.camera, replace(moon.rect, x1=100, y1=50))
+    tiles = moon_tiles(moon, moon.rect, scene.camera, replace(moon.rect, x1=100, y1=50))
     assert [(t.smooth, t.covered) for t in tiles if t.smooth] == [(True, False), (True, True)]
     corners = np.concatenate([t.triangles_px for t in tiles]).reshape(-1, 3, 2)
     sides = corners[:, 1:] - corners[:, :1]

@@ -7,30 +7,32 @@ every driver only what can show is drawn: of faces in one plane the one beneath 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.craft.visible_triangles import CulledVertexArray
+from flyaround.simulator.render.craft.mesh_array import label_program
+from flyaround.simulator.render.craft.viewport_fit import fit_viewport, matrix_of
 from flyaround.simulator.render.gl.context import release
 from flyaround.simulator.render.gl.fences import draw_to, flush
 from flyaround.simulator.render.gl.lens_rays import lens_values
 from flyaround.simulator.render.projection import PixelRect, clip_from_camera, window_from_pixel
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import moderngl
 
     from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.render.craft.mesh import GpuMesh
-    from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
-    from flyaround.simulator.render.gl.shared_blocks import UniformBlocks
-    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
+    from flyaround.simulator.render.craft.resident_targets import ResidentTarget, ResidentTargets
+    from flyaround.simulator.render.craft.viewport_fit import ViewportFit
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.runtime.arrays import BoolArray, Float32Array
+    from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
 _SILHOUETTE_SIDE_PX = 1024  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved
 _ROUNDING_PX = 1 / 4096  # what a driver's single precision moves a corner at a whole step by
-MAX_PARTS = 2048  # what the surface buffer's 16-bit floats count exactly
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,20 +51,6 @@ class Surfaces:
     normals: np.typing.NDArray[np.float16] | None = None
     parts: np.typing.NDArray[np.uint16] | None = None
     window: tuple[slice, slice] = (slice(None), slice(None))
-
-
-@dataclass(frozen=True, eq=False)
-class LabelArrays:
-    """Vertex arrays of one uploaded mesh: for depth alone, and for all layers."""
-
-    depth: CulledVertexArray
-    layers: CulledVertexArray
-    parts: moderngl.Buffer
-
-    def release(self) -> None:
-        """Free them."""
-        for resource in (self.depth, self.layers, self.parts):
-            resource.release()
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,40 +79,72 @@ class PendingSurfaces:
         return Surfaces(depth_m, normals, parts)
 
 
-class LabelPass:
+class LabelRaster:
     """Draws the target once more at one sample a pixel. Reads the mesh; owns what it writes."""
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: UniformBlocks) -> None:
-        self._context, self._lens, self._library = context, blocks.lens, programs
-        self._aside = context.framebuffer([context.texture((1, 1), 1)])
+    def __init__(self, device: Device, targets: ResidentTargets) -> None:
+        self._context, self._programs, self._lens = device.context, device.programs, device.blocks.lens
+        self._targets = targets
+        self._aside = self._context.framebuffer([self._context.texture((1, 1), 1)])
 
-    @cached_property
-    def _programs(self) -> dict[bool, Program]:
-        """With and without layers, compiled with the first labels: many a picture is drawn without."""
-        return {
-            layers: self._library.get("craft/labels.vert", "craft/labels.frag", {"LAYERS": int(layers)})
-            for layers in (False, True)
-        }
-
-    def arrays(self, target: Target, mesh: GpuMesh) -> LabelArrays:
-        """What draws a mesh of a target."""
-        numbers = np.concatenate(
-            [np.full(len(target.parts[k].positions_m), k + 1, np.float32) for k in mesh.order]
+    def start_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
+        """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""
+        loaded, camera = self._targets.get(target), scene.camera
+        place = fit_viewport(
+            loaded.mesh, matrix_of(scene.camera_from_target.R, scene.t_camera_from_target_m), camera
         )
-        parts = self._context.buffer(numbers[mesh.charts.origin][mesh.sources].tobytes())
-        return LabelArrays(
-            CulledVertexArray(self._context, mesh, self._programs[False].gl),
-            CulledVertexArray(self._context, mesh, self._programs[True].gl, (parts, "1f", "in_part")),
-            parts,
-        )
+        pending = None
+        if place is not None:
+            pending = self._begin(loaded, camera, place, place.rect, layers=layers)
 
-    def begin(
+        def whole_image() -> Surfaces:
+            shape = (camera.height_px, camera.width_px)
+            depth = np.full(shape, np.nan, np.float32)
+            normals = np.zeros((*shape, 3), np.float16) if layers else None
+            parts = np.zeros(shape, np.uint16) if layers else None
+            window = (slice(0, 0), slice(0, 0))
+            if place is not None and pending is not None:
+                rect, seen = place.rect, pending.read()
+                window = (slice(rect.y0, rect.y1), slice(rect.x0, rect.x1))
+                depth[window] = seen.depth_m
+                if normals is not None and seen.normals is not None:
+                    for k in range(3):  # numpy copies three at a time five times more slowly
+                        normals[window][..., k] = seen.normals[..., k]
+                if parts is not None and seen.parts is not None:
+                    parts[window] = seen.parts
+            return Surfaces(depth, normals, parts, window)
+
+        return whole_image
+
+    def silhouette_inside(self, scene: SceneState, target: Target) -> float:
+        """Return the share of the whole silhouette that falls on the image; 0 where nothing is before the camera."""
+        loaded, camera = self._targets.get(target), scene.camera
+        place = fit_viewport(
+            loaded.mesh,
+            matrix_of(scene.camera_from_target.R, scene.t_camera_from_target_m),
+            camera,
+            clip=False,
+        )
+        if place is None:
+            return 0.0
+        x0, y0 = np.floor(place.bounds_px[:2]).astype(int)
+        x1, y1 = np.ceil(place.bounds_px[2:]).astype(int) + 1
+        if x0 >= 0 and y0 >= 0 and x1 <= camera.width_px and y1 <= camera.height_px:
+            return 1.0
+        rect = PixelRect(int(x0), int(y0), int(x1), int(y1))
+        scale = min(1.0, _SILHOUETTE_SIDE_PX / max(rect.width, rect.height))
+        drawn = self._begin(loaded, camera, place, rect, scale=scale)
+        seen = np.isfinite(drawn.read().depth_m)
+        on_image = _on_image(camera, rect, seen.shape, scale)
+        total = int(seen.sum())
+        return float((seen & on_image).sum() / total) if total else 0.0
+
+    def _begin(
         self,
-        arrays: LabelArrays,
+        loaded: ResidentTarget,
         camera: Camera,
+        place: ViewportFit,
         rect: PixelRect,
-        camera_from_target: FloatArray,
-        near_far_m: tuple[float, float],
         *,
         layers: bool = False,
         scale: float = 1.0,
@@ -135,9 +155,10 @@ class LabelPass:
         ----------
         layers : also normals and parts.
         """
-        program = self._programs[layers]
+        arrays = loaded.drawn(self._context, place.longest_m).labels
+        program, camera_from_target = label_program(self._programs, layers=layers), place.camera_from_target
         size = (max(1, round(rect.width * scale)), max(1, round(rect.height * scale)))
-        clip = clip_from_camera(camera, *near_far_m, window_from_pixel(rect) * scale, size)
+        clip = clip_from_camera(camera, *place.near_far_m, window_from_pixel(rect) * scale, size)
         outputs = [self._context.texture(size, 1, dtype="f4")]
         depth = self._context.depth_renderbuffer(size)
         if layers:
@@ -163,32 +184,6 @@ class LabelPass:
         draw_to(self._aside)
         self._aside.clear()
         return PendingSurfaces(self._context, framebuffer, (depth, *outputs), size, layers)
-
-    def silhouette(
-        self,
-        arrays: LabelArrays,
-        camera: Camera,
-        bounds_px: FloatArray,
-        camera_from_target: FloatArray,
-        near_far_m: tuple[float, float],
-    ) -> float:
-        """Share of the silhouette's area that lies on the image.
-
-        Parameters
-        ----------
-        bounds_px : x0, y0, x1, y1 of the whole projected target, not clipped.
-        """
-        x0, y0 = np.floor(bounds_px[:2]).astype(int)
-        x1, y1 = np.ceil(bounds_px[2:]).astype(int) + 1
-        if x0 >= 0 and y0 >= 0 and x1 <= camera.width_px and y1 <= camera.height_px:
-            return 1.0
-        rect = PixelRect(int(x0), int(y0), int(x1), int(y1))
-        scale = min(1.0, _SILHOUETTE_SIDE_PX / max(rect.width, rect.height))
-        drawn = self.begin(arrays, camera, rect, camera_from_target, near_far_m, scale=scale)
-        seen = np.isfinite(drawn.read().depth_m)
-        on_image = _on_image(camera, rect, seen.shape, scale)
-        total = int(seen.sum())
-        return float((seen & on_image).sum() / total) if total else 0.0
 
     def release(self) -> None:
         """Free what is drawn to between rasters."""

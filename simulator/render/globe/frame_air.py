@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.render.frame_graph import Resource
 from flyaround.simulator.render.gl.context import release
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.programs import FULL_SCREEN
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.globe.air_tables import AirTables
     from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
+    from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
 COLUMNS, ROWS, STEPS = 64, 96, 24
 TABLE_DEFINES = {"COLUMNS": COLUMNS, "ROWS": ROWS}
@@ -29,6 +31,8 @@ AIR_SAMPLERS: dict[int, tuple[str, ...]] = {
     3: ("t_air_rayleigh", "t_air_mie", "t_air_transmittance"),
 }
 """Of a frame's tables, by bands."""
+AIR: Resource[Atmosphere] = Resource("air")
+AIR_TABLES: Resource[list[moderngl.Texture]] = Resource("air tables")
 _MARGIN = (
     2  # texels beyond the range in view, for filtering and for extremes between the rays that were tried
 )
@@ -59,7 +63,7 @@ def _cubic(values: Float32Array, which: IntArray, weights: Float32Array) -> Floa
     return np.ascontiguousarray(fine.reshape(-1, *values.shape[1:]).swapaxes(0, 1))
 
 
-class AirPass:
+class FrameAir:
     """From one camera position the air's light depends on two angles: one texel per pair."""
 
     def __init__(
@@ -167,7 +171,7 @@ class Air:
     """One atmosphere: its static tables and the pass that makes each frame's."""
 
     tables: AirTables
-    frame: AirPass
+    frame: FrameAir
 
 
 class _Corners:

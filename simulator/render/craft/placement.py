@@ -1,0 +1,152 @@
+"""Placement pass: where the target is in the image, and how densely it is sampled. Reads the mesh; writes uniforms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.render.craft.viewport_fit import (
+    TILE_REACH_PX,
+    choose_pattern,
+    fit_viewport,
+    matrix_of,
+    outline_px,
+)
+from flyaround.simulator.render.craft.visible_edges import EdgeCamera
+from flyaround.simulator.render.frame_graph import Pass, Resource
+from flyaround.simulator.render.gl.lens_rays import lens_values
+from flyaround.simulator.render.projection import clip_from_camera
+from flyaround.simulator.render.view import MODEL, SCENE, VIEW
+from flyaround.simulator.scene.illumination.bands import reflectance
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.render.craft.resident_targets import DrawnMesh, ResidentTarget, ResidentTargets
+    from flyaround.simulator.render.craft.sample_pattern import SamplePattern
+    from flyaround.simulator.render.craft.viewport_fit import ViewportFit
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.render.projection import PixelRect
+    from flyaround.simulator.render.view import View
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.state import SceneState
+    from flyaround.simulator.targets.model import Material, Target
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedTarget:
+    """A target on the GPU and in the image: what its passes have in common.
+
+    Parameters
+    ----------
+    size, origin : of the samples' framebuffer and of its counters. tiles_px : (K, 2) centres of the tiles that the
+        target may touch.
+    """
+
+    loaded: ResidentTarget
+    drawn: DrawnMesh
+    place: ViewportFit
+    camera: Camera
+    lattice: SamplePattern
+    size: tuple[int, int]
+    origin: tuple[int, int]
+    tiles_px: FloatArray
+
+    @property
+    def rect(self) -> PixelRect:
+        """Pixels that the target may cover."""
+        return self.place.rect
+
+    @property
+    def edge_view(self) -> EdgeCamera:
+        """Where its edges are looked at from."""
+        place = self.place
+        return EdgeCamera(self.camera, place.rect, place.near_far_m[0], place.camera_from_target)
+
+
+TARGET: Resource[PlacedTarget] = Resource("target")
+TARGET_TILES: Resource[FloatArray] = Resource("target tiles")
+"""(K, 2) centres of the tiles to be shaded pixel by pixel."""
+
+
+class PlacementPass(Pass):
+    """Fits viewport, depth range and sampling to the target, and writes its uniforms."""
+
+    name = "target.placement"
+    reads = (SCENE, MODEL, VIEW)
+    writes = (TARGET, TARGET_TILES)
+
+    def __init__(self, device: Device, targets: ResidentTargets) -> None:
+        self._context, self._programs, self._blocks = device.context, device.programs, device.blocks
+        self._targets = targets
+
+    def run(self, r: PassResources) -> None:
+        """Place the target; it is missing from a frame of which it touches no pixel."""
+        r[TARGET] = placed = self._place(r[SCENE], r[VIEW], r[MODEL])
+        r[TARGET_TILES] = None if placed is None else placed.tiles_px
+
+    def _place(self, scene: SceneState, view: View, target: Target) -> PlacedTarget | None:
+        loaded = self._targets.get(target, fine=scene.quality == "high")
+        loaded.interreflection.begin(scene.bands)
+        mesh, camera = loaded.mesh, scene.camera
+        place = fit_viewport(mesh, matrix_of(view.R_camera_from_target, view.t_camera_from_target_m), camera)
+        if place is None:
+            return None
+        tiles = self._targets.culling.target_tiles(place)
+        if not len(tiles):
+            return None
+        dense = loaded.textures is not None  # edges inside them are not weighted
+        lattice = choose_pattern(scene.quality, place, outline_px(place), place.pixel_m(camera), dense=dense)
+        size, origin = lattice.window(tiles, TILE_REACH_PX)
+        drawn = loaded.drawn(self._context, place.longest_m)
+        placed = PlacedTarget(loaded, drawn, place, camera, lattice, size, origin, tiles)
+        self._write_blocks(placed, scene.bands)
+        return placed
+
+    def _write_blocks(self, placed: PlacedTarget, bands: Bands) -> None:
+        place, size, origin = placed.place, placed.size, placed.origin
+        to_buffer = placed.lattice.buffer_from_pixel(origin)
+        clip = clip_from_camera(placed.camera, *place.near_far_m, to_buffer, size)
+        if self._programs.lens:
+            self._blocks.lens.write(lens_values(placed.camera))
+        else:
+            clip = clip @ place.camera_from_target
+        self._blocks.target.write(
+            {
+                "u_pattern_clip": clip,
+                "u_camera_from_target": place.camera_from_target,
+                "u_pattern": [*origin, *place.near_far_m],
+                "u_pattern_px": [*size, 0, 0],
+            }
+        )
+        self._blocks.materials.write(material_values(placed.loaded.mesh.materials, bands))
+
+
+@lru_cache(maxsize=16)
+def material_values(materials: tuple[Material, ...], bands: Bands) -> Mapping[str, FloatArray]:
+    """Members of the block ``Materials``; the same object again for the same materials, which need no second upload."""
+    color, surface, grain = np.zeros((256, 4)), np.zeros((256, 4)), np.zeros((256, 4))
+    for k, material in enumerate(materials, start=1):
+        albedo = reflectance(bands, np.asarray(material.base_color))
+        color[k, : len(albedo)] = albedo
+        color[k, 3] = material.metallic
+        surface[k] = [
+            max(material.roughness, 0.03),  # below this a highlight is narrower than the Sun's own disc
+            material.clearcoat,
+            max(material.clearcoat_roughness, 0.03),
+            material.crinkle,
+        ]
+        if material.anisotropy > 0:
+            strength = material.anisotropy * (-1 if material.turned else 1)
+            length = max(float(np.linalg.norm(material.grain)), 1e-9)  # a grain of no direction stays none
+            grain[k] = [*(np.asarray(material.grain) / length), strength]
+    return MappingProxyType(
+        {"u_material_color": color, "u_material_surface": surface, "u_material_grain": grain}
+    )

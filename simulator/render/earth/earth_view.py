@@ -1,0 +1,189 @@
+"""Passes that prepare the sky: the light of globe and Moon, the globe in the image, the Earth's tiles and its air."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from flyaround.simulator.render.craft.placement import TARGET
+from flyaround.simulator.render.earth.albedo import globe_and_moon_shine
+from flyaround.simulator.render.earth.earth_pass import EARTH, Earth
+from flyaround.simulator.render.earth.map_textures import prefetch_earth_maps, shows_earth, stand_ins
+from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES, uniform_tiles
+from flyaround.simulator.render.frame_graph import FrameGraph, FrameResources, Pass, Resource
+from flyaround.simulator.render.frame_images import COVERAGE, IMAGES, RADIANCE
+from flyaround.simulator.render.globe.frame_air import AIR, AIR_TABLES
+from flyaround.simulator.render.globe.globe_pass import PLAIN_GLOBE, PlainGlobe
+from flyaround.simulator.render.globe.globe_view import GLOBE, globe_values, globe_view
+from flyaround.simulator.render.view import GIVEN_IRRADIANCE, SCENE, VIEW, frame_values
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.earth.map_textures import EarthMaps
+    from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.state import SceneState
+
+
+class Earths:
+    """The Earth for each set of bands: its maps are prefetched, and uploaded when it is first drawn.
+
+    Parameters
+    ----------
+    prefetched : `prefetch_earth_maps` of the first scenes to be drawn.
+    """
+
+    def __init__(self, device: Device, prefetched: Mapping[Bands, EarthMaps] | None = None) -> None:
+        self._device = device
+        self._uploaded: dict[Bands, Earth] = {}
+        self._prefetched: dict[Bands, EarthMaps] = dict(prefetched or {})
+
+    def prefetch(self, scene: SceneState) -> None:
+        """Begin to decode the maps of a first frame."""
+        bands = scene.bands
+        if shows_earth(scene) and bands not in self._uploaded and bands not in self._prefetched:
+            self._prefetched[bands] = prefetch_earth_maps(bands, scene.environment, scene.epoch_utc)
+
+    def pending(self, bands: Bands) -> EarthMaps | None:
+        """Return the maps that are being decoded; ``None`` once they are uploaded, or if none were requested."""
+        return self._prefetched.get(bands)
+
+    def get(self, bands: Bands) -> Earth:
+        """Return the Earth for some bands; waits for its maps when it is first drawn."""
+        if bands not in self._uploaded:
+            self._uploaded[bands] = self._upload(bands, self._prefetched.pop(bands))
+        return self._uploaded[bands]
+
+    def _upload(self, bands: Bands, maps: EarthMaps, *, precompiles: bool = False) -> Earth:
+        device = self._device
+        earth = Earth(device.context, device.programs, bands, maps, precompiles=precompiles)
+        device.check("uploading the Earth's maps")
+        return earth
+
+    @contextmanager
+    def standing_in(self, scene: SceneState) -> Iterator[None]:
+        """Have an Earth of small black maps in its place, which draws one tile of each kind."""
+        maps = stand_ins(scene.bands, scene.environment, scene.epoch_utc)
+        self._uploaded[scene.bands] = self._upload(scene.bands, maps, precompiles=True)
+        try:
+            yield
+        finally:
+            self._uploaded.pop(scene.bands).release()
+
+    def release(self) -> None:
+        """Free them all."""
+        for earth in self._uploaded.values():
+            earth.release()
+
+
+class ShinePass(Pass):
+    """Works out the light of globe and Moon on the target, from maps that a first frame waits for here."""
+
+    name = "earth_and_moon_shine"
+    reads = (SCENE, VIEW, TARGET)
+    optional = (GIVEN_IRRADIANCE,)
+    writes = (VIEW,)
+
+    def __init__(self, device: Device, earths: Earths) -> None:
+        self._block, self._earths = device.blocks.frame, earths
+
+    def run(self, r: PassResources) -> None:
+        """Complete the view and write its uniforms."""
+        scene, view = r[SCENE], r[VIEW]
+        if r.find(GIVEN_IRRADIANCE) is None:
+            pending = self._earths.pending(scene.bands)
+            if pending is not None:
+                pending.albedo.result()
+            view = replace(view, sky=globe_and_moon_shine(scene))
+        r[VIEW] = view
+        self._block.write(frame_values(scene, view))
+
+
+class GlobeViewPass(Pass):
+    """Finds the globe in the image and the air about it; uploads what draws it when it is first in a scene."""
+
+    name = "earth.view"
+    reads = (SCENE, VIEW)
+    writes = (EARTH, PLAIN_GLOBE, GLOBE, AIR)
+
+    def __init__(self, device: Device, earths: Earths) -> None:
+        self._device, self._earths = device, earths
+        self._globes: dict[tuple[str, Bands], PlainGlobe] = {}
+
+    def run(self, r: PassResources) -> None:
+        """Find the globe, where the scene draws it."""
+        scene, environment, body = r[SCENE], r[SCENE].environment, r[SCENE].globe.body
+        if not environment.draws(body):
+            return
+        if shows_earth(scene):
+            r[EARTH] = earth = self._earths.get(scene.bands)
+            air = earth.air(environment.atmosphere_thickness_km).tables.air
+        else:
+            key = body.name, scene.bands
+            if key not in self._globes:
+                self._globes[key] = PlainGlobe(self._device, body, scene.bands)
+            r[PLAIN_GLOBE] = self._globes[key]
+            air = self._globes[key].air.tables.air
+        r[AIR] = seen = air if environment.atmosphere and body.air is not None else None
+        r[GLOBE] = globe = globe_view(r[VIEW], scene.camera, seen)
+        self._device.blocks.globe.write(globe_values(r[VIEW], globe, air))
+
+    def release(self) -> None:
+        """Free the globes."""
+        for globe in self._globes.values():
+            globe.release()
+
+
+class EarthTilesPass(Pass):
+    """Cuts what the Earth may touch into tiles, all alike."""
+
+    name = "earth.tiles"
+    reads = (SCENE, EARTH, GLOBE)
+    writes = (EARTH_TILES,)
+
+    def run(self, r: PassResources) -> None:
+        """Cut the tiles, where the Earth is in the image."""
+        if r[GLOBE].rect is not None:
+            r[EARTH_TILES] = uniform_tiles(r[GLOBE], r[SCENE].camera)
+
+
+class EarthAirPass(Pass):
+    """Draws this frame's tables of the light and transmittance of the Earth's air."""
+
+    name = "earth.air"
+    reads = (SCENE, EARTH, GLOBE, EARTH_TILES, AIR)
+    writes: tuple[Resource[object], ...] = (AIR_TABLES,)
+
+    def run(self, r: PassResources) -> None:
+        """Fill the tables."""
+        air = r[EARTH].air(r[SCENE].environment.atmosphere_thickness_km).frame
+        air.run(r[GLOBE])
+        r[AIR_TABLES] = air.tables
+
+
+class EarthProgramsPass(Pass):
+    """Compiles the Earth's programs while a first frame's maps are decoded, by drawing small maps in their place.
+
+    Parameters
+    ----------
+    passes : those that prepare and draw the Earth. What they draw must be cleared.
+    """
+
+    name = "earth.programs"
+    reads = (SCENE, VIEW, *IMAGES)
+    optional = (TARGET,)
+    writes = IMAGES
+
+    def __init__(self, device: Device, earths: Earths, passes: Sequence[Pass]) -> None:
+        self._context, self._earths, self._passes = device.context, earths, passes
+
+    def run(self, r: PassResources) -> None:
+        """Draw one tile of each kind."""
+        frame = FrameResources()
+        frame[SCENE], frame[VIEW], frame[TARGET] = r[SCENE], r[VIEW], r.find(TARGET)
+        frame[RADIANCE], frame[COVERAGE] = r[RADIANCE], r[COVERAGE]
+        with self._earths.standing_in(r[SCENE]):
+            FrameGraph(self._passes, frame).run(self._context, frame)

@@ -1,0 +1,129 @@
+"""The passes of a renderer, in the order of a frame; the plain path, which a GPU runs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flyaround.simulator.render.craft.edge_pass import EdgePass
+from flyaround.simulator.render.craft.gbuffer_pass import GBufferPass
+from flyaround.simulator.render.craft.label_raster import LabelRaster
+from flyaround.simulator.render.craft.mesh_array import NoCulling
+from flyaround.simulator.render.craft.placement import PlacementPass
+from flyaround.simulator.render.craft.resident_targets import ResidentTargets
+from flyaround.simulator.render.craft.shade_pass import LightPass, ShadePass
+from flyaround.simulator.render.craft.shadow_pass import ShadowPass
+from flyaround.simulator.render.earth.earth_pass import EarthPass
+from flyaround.simulator.render.earth.earth_view import (
+    EarthAirPass,
+    EarthProgramsPass,
+    EarthTilesPass,
+    GlobeViewPass,
+    ShinePass,
+)
+from flyaround.simulator.render.frame_images import ClearPass, ReadBackPass
+from flyaround.simulator.render.globe.globe_pass import GlobeAirPass, GlobePass
+from flyaround.simulator.render.moon.moon_pass import MoonPass
+from flyaround.simulator.render.moon.moon_view import MoonViewPass
+from flyaround.simulator.render.sky.star_pass import StarPass
+from flyaround.simulator.render.sky.sun_pass import SunPass
+from flyaround.simulator.render.view import SetUpPass
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flyaround.simulator.render.craft.mesh_array import Culling
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.earth.earth_view import Earths
+    from flyaround.simulator.render.frame_graph import Pass
+
+
+class FramePasses:
+    """The passes of one renderer, and what draws the labels of the same targets.
+
+    Parameters
+    ----------
+    culling : which of the target's triangles and tiles are drawn.
+    clear : empties the images of a whole frame.
+    views : where Moon and globe are in the image, and this frame's air.
+    sky : all behind the target: each pass adds its light times the share that the target leaves open.
+    earth_programs : passes that prepare and draw the Earth, to compile its programs ahead.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        earths: Earths,
+        culling: Culling,
+        *,
+        clear: ClearPass,
+        views: Sequence[Pass],
+        sky: Sequence[Pass],
+        earth_programs: Sequence[Pass],
+        read_back: ReadBackPass,
+    ) -> None:
+        self._targets = ResidentTargets(device, culling)
+        self.labels = LabelRaster(device, self._targets)
+        self._set_up, self._shine = SetUpPass(device.blocks.frame), ShinePass(device, earths)
+        self._clear, self._clear_all = clear, ClearPass(device.images_for)
+        self._first = (
+            EarthProgramsPass(device, earths, earth_programs),
+            ClearPass(device.images_for, "clear.again"),
+        )
+        self._sampling = (
+            PlacementPass(device, self._targets),
+            GBufferPass(device),
+            ShadowPass(device),
+            EdgePass(device),
+        )
+        self._shading = (LightPass(), ShadePass(device))
+        self._views, self._sky, self._read_back = views, sky, read_back
+
+    def frame(self, *, target: bool = True, first: bool = False) -> list[Pass]:
+        """Return the passes from a scene to its picture.
+
+        The target's samples come first: a software driver's threads draw them while the light of Earth and Moon, which
+        they do not need, is worked out. What they hide of the sky is never shaded.
+
+        Parameters
+        ----------
+        target : draw it; else all that it hides, without it.
+        first : also compile the Earth's programs, while its maps are decoded; what that draws is cleared.
+        """
+        return [
+            self._set_up,
+            self._clear,
+            *(self._sampling if target else ()),
+            *(self._first if first else ()),
+            self._shine,
+            *self._views,
+            *(self._shading if target else ()),
+            *self._sky,
+            self._read_back,
+        ]
+
+    def craft(self) -> list[Pass]:
+        """Return the passes that draw the target alone, in the scene's light."""
+        return [self._set_up, *self._sampling, self._shine, self._clear_all, *self._shading]
+
+    def release(self) -> None:
+        """Free what the passes keep on the GPU."""
+        for one in self.frame():
+            one.release()
+        self.labels.release()
+        self._targets.release()
+
+
+def plain_passes(device: Device, earths: Earths) -> FramePasses:
+    """Return the passes that a GPU runs: whole meshes, uniform tiles, every pixel shaded."""
+    earth = EarthPass(device.context)
+    find = (MoonViewPass(device.blocks.moon), GlobeViewPass(device, earths), EarthTilesPass(), EarthAirPass())
+    return FramePasses(
+        device,
+        earths,
+        NoCulling(),
+        clear=ClearPass(device.images_for),
+        views=(*find, GlobeAirPass()),
+        sky=(earth, GlobePass(device), StarPass(device), MoonPass(device), SunPass(device)),
+        earth_programs=(*find, earth),
+        read_back=ReadBackPass(),
+    )
