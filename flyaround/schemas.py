@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from flyaround.hil.board_model.records import board_json_schema
 from flyaround.hil.campaign.campaign import outcome_json_schema
 from flyaround.hil.campaign.definitions import campaign_json_schema
@@ -17,10 +19,10 @@ from flyaround.hil.host.ledger.summary import summary_schema
 from flyaround.simulator.dataset.card import card_json_schema
 from flyaround.simulator.labels.imported import imported_json_schema
 from flyaround.simulator.labels.truth import truth_json_schema
-from flyaround.simulator.recipes.load import recipe_json_schema
-from flyaround.simulator.recipes.vary_file import vary_json_schema
 from flyaround.simulator.runtime.files import write_atomic
-from flyaround.simulator.scenario.load import scenario_json_schema
+from flyaround.simulator.scenario.recipe import Recipe
+from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scenario.vary import Vary
 from flyaround.simulator.targets.records import target_json_schema
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -29,9 +31,9 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 def all_schemas() -> dict[str, dict[str, Any]]:
     """Schema documents by format name."""
     schemas = {
-        "scenario": scenario_json_schema(),
-        "recipe": recipe_json_schema(),
-        "vary": vary_json_schema(),
+        "scenario": msgspec.json.schema(Scenario),
+        "recipe": msgspec.json.schema(Recipe),
+        "vary": msgspec.json.schema(Vary),
         "target": target_json_schema(),
         "board_model": board_json_schema(),
         "truth": truth_json_schema(),

@@ -12,10 +12,11 @@ from rich.table import Table
 from flyaround.cli.options import Device, Seed
 from flyaround.cli.terminal import progress_bar, say, terminal
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.recipes.load import list_recipes, load_recipe, show_recipe
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.recipes.samples import samples_csv
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.scenario.load import list_recipes, load_recipe
+from flyaround.simulator.scenario.show import show_recipe
 
 
 def recipes(

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flyaround.simulator.frame import Frame
-    from flyaround.simulator.recipes.file import Recipe
     from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.scenario.recipe import Recipe
     from flyaround.simulator.scene.state import SceneState
 
 WIDTH_PX = 256

@@ -10,13 +10,16 @@ import msgspec
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.recipes.file import AboutTrajectory, Sequences
-from flyaround.simulator.recipes.poses import uniform_attitude
-from flyaround.simulator.recipes.sky import uniform_direction
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import Plan, plan_flight
 from flyaround.simulator.scenario.poses import scene_with_pose
+from flyaround.simulator.scenario.random_draws import (
+    numbered_generator,
+    uniform_attitude,
+    uniform_direction,
+)
+from flyaround.simulator.scenario.recipe import AboutTrajectory, Sequences
 from flyaround.simulator.scene.sample import Sample, SequenceStep
 from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
@@ -25,7 +28,7 @@ from flyaround.simulator.world.orbit.initial_orbit import ElementsOrbit
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from flyaround.simulator.recipes.file import Recipe
+    from flyaround.simulator.scenario.recipe import Recipe
     from flyaround.simulator.scenario.scenario import AnyChaser, Scenario
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
@@ -89,9 +92,7 @@ def _sequence(asked: _Asked) -> Plan:
     poses = asked.recipe.poses
     if not isinstance(poses, Sequences):
         raise TypeError("poses are no sequences")
-    rng = np.random.Generator(
-        np.random.SFC64(np.random.SeedSequence(asked.seed, spawn_key=(asked.number, _SEQUENCES)))
-    )
+    rng = numbered_generator(asked.seed, asked.number, _SEQUENCES)
     scenario = _template(poses.scenario, asked)
     distance, rate = float(rng.uniform(*poses.range_m)), float(rng.uniform(*poses.rate_deg_s))
     attitude = msgspec.structs.replace(

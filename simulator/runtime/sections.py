@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import msgspec
 from msgspec import Meta
@@ -16,6 +16,8 @@ Seconds = Annotated[float, Meta(gt=0, le=1e6)]
 Speed = Annotated[float, Meta(ge=-1e3, le=1e3)]
 Inertia = Annotated[float, Meta(gt=0, le=1e9)]
 TorqueNm = Annotated[float, Meta(ge=-1e3, le=1e3)]
+_T = TypeVar("_T")
+Interval = tuple[_T, _T]
 DirectionXyz = tuple[float, float, float]
 MetresXyz = tuple[Metres, Metres, Metres]
 SpeedXyz = tuple[Speed, Speed, Speed]

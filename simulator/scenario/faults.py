@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
-from flyaround.simulator.runtime.untrusted_files import read_regular
-from flyaround.simulator.runtime.validation_errors import explain
+from flyaround.simulator.runtime.toml_file import parse_toml, read_toml
+from flyaround.simulator.runtime.validation_errors import convert_document
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -209,15 +208,10 @@ def read_faults(path: Path) -> Faults:
     UserError
         If there is none, or it has a mistake: key, value given and what is allowed.
     """
-    try:
-        document = parse_toml(read_regular(path, MOST_TOML_BYTES), str(path))
-    except OSError as error:
-        raise UserError(f"{path} cannot be read ({error.strerror}): name a faults file") from error
-    try:
-        faults = msgspec.convert(document, Faults)
-    except msgspec.ValidationError as error:
-        raise UserError(f"{path}: {explain(str(error), document, Faults)}") from error
-    check_times(faults, str(path))
+    where = str(path)
+    document = parse_toml(read_toml(path, where, "name a faults file"), where)
+    faults = convert_document(document, Faults, where)
+    check_times(faults, where)
     return faults
 
 

@@ -36,10 +36,10 @@ from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.evaluate.metrics import wilson_interval
 from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
 from flyaround.simulator.frame import take_frame
-from flyaround.simulator.recipes.file import UniformRange
-from flyaround.simulator.recipes.load import load_recipe
 from flyaround.simulator.recipes.plan import RecipePlan, plan_recipe
 from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import load_recipe
+from flyaround.simulator.scenario.recipe import UniformRange
 from tools.studies.paired_tables import write_into_page
 
 if TYPE_CHECKING:

@@ -12,14 +12,14 @@ import numpy as np
 
 from flyaround.simulator.dataset.stereo import SecondCameraPlan
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.recipes.checks import check_recipe
-from flyaround.simulator.recipes.file import Recipe
-from flyaround.simulator.recipes.plan import plan_recipe, varied_plan
-from flyaround.simulator.recipes.vary_file import Vary
+from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.scenario.checks import check_physics
 from flyaround.simulator.scenario.flight import frame_times
-from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scenario.plan import plan_flight, varied_plan
+from flyaround.simulator.scenario.recipe import Recipe
+from flyaround.simulator.scenario.recipe_checks import check_recipe
 from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scenario.vary import Vary
 from flyaround.simulator.scene.record import SceneRecord
 from flyaround.simulator.scene.second_camera import SECOND_SEED
 from flyaround.simulator.targets.library import load_target

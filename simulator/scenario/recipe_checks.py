@@ -4,20 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.recipes.file import (
-    EulerAttitude,
-    FacingAttitude,
-    PoseList,
-    Sequences,
-    UniformRange,
-)
-from flyaround.simulator.recipes.poses import radius_m, resolved_range
+from flyaround.simulator.scenario.recipe import EulerAttitude, PoseList
 from flyaround.simulator.world.ephemeris.body import body_named
 
 if TYPE_CHECKING:
-    from flyaround.simulator.recipes.file import Background, Recipe, Sky
-    from flyaround.simulator.targets.model import Target
+    from flyaround.simulator.scenario.recipe import Background, Recipe, Sky
 
 
 def check_recipe(recipe: Recipe, where: str) -> None:
@@ -32,23 +26,36 @@ def check_recipe(recipe: Recipe, where: str) -> None:
     if isinstance(recipe.attitude, EulerAttitude):
         _ordered(where, "attitude", recipe.attitude.from_deg, recipe.attitude.to_deg, "from_deg", "to_deg")
     for number, sky in enumerate(recipe.sky):
-        low, high = sky.nadir_off_boresight_deg
-        if low > high:
-            raise UserError(
-                f"{where}: key sky[{number}].nadir_off_boresight_deg is [{low:g}, {high:g}], allowed: the smaller first"
-            )
         _check_place(where, f"sky[{number}]", sky)
     if recipe.background is not None:
         _check_place(where, "background", recipe.background)
-    if isinstance(recipe.poses, Sequences):
-        for key in ("range_m", "rate_deg_s"):
-            low, high = getattr(recipe.poses, key)
-            if low > high:
-                raise UserError(
-                    f"{where}: key poses.{key} is [{low:g}, {high:g}], allowed: the smaller first"
-                )
+    for key in ("sky", "poses", "vary"):
+        refuse_reversed(getattr(recipe, key), where, key)
     _check_poses(recipe, where)
     recipe.sensor.metering(where)
+
+
+def refuse_reversed(value: object, where: str, key: str = "") -> None:
+    """Refuse an interval, at any depth of a section, whose larger end stands first.
+
+    Parameters
+    ----------
+    value : section, list of sections or value. key : under which it stands in the file.
+
+    Raises
+    ------
+    UserError
+        With the key, its values and what is allowed.
+    """
+    if isinstance(value, msgspec.Struct):
+        for name, inner in msgspec.structs.asdict(value).items():
+            refuse_reversed(inner, where, f"{key}.{name}" if key else name)
+    elif isinstance(value, list):
+        for number, inner in enumerate(value):
+            refuse_reversed(inner, where, f"{key}[{number}]")
+    elif isinstance(value, tuple) and value[0] > value[1]:
+        low, high = value
+        raise UserError(f"{where}: key {key} is [{low:g}, {high:g}], allowed: the smaller first")
 
 
 def _check_poses(recipe: Recipe, where: str) -> None:
@@ -63,24 +70,6 @@ def _check_poses(recipe: Recipe, where: str) -> None:
     if not isinstance(recipe.poses, PoseList) and recipe.background is not None:
         raise UserError(
             f"{where}: section [background] is given, but a flight in [poses] has its own sky: remove one of them"
-        )
-
-
-def check_with_target(recipe: Recipe, target: Target) -> None:
-    """Refuse a range that has the camera inside the target whatever is drawn.
-
-    Raises
-    ------
-    UserError
-        With the range and the target's size.
-    """
-    if recipe.poses is not None or isinstance(recipe.attitude, FacingAttitude):
-        return
-    kind = resolved_range(recipe.range, target)
-    if isinstance(kind, UniformRange) and kind.far_m < 0.25 * radius_m(target):
-        raise UserError(
-            f"recipe {recipe.name}: section [range] ends at far_m = {kind.far_m:g}, inside of {target.name}, whose "
-            f"mesh reaches {radius_m(target):.3g} m from its origin; make it larger, or choose another --target"
         )
 
 
