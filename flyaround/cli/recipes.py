@@ -69,7 +69,7 @@ def recipes(
             say(f"{plan.n_frames} samples of {plan.scenario_name} in {samples}")
         return
     if sheets is not None:
-        from flyaround.simulator.contact_sheets.recipe_sheet import write_recipe_sheets  # noqa: PLC0415 - slow to import: it draws
+        from flyaround.simulator.contact_sheets.scenario_sheet import write_recipe_sheets  # noqa: PLC0415 - slow to import: it draws
 
         chosen = [load_recipe(r) for r in ((name,) if name is not None else list_recipes())]
         empty_folder(sheets, option="--contact-sheet")

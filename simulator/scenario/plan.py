@@ -68,6 +68,12 @@ class DocumentPlan(ABC):
     every_s: float | None = None
     vary: Vary | None = None
 
+    if TYPE_CHECKING:
+
+        @property
+        def n_frames(self) -> int:
+            """Number of frames."""
+
     @property
     @abstractmethod
     def document(self) -> Scenario | Recipe:
@@ -76,6 +82,10 @@ class DocumentPlan(ABC):
     @abstractmethod
     def planned_scene(self, k: int) -> SceneState:
         """Return the scene of frame k before it is varied."""
+
+    @abstractmethod
+    def next_scene(self, k: int) -> SceneState | None:
+        """Return the scene that optical flow leads to from frame k; None if there is none."""
 
     @property
     def scenario_name(self) -> str:
@@ -112,7 +122,7 @@ class DocumentPlan(ABC):
 
     def target_of(self, k: int) -> Target:
         """Return the craft of frame k, its surfaces and shape varied if the ranges vary them."""
-        return self.target if self.vary is None else self.scene(k).target.drawn(self.target)
+        return self.scene(k).target.drawn(self.target)
 
 
 P = TypeVar("P", bound=DocumentPlan)

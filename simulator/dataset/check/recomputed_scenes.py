@@ -28,8 +28,8 @@ from flyaround.simulator.world.time.instant import Instant
 if TYPE_CHECKING:
     from collections.abc import Container, Mapping
 
-    from flyaround.simulator.dataset.capture_plan import CapturePlan
     from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.scenario.plan import DocumentPlan
     from flyaround.simulator.scene.environments import Environment
     from flyaround.simulator.scene.state import SceneState
 
@@ -156,7 +156,7 @@ def _plan_again(
     document: Recipe | Scenario,
     scenes: Mapping[int, SceneState],
     environment: Environment | None,
-) -> CapturePlan:
+) -> DocumentPlan:
     is_second = card.stereo is not None and card.stereo.camera == "second"
     first_seed = card.seed - (SECOND_SEED if is_second else 0)
     options: dict[str, Any] = {
@@ -176,7 +176,7 @@ def _plan_again(
         plan = replace(flown, camera=card.camera, exposures=None)
         vary = card.scenario.get("vary")
         plan = plan if vary is None else varied_plan(plan, msgspec.convert(vary, Vary))
-    return SecondCameraPlan(plan, plan.second_camera) if is_second else plan
+    return SecondCameraPlan.of(plan, plan.second_camera) if is_second else plan
 
 
 def _has_usual_times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int, SceneState]) -> bool:
