@@ -75,22 +75,6 @@ class SensorSection(Section, frozen=True, kw_only=True):
             sensor = replace(sensor, detector=self.detector.detector(base.detector))
         return read_sensor(sensor, self.roi_px, self.binning)
 
-    def metering(self, where: str) -> AutoExposure | None:
-        """How the exposure follows the light; None for a fixed one.
-
-        Raises
-        ------
-        UserError
-            If its limits are the wrong way round.
-        """
-        section = self.auto_exposure
-        if section is not None and section.shortest_s > section.longest_s:
-            raise UserError(
-                f"{where}: sensor.auto_exposure.shortest_s {section.shortest_s:g} is longer than "
-                f"longest_s {section.longest_s:g}; exchange them"
-            )
-        return section
-
     @property
     def shutter_model(self) -> Shutter:
         """When rows are exposed."""
@@ -163,4 +147,10 @@ class Document(Section, frozen=True, kw_only=True):
         UserError
             If its limits are exchanged.
         """
-        return self.sensor.metering(self.where)
+        auto = self.sensor.auto_exposure
+        if auto is not None and auto.shortest_s > auto.longest_s:
+            raise UserError(
+                f"{self.where}: sensor.auto_exposure.shortest_s {auto.shortest_s:g} is longer than "
+                f"longest_s {auto.longest_s:g}; exchange them"
+            )
+        return auto

@@ -17,11 +17,10 @@ from flyaround.simulator.runtime.plugins import plugins
 from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml, read_toml
 from flyaround.simulator.runtime.untrusted_files import find_beside, read_regular
 from flyaround.simulator.runtime.validation_errors import convert_document
-from flyaround.simulator.scenario.checks import check_physics
+from flyaround.simulator.scenario.checks import check_document, refuse, reversed_intervals
 from flyaround.simulator.scenario.faults import check_times
 from flyaround.simulator.scenario.messages import resolve_messages
 from flyaround.simulator.scenario.recipe import PoseList, Recipe
-from flyaround.simulator.scenario.recipe_checks import check_recipe, refuse_reversed
 from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.scenario.vary import Vary
 from flyaround.simulator.scene.environments import ENVIRONMENTS
@@ -80,7 +79,7 @@ def load_recipe(name_or_path: str | Path) -> Recipe:
     raw = _with_base(toml_table(_source("recipe", name_or_path), where), where, folder)
     recipe = _resolved(convert_document(raw, Recipe, where), where, stem, folder)
     recipe = msgspec.structs.replace(recipe, poses=_beside(recipe.poses, where, folder))
-    check_recipe(recipe, where)
+    check_document(recipe, where)
     return recipe
 
 
@@ -101,7 +100,7 @@ def load_vary(path: str | Path, own: Vary | None = None) -> Vary:
     vary = convert_document(raw, Vary, where)
     if own is not None:
         vary = msgspec.convert(_merged(msgspec.to_builtins(own), raw), Vary)
-    refuse_reversed(vary, where)
+    refuse(reversed_intervals(vary), where)
     return vary
 
 
@@ -191,7 +190,7 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
         raise UserError(f"{where}: key epoch_utc: {error}") from error
     scenario = _with_one_mass(_resolved(scenario, where, stem, folder), raw, where)
     scenario = resolve_messages(scenario, where, folder)
-    check_physics(scenario, where)
+    check_document(scenario, where)
     if scenario.faults is not None:
         check_times(scenario.faults, where)
     return scenario

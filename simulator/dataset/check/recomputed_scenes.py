@@ -13,11 +13,10 @@ import numpy as np
 from flyaround.simulator.dataset.stereo import SecondCameraPlan
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.recipes.plan import plan_recipe
-from flyaround.simulator.scenario.checks import check_physics
+from flyaround.simulator.scenario.checks import check_document
 from flyaround.simulator.scenario.flight import frame_times
 from flyaround.simulator.scenario.plan import plan_flight, varied_plan
 from flyaround.simulator.scenario.recipe import Recipe
-from flyaround.simulator.scenario.recipe_checks import check_recipe
 from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.scenario.vary import Vary
 from flyaround.simulator.scene.record import SceneRecord
@@ -108,14 +107,14 @@ def _read_document(card: DatasetCard) -> Recipe | Scenario:
     kind = card.scenario.get("schema")
     if kind == "flyaround.recipe":
         recipe = msgspec.convert(card.scenario, Recipe)
-        check_recipe(recipe, "it")
+        check_document(recipe, "it")
         return recipe
     if kind != "flyaround.scenario":
         raise ValueError(f"it is neither a scenario nor a recipe but {kind!r}")
     document = {key: value for key, value in card.scenario.items() if key != "vary"}
     scenario = msgspec.convert(document, Scenario)
     Instant.from_utc(scenario.epoch_utc)
-    check_physics(scenario, "it")
+    check_document(scenario, "it")
     return scenario
 
 
