@@ -16,14 +16,14 @@ from flyaround.hil.campaign.map_results import delay_map_json_schema
 from flyaround.hil.evaluate.metrics import metrics_json_schema
 from flyaround.hil.host.ledger.run_terms import run_schema
 from flyaround.hil.host.ledger.summary import summary_schema
-from flyaround.simulator.dataset.card import card_json_schema
-from flyaround.simulator.labels.imported import imported_json_schema
-from flyaround.simulator.labels.truth import truth_json_schema
+from flyaround.simulator.dataset.card import DatasetCard
+from flyaround.simulator.labels.imported import ImportedTruth
+from flyaround.simulator.labels.truth import Truth
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.scenario.recipe import Recipe
 from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.scenario.vary import Vary
-from flyaround.simulator.targets.records import target_json_schema
+from flyaround.simulator.targets.records import TargetRecord
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -34,11 +34,11 @@ def all_schemas() -> dict[str, dict[str, Any]]:
         "scenario": msgspec.json.schema(Scenario),
         "recipe": msgspec.json.schema(Recipe),
         "vary": msgspec.json.schema(Vary),
-        "target": target_json_schema(),
+        "target": msgspec.json.schema(TargetRecord),
         "board_model": board_json_schema(),
-        "truth": truth_json_schema(),
-        "imported": imported_json_schema(),
-        "dataset": card_json_schema(),
+        "truth": msgspec.json.schema(Truth),
+        "imported": msgspec.json.schema(ImportedTruth),
+        "dataset": msgspec.json.schema(DatasetCard),
         "run": run_schema(),
         "ledger_summary": summary_schema(),
         "metrics": metrics_json_schema(),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -41,8 +42,6 @@ from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.random import Generator
 
     from flyaround.simulator.recipes.sky import PlaceInSky
@@ -143,15 +142,7 @@ class RecipePlan(DocumentPlan):
     def _constrained_pose(self, rng: Generator, k: int) -> tuple[DrawnPose, dict[str, int]]:
         """The first pose that is as the constraints have it, and how often each of them was broken."""
         c = self.recipe.constraints
-        redraws = {
-            name: 0
-            for name, asked in (
-                ("clearance_m", c.clearance_m is not None),
-                ("origin_in_image", c.origin_in_image),
-                ("inside", c.inside is not None),
-            )
-            if asked
-        }
+        redraws = {name: 0 for name in ("clearance_m", "origin_in_image", "inside") if getattr(c, name)}
         while True:
             drawn = draw_pose(rng, self.recipe, self.camera, self.target, k)
             broken = self._broken(drawn)
@@ -313,8 +304,6 @@ def _count(recipe: Recipe, n: int | None) -> int:
 
 @lru_cache(maxsize=2)
 def _listed(file: str) -> tuple[Pose, ...]:
-    from pathlib import Path  # noqa: PLC0415 - needed here alone at run time
-
     return read_poses(Path(file))
 
 
