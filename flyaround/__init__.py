@@ -30,12 +30,16 @@ if TYPE_CHECKING:
     from flyaround.simulator.loop import Sink, run_frames
     from flyaround.simulator.piloting.orders import PilotCommand
     from flyaround.simulator.piloting.session import FlightSession, FlightState
-    from flyaround.simulator.recipes.load import list_recipes, load_recipe
-    from flyaround.simulator.recipes.plan import plan_recipe, varied_plan
-    from flyaround.simulator.recipes.vary_file import load_vary
+    from flyaround.simulator.recipes.plan import plan_recipe
     from flyaround.simulator.render.renderer import Renderer
-    from flyaround.simulator.scenario.load import list_scenarios, load_scenario
-    from flyaround.simulator.scenario.plan import Plan, plan_flight
+    from flyaround.simulator.scenario.load import (
+        list_recipes,
+        list_scenarios,
+        load_recipe,
+        load_scenario,
+        load_vary,
+    )
+    from flyaround.simulator.scenario.plan import Plan, plan_flight, varied_plan
     from flyaround.simulator.scenario.poses import scene_at
     from flyaround.simulator.scenario.scenario import Scenario
     from flyaround.simulator.scene.environments import Environment
@@ -122,15 +126,15 @@ _HOMES = {
     "draw_truth": "flyaround.simulator.labels.overlay",
     "estimate": "flyaround.hil.evaluate.estimate",
     "list_cameras": "flyaround.simulator.camera.lens.files",
-    "list_recipes": "flyaround.simulator.recipes.load",
+    "list_recipes": "flyaround.simulator.scenario.load",
     "list_scenarios": "flyaround.simulator.scenario.load",
     "list_targets": "flyaround.simulator.targets.library",
     "load_camera": "flyaround.simulator.camera.lens.files",
     "load_glb": "flyaround.simulator.targets.glb.read",
-    "load_recipe": "flyaround.simulator.recipes.load",
+    "load_recipe": "flyaround.simulator.scenario.load",
     "load_scenario": "flyaround.simulator.scenario.load",
     "load_target": "flyaround.simulator.targets.library",
-    "load_vary": "flyaround.simulator.recipes.vary_file",
+    "load_vary": "flyaround.simulator.scenario.load",
     "open_dataset": "flyaround.simulator.dataset.labelled_dataset",
     "plan_flight": "flyaround.simulator.scenario.plan",
     "plan_recipe": "flyaround.simulator.recipes.plan",
@@ -140,7 +144,7 @@ _HOMES = {
     "save_picture": "flyaround.simulator.dataset.single_frames",
     "scene_at": "flyaround.simulator.scenario.poses",
     "take_frame": "flyaround.simulator.frame",
-    "varied_plan": "flyaround.simulator.recipes.plan",
+    "varied_plan": "flyaround.simulator.scenario.plan",
     "write_glb": "flyaround.simulator.targets.glb.write",
 }
 

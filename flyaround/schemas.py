@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from flyaround.hil.board_model.records import board_json_schema
 from flyaround.hil.campaign.campaign import outcome_json_schema
 from flyaround.hil.campaign.definitions import campaign_json_schema
@@ -15,14 +17,14 @@ from flyaround.hil.campaign.map_results import delay_map_json_schema
 from flyaround.hil.evaluate.metrics import metrics_json_schema
 from flyaround.hil.host.ledger.run_terms import run_schema
 from flyaround.hil.host.ledger.summary import summary_schema
-from flyaround.simulator.dataset.card import card_json_schema
-from flyaround.simulator.labels.imported import imported_json_schema
-from flyaround.simulator.labels.truth import truth_json_schema
-from flyaround.simulator.recipes.load import recipe_json_schema
-from flyaround.simulator.recipes.vary_file import vary_json_schema
+from flyaround.simulator.dataset.card import DatasetCard
+from flyaround.simulator.labels.imported import ImportedTruth
+from flyaround.simulator.labels.truth import Truth
 from flyaround.simulator.runtime.files import write_atomic
-from flyaround.simulator.scenario.load import scenario_json_schema
-from flyaround.simulator.targets.records import target_json_schema
+from flyaround.simulator.scenario.recipe import Recipe
+from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scenario.vary import Vary
+from flyaround.simulator.targets.records import TargetRecord
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -30,14 +32,14 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 def all_schemas() -> dict[str, dict[str, Any]]:
     """Schema documents by format name."""
     schemas = {
-        "scenario": scenario_json_schema(),
-        "recipe": recipe_json_schema(),
-        "vary": vary_json_schema(),
-        "target": target_json_schema(),
+        "scenario": msgspec.json.schema(Scenario),
+        "recipe": msgspec.json.schema(Recipe),
+        "vary": msgspec.json.schema(Vary),
+        "target": msgspec.json.schema(TargetRecord),
         "board_model": board_json_schema(),
-        "truth": truth_json_schema(),
-        "imported": imported_json_schema(),
-        "dataset": card_json_schema(),
+        "truth": msgspec.json.schema(Truth),
+        "imported": msgspec.json.schema(ImportedTruth),
+        "dataset": msgspec.json.schema(DatasetCard),
         "run": run_schema(),
         "ledger_summary": summary_schema(),
         "metrics": metrics_json_schema(),

@@ -25,11 +25,9 @@ from flyaround.simulator.dataset.sensors import parse_sensors
 from flyaround.simulator.dataset.split import parse_split
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.request import parse_labels
-from flyaround.simulator.recipes.load import is_recipe, load_recipe
-from flyaround.simulator.recipes.plan import RecipePlan, plan_recipe, varied_plan
-from flyaround.simulator.recipes.vary_file import load_vary
-from flyaround.simulator.scenario.load import list_scenarios, load_scenario
-from flyaround.simulator.scenario.plan import Plan, plan_flight
+from flyaround.simulator.recipes.plan import RecipePlan, plan_recipe
+from flyaround.simulator.scenario.load import is_recipe, list_scenarios, load_recipe, load_scenario, load_vary
+from flyaround.simulator.scenario.plan import Plan, plan_flight, varied_plan
 from flyaround.simulator.scene.environments import environment_preset, environment_section
 from flyaround.simulator.scene.illumination.bands import Bands
 from flyaround.simulator.scene.state import Quality
@@ -128,15 +126,16 @@ def capture(
         target=target,
         environment=environment,
     )
+    if vary is not None:
+        plans = {member: varied_plan(plan, load_vary(vary, plan.vary)) for member, plan in plans.items()}
     shares = None if split is None else parse_split(split)
-    ranges = None if vary is None else load_vary(vary)
     place = output.rstrip("/") or output
     summaries = {}
     for member, plan in plans.items():
         wanted = ",".join(plan.labels) if labels is None else labels
         with progress_bar(member or "capture", quiet=as_json) as progress:
             summaries[member] = capture_plan(
-                plan if ranges is None else varied_plan(plan, ranges),
+                plan,
                 place if not member else f"{place}/{member}",
                 formats=names,
                 labels=parse_labels(wanted),

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from msgspec import UnsetType
 from rich.table import Table
 
 from flyaround.cli.options import Device, Seed
 from flyaround.cli.terminal import progress_bar, say, terminal
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.recipes.load import list_recipes, load_recipe, show_recipe
-from flyaround.simulator.recipes.plan import plan_recipe
-from flyaround.simulator.recipes.samples import samples_csv
+from flyaround.simulator.recipes.plan import RecipePlan, plan_recipe
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.scenario.load import list_recipes, load_recipe
+from flyaround.simulator.scenario.poses import COLUMNS
+from flyaround.simulator.scenario.show import show_recipe
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flyaround.simulator.scene.state import SceneState
+
+RAW = ("x", "y", "z", "rx", "ry", "rz", "q1", "q2", "q3", "q4")
+SAMPLE_COLUMNS = ("sample", *RAW, *COLUMNS, "background", "redraws", "epoch_utc")
 
 
 def recipes(
@@ -60,7 +72,7 @@ def recipes(
             raise UserError("recipes --samples needs to know which: give a recipe's name or file before it")
         plan = plan_recipe(name, n, seed=seed, target=target)
         with progress_bar("samples", quiet=as_json) as progress:
-            write_atomic(samples, samples_csv(plan, progress).encode())
+            write_atomic(samples, _samples_csv(plan, progress).encode())
         done = {"samples": str(samples), "n": plan.n_frames}
         if as_json:
             typer.echo(json.dumps(done))
@@ -68,7 +80,7 @@ def recipes(
             say(f"{plan.n_frames} samples of {plan.scenario_name} in {samples}")
         return
     if sheets is not None:
-        from flyaround.simulator.contact_sheets.recipe_sheet import write_recipe_sheets  # noqa: PLC0415 - slow to import: it draws
+        from flyaround.simulator.contact_sheets.scenario_sheet import write_recipe_sheets  # noqa: PLC0415 - slow to import: it draws
 
         chosen = [load_recipe(r) for r in ((name,) if name is not None else list_recipes())]
         empty_folder(sheets, option="--contact-sheet")
@@ -104,6 +116,35 @@ def recipes(
         "another craft: flyaround capture eval-black --target dragon -o DIR (eval-black-dragon is the same)\n"
         "one of your own: flyaround recipes --show eval-earth > mine.toml, then name mine.toml instead"
     )
+
+
+def _samples_csv(plan: RecipePlan, progress: Callable[[int, int], None]) -> str:
+    """Return one row for each sample, numbers in full.
+
+    ``x`` to ``q4`` are the paper's raw data (left-handed: metres, degrees, quaternion), empty where no Euler angles
+    were drawn; ``q_w`` to ``t_z_m`` the pose label, as `render --poses` reads it.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(SAMPLE_COLUMNS)
+    for k in range(plan.n_frames):
+        writer.writerow(_row(k, plan.scene(k)))
+        progress(k + 1, plan.n_frames)
+    return text.getvalue()
+
+
+def _row(k: int, scene: SceneState) -> list[object]:
+    sample = None if isinstance(scene.sample, UnsetType) else scene.sample
+    raw: tuple[object, ...] = ("",) * len(RAW)
+    background, redraws = "", 0
+    if sample is not None:
+        if sample.raw is not None:
+            raw = (*sample.raw.position_m, *sample.raw.euler_deg, *sample.raw.q_wxyz)
+        if sample.background is not None:
+            background = f"{sample.background.body}-{sample.background.id:04d}"
+        redraws = sum(sample.redraws.values())
+    pose = (*scene.q_camera_from_target_wxyz, *scene.t_camera_from_target_m)
+    return [k, *raw, *pose, background, redraws, scene.epoch_utc]
 
 
 def backgrounds(

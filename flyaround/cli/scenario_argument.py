@@ -38,7 +38,7 @@ def refuse_recipe(name: str, command: str, advice: str) -> None:
     UserError
         If it is one.
     """
-    from flyaround.simulator.recipes.load import is_recipe  # noqa: PLC0415 - slow to import, and hardly ever asked for
+    from flyaround.simulator.scenario.load import is_recipe  # noqa: PLC0415 - slow to import, and hardly ever asked for
 
     if name not in list_scenarios() and is_recipe(name):
         raise UserError(

@@ -9,8 +9,7 @@ from flyaround.gui.commands.capture import NEW, THIS
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.dataset.formats.registry import writable
-from flyaround.simulator.recipes.load import list_recipes
-from flyaround.simulator.scenario.load import list_scenarios
+from flyaround.simulator.scenario.load import list_recipes, list_scenarios
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console

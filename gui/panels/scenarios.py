@@ -10,8 +10,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.widgets import Widgets
-from flyaround.simulator.recipes.load import list_recipes
-from flyaround.simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.simulator.scenario.load import list_recipes, list_scenarios, load_scenario
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console

@@ -1,4 +1,4 @@
-"""Contact sheets: a scenario at a glance, a few small frames spread over its flight."""
+"""Contact sheets of scenarios and recipes: six small frames of a flight, or six samples without noise."""
 
 from __future__ import annotations
 
@@ -8,22 +8,31 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from flyaround.simulator.camera.detector.sensor import noiseless
 from flyaround.simulator.dataset.formats.native import encode_png
-from flyaround.simulator.loop import run_frames
+from flyaround.simulator.labels.overlay import draw_axes
+from flyaround.simulator.loop import FrameRequest, open_frames, run_frames, whole_frame
+from flyaround.simulator.recipes.plan import RecipePlan, plan_recipe
+from flyaround.simulator.recipes.poses import radius_m
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
     from pathlib import Path
 
     from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.frame import Frame
     from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.scenario.recipe import Recipe
     from flyaround.simulator.scenario.scenario import Scenario
+    from flyaround.simulator.scene.state import SceneState
 
 COLUMNS, ROWS = 3, 2
-WIDTH_PX = 480
+WIDTH_PX, SAMPLE_WIDTH_PX = 480, 256  # of one frame, of one sample
+_AXIS = 0.6
+"""Length of an arrow over the distance of the mesh's farthest vertex."""
 
 
 def write_contact_sheets(scenarios: Iterable[Scenario], folder: Path, width_px: int = WIDTH_PX) -> None:
@@ -51,8 +60,7 @@ def contact_sheet(scenario: Scenario, renderer: Renderer, width_px: int = WIDTH_
         cv2.putText(tile, label, (9, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 3, cv2.LINE_AA)
         cv2.putText(tile, label, (9, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 200, 60), 1, cv2.LINE_AA)
         tiles.append(tile)
-    rows = [np.hstack(tiles[r * COLUMNS : (r + 1) * COLUMNS]) for r in range(ROWS)]
-    return np.vstack(rows)
+    return _grid(tiles)
 
 
 def smaller(camera: Camera, width_px: int) -> Camera:
@@ -67,3 +75,54 @@ def smaller(camera: Camera, width_px: int) -> Camera:
         cx_px=(camera.cx_px + 0.5) * s - 0.5,
         cy_px=(camera.cy_px + 0.5) * s - 0.5,
     )
+
+
+def write_recipe_sheets(
+    recipes: Iterable[Recipe],
+    folder: Path,
+    *,
+    axes: bool = False,
+    width_px: int = SAMPLE_WIDTH_PX,
+    progress: Callable[[int, int], None] = lambda _done, _of: None,
+) -> None:
+    """Write ``NAME.png`` of each recipe into a folder; of one that is several data sets nothing.
+
+    Parameters
+    ----------
+    axes : draw the model's: x red, y green, z blue. width_px : of one sample.
+    """
+    chosen = [r for r in recipes if not r.members]
+    for done, recipe in enumerate(chosen):
+        plan = plan_recipe(recipe, recipe.frames)
+        plan = replace(plan, camera=smaller(plan.camera, width_px), quality="draft")
+        write_atomic(folder / f"{recipe.name}.png", encode_png(recipe_sheet(plan, axes=axes)))
+        progress(done + 1, len(chosen))
+
+
+def recipe_sheet(plan: RecipePlan, *, axes: bool = False) -> ByteArray:
+    """Six samples of a plan, row by row: (H, W, 3) RGB. Of flights they are spread over all frames, else the first."""
+    n = COLUMNS * ROWS
+    step = max(1, plan.n_frames // n) if plan.recipe.poses is not None else 1
+    scenes = [_clean(plan.scene(min(k * step, plan.n_frames - 1))) for k in range(n)]
+    with open_frames(whole_frame, first=scenes[0], target=plan.target) as producer:
+        frames = producer.frames(FrameRequest(scene=scene, labels=False) for scene in scenes)
+        tiles = [_tile(frame, plan, axes=axes) for frame in frames]
+    return _grid(tiles)
+
+
+def _clean(scene: SceneState) -> SceneState:
+    """The scene without noise and blur, which a small picture would show as more than they are."""
+    return replace(scene, sensor=replace(noiseless(scene.sensor), blur_sigma_px=0.0))
+
+
+def _tile(frame: Frame, plan: RecipePlan, *, axes: bool) -> ByteArray:
+    image = np.asarray(frame.image >> (frame.scene.sensor.bits - 8), np.uint8)
+    tile = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+    if not axes:
+        return tile
+    return draw_axes(tile, plan.camera, frame.scene.camera_from_target, _AXIS * radius_m(plan.target))
+
+
+def _grid(tiles: list[ByteArray]) -> ByteArray:
+    """Join tiles to one picture, row by row."""
+    return np.vstack([np.hstack(tiles[r * COLUMNS : (r + 1) * COLUMNS]) for r in range(ROWS)])

@@ -33,8 +33,8 @@ from flyaround.simulator.runtime.folder_lock import lock_name, only_writer
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from flyaround.simulator.dataset.capture_plan import CapturePlan
     from flyaround.simulator.dataset.ray_frames import RayCluster
+    from flyaround.simulator.scenario.plan import DocumentPlan
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class CaptureSummary:
 
 
 def capture(
-    plan: CapturePlan,
+    plan: DocumentPlan,
     folder: str | Path,
     *,
     formats: tuple[str, ...] = ("native",),
@@ -150,7 +150,7 @@ def _store_for(place: str | Path, *, resume: bool) -> Iterator[Store]:
 
 
 def _capture(
-    plan: CapturePlan,
+    plan: DocumentPlan,
     store: Store,
     planned: DatasetCard,
     drawing: SetDrawing,
@@ -201,13 +201,13 @@ def _capture(
 
 
 def _refuse_without_room(
-    store: Store, plan: CapturePlan, labels: tuple[str, ...], formats: tuple[str, ...], n_frames: int
+    store: Store, plan: DocumentPlan, labels: tuple[str, ...], formats: tuple[str, ...], n_frames: int
 ) -> None:
     exports = len([name for name in formats if name != "native"])
     refuse_without_room(store, n_frames, frame_bytes(plan.scene(0), labels, exports))
 
 
-def _possible(plan: CapturePlan, labels: tuple[str, ...]) -> tuple[str, ...]:
+def _possible(plan: DocumentPlan, labels: tuple[str, ...]) -> tuple[str, ...]:
     """The layers that the plan's frames can have: of ``all``, optical flow is left out where there is none."""
     if "flow" not in labels:
         return labels
@@ -221,7 +221,7 @@ def _possible(plan: CapturePlan, labels: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in labels if name != "flow") if reason else labels
 
 
-def _request(plan: CapturePlan, k: int, labels: tuple[str, ...]) -> LabelRequest:
+def _request(plan: DocumentPlan, k: int, labels: tuple[str, ...]) -> LabelRequest:
     """What to label of frame k; the last frame of a flight leads nowhere."""
     following = plan.next_scene(k) if "flow" in labels else None
     if following is None:
@@ -235,7 +235,7 @@ def _request(plan: CapturePlan, k: int, labels: tuple[str, ...]) -> LabelRequest
 
 
 def capture_card(
-    plan: CapturePlan,
+    plan: DocumentPlan,
     formats: tuple[str, ...],
     labels: tuple[str, ...],
     split: Ratio | None,
@@ -261,7 +261,7 @@ def capture_card(
     )
 
 
-def _own_split(plan: CapturePlan) -> Ratio | None:
+def _own_split(plan: DocumentPlan) -> Ratio | None:
     """The split that a recipe says."""
     counts = plan.scenario_document.get("split") or ()
     return lowest_terms([int(n) for n in counts]) if counts else None

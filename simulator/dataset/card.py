@@ -211,8 +211,3 @@ def decode_card(data: bytes, where: str) -> DatasetCard:
 def card_to_json(card: DatasetCard) -> bytes:
     """The card as indented JSON."""
     return msgspec.json.format(msgspec.json.encode(card), indent=1) + b"\n"
-
-
-def card_json_schema() -> dict[str, Any]:
-    """JSON Schema of the card."""
-    return msgspec.json.schema(DatasetCard)

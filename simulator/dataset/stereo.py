@@ -12,17 +12,17 @@ from flyaround.simulator.dataset.formats.native import frame_paths, is_whole
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.runtime.untrusted_files import refuse_link_out
+from flyaround.simulator.scenario.plan import DocumentPlan
 from flyaround.simulator.scene.second_camera import SECOND_SEED, SecondCamera, seen_by_second
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.dataset.capture_plan import CapturePlan
     from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.scenario.recipe import Recipe
+    from flyaround.simulator.scenario.scenario import Scenario
     from flyaround.simulator.scene.state import SceneState
-    from flyaround.simulator.targets.model import Target
 
 FOLDER = "second"
 
@@ -30,27 +30,30 @@ FOLDER = "second"
 SAME = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class SecondCameraPlan:
-    """The frames of a plan as its second camera sees them."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SecondCameraPlan(DocumentPlan):
+    """Frames of a plan as its second camera sees them; the camera itself is of the same kind as the first."""
 
-    plan: CapturePlan
+    plan: DocumentPlan
     second: SecondCamera
 
+    @classmethod
+    def of(cls, plan: DocumentPlan, second: SecondCamera) -> SecondCameraPlan:
+        """Return the plan of the second camera of ``plan``."""
+        seed = plan.seed + SECOND_SEED
+        return cls(
+            plan=plan, second=second, target=plan.target, camera=plan.camera, seed=seed, every_s=plan.every_s
+        )
+
     @property
-    def scenario_name(self) -> str:
-        """Name of the scenario or recipe."""
-        return self.plan.scenario_name
+    def document(self) -> Scenario | Recipe:
+        """The scenario or recipe of the first camera's plan."""
+        return self.plan.document
 
     @property
     def scenario_document(self) -> dict[str, Any]:
-        """It in full, as JSON."""
+        """The scenario or recipe as the first camera's plan has it."""
         return self.plan.scenario_document
-
-    @property
-    def every_s(self) -> float | None:
-        """Spacing, if it was given as one."""
-        return self.plan.every_s
 
     @property
     def n_frames(self) -> int:
@@ -58,41 +61,21 @@ class SecondCameraPlan:
         return self.plan.n_frames
 
     @property
-    def seed(self) -> int:
-        """Seed of every random choice of the picture."""
-        return self.plan.seed + SECOND_SEED
-
-    @property
-    def camera(self) -> Camera:
-        """The camera, of the same kind as the first."""
-        return self.plan.camera
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Label layers that it asks for."""
-        return self.plan.labels
-
-    @property
-    def target(self) -> Target:
-        """The model that is drawn."""
-        return self.plan.target
-
-    @property
     def second_camera(self) -> SecondCamera | None:
         """None: there is no third."""
         return None
 
-    def scene(self, k: int) -> SceneState:
-        """Frame k."""
+    def planned_scene(self, k: int) -> SceneState:
+        """Return the scene of frame k."""
         return seen_by_second(self.plan.scene(k), self.second)
 
     def next_scene(self, k: int) -> SceneState | None:
-        """The scene after frame k's, if there is such a thing."""
+        """Return the scene after frame k's, or None."""
         following = self.plan.next_scene(k)
         return None if following is None else seen_by_second(following, self.second)
 
 
-def second_plan(plan: CapturePlan) -> SecondCameraPlan | None:
+def second_plan(plan: DocumentPlan) -> SecondCameraPlan | None:
     """What a plan's second camera sees; None without one.
 
     Raises
@@ -102,12 +85,12 @@ def second_plan(plan: CapturePlan) -> SecondCameraPlan | None:
     """
     if plan.second_camera is None:
         return None
-    second = SecondCameraPlan(plan, plan.second_camera)
+    second = SecondCameraPlan.of(plan, plan.second_camera)
     second.scene(0)  # what is impossible is said before anything is written
     return second
 
 
-def stereo_card(plan: CapturePlan) -> StereoCard | None:
+def stereo_card(plan: DocumentPlan) -> StereoCard | None:
     """What the card of one of the two says of the pair."""
     if isinstance(plan, SecondCameraPlan):
         return _card("second", plan.second)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 
@@ -94,8 +94,3 @@ def parse_label_record(data: bytes, path: Path) -> LabelRecord:
             f"{path} is not a label record: {problem}; give a .json written by capture or convert"
         )
     return record
-
-
-def imported_json_schema() -> dict[str, Any]:
-    """JSON Schema of the record of an imported picture."""
-    return msgspec.json.schema(ImportedTruth)

@@ -182,8 +182,3 @@ def read_record_bytes(path: Path) -> bytes:
         ) from error
     refuse_deep(data, str(path))
     return data
-
-
-def truth_json_schema() -> dict[str, Any]:
-    """JSON Schema of the truth record."""
-    return msgspec.json.schema(Truth)

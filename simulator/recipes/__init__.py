@@ -1,4 +1,4 @@
-"""Recipes: independent samples of scenes for training and evaluation, as typed TOML files.
+"""Plans of recipes: independent samples of scenes for training and evaluation.
 
 A sample depends on (recipe, seed, number) alone, so that workers, resumed and enlarged sets agree.
 """

@@ -17,7 +17,8 @@ import numpy as np
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.recipes.euler_poses import from_left_handed, quat_from_euler
-from flyaround.simulator.recipes.sky import PlaceInSky, random_moment, uniform_direction
+from flyaround.simulator.recipes.sky import PlaceInSky, random_moment
+from flyaround.simulator.scenario.random_draws import numbered_generator, uniform_direction
 from flyaround.simulator.scene.sample import BackgroundView
 from flyaround.simulator.world.ephemeris.body import bodies_at, body_named
 from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
@@ -26,8 +27,8 @@ from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.recipes.file import Background
     from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scenario.recipe import Background
     from flyaround.simulator.scene.state import SceneState
 
 MOST_DRAWS = 1000
@@ -63,9 +64,7 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
     UserError
         If a thousand draws give no view that is as it must be.
     """
-    rng = np.random.Generator(
-        np.random.SFC64(np.random.SeedSequence(library.seed, spawn_key=(number, 0xBAC6)))
-    )
+    rng = numbered_generator(library.seed, number, 0xBAC6)
     body = body_named(library.body)
     for draw in range(MOST_DRAWS):
         now = random_moment(rng)

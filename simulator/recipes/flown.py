@@ -10,13 +10,16 @@ import msgspec
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.recipes.file import AboutTrajectory, Sequences
-from flyaround.simulator.recipes.poses import uniform_attitude
-from flyaround.simulator.recipes.sky import uniform_direction
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import Plan, plan_flight
 from flyaround.simulator.scenario.poses import scene_with_pose
+from flyaround.simulator.scenario.random_draws import (
+    numbered_generator,
+    uniform_attitude,
+    uniform_direction,
+)
+from flyaround.simulator.scenario.recipe import AboutTrajectory, Recipe, Sequences
 from flyaround.simulator.scene.sample import Sample, SequenceStep
 from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
@@ -25,7 +28,6 @@ from flyaround.simulator.world.orbit.initial_orbit import ElementsOrbit
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from flyaround.simulator.recipes.file import Recipe
     from flyaround.simulator.scenario.scenario import AnyChaser, Scenario
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
@@ -38,19 +40,18 @@ _LIT = 0.5
 def flown_scene(
     rng: Generator, recipe: Recipe, target: Target, seed: int, k: int, n_frames: int
 ) -> SceneState:
-    """Sample k of a recipe whose poses are flown, with the light and the sky of its moment."""
-    poses = recipe.poses
+    """Return sample k of a recipe whose poses are flown, with the light and the sky of its moment."""
+    poses, document = recipe.poses, msgspec.json.encode(recipe)
     if isinstance(poses, Sequences):
         number, step = divmod(k, poses.frames)
-        plan = _sequence(_Asked(recipe, target.name, seed, number))
+        plan = _flight(document, target.name, seed, number)
         scene = plan.shifted((step * poses.every_s,)).scene(0)
         return replace(scene, sample=Sample(sequence=SequenceStep(sequence=number, step=step)))
     if not isinstance(poses, AboutTrajectory):
         raise TypeError("poses are of no flight")
-    plan = _trajectory(_Asked(recipe, target.name, seed, 0))
-    duration = plan.scenario.duration_s
+    plan = _flight(document, target.name, seed, 0)
     share = k / max(n_frames - 1, 1) if poses.moments == "even" else float(rng.random())
-    scene = plan.shifted((share * duration,)).scene(0)
+    scene = plan.shifted((share * plan.scenario.duration_s,)).scene(0)
     if not poses.position_sigma_m and not poses.attitude_sigma_deg:
         return scene
     off = rng.normal(0.0, poses.position_sigma_m, 3)
@@ -60,39 +61,28 @@ def flown_scene(
     return scene_with_pose(scene, target, pose, k)
 
 
-class _Asked:
-    """A flight of a recipe, told apart by what it depends on."""
-
-    def __init__(self, recipe: Recipe, target: str, seed: int, number: int) -> None:
-        self.recipe, self.target, self.seed, self.number = recipe, target, seed, number
-        self._key = (msgspec.json.encode(recipe), target, seed, number)
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Asked) and self._key == other._key
-
-
-@lru_cache(maxsize=2)
-def _trajectory(asked: _Asked) -> Plan:
-    """The one flight of a recipe about a trajectory."""
-    poses = asked.recipe.poses
-    if not isinstance(poses, AboutTrajectory):
-        raise TypeError("poses are about no trajectory")
-    return _as_seen(_template(poses.scenario, asked), asked)
-
-
 @lru_cache(maxsize=8)
-def _sequence(asked: _Asked) -> Plan:
-    """The flight of one sequence: its own start, attitude and rate."""
-    poses = asked.recipe.poses
-    if not isinstance(poses, Sequences):
-        raise TypeError("poses are no sequences")
-    rng = np.random.Generator(
-        np.random.SFC64(np.random.SeedSequence(asked.seed, spawn_key=(asked.number, _SEQUENCES)))
+def _flight(document: bytes, target: str, seed: int, number: int) -> Plan:
+    """Return flight ``number`` of a recipe, encoded as JSON, with the recipe's target, camera and light."""
+    recipe = msgspec.json.decode(document, type=Recipe)
+    poses = recipe.poses
+    assert isinstance(poses, AboutTrajectory | Sequences)  # noqa: S101 - callers have seen to it
+    try:
+        scenario = load_scenario(poses.scenario)
+    except UserError as error:
+        raise UserError(f"{recipe.where}: section [poses]: {error}") from error
+    names = ("camera", "sensor", "optics", "environment", "lamp", "lights")
+    scenario = msgspec.structs.replace(
+        scenario, target=target, **{name: getattr(recipe, name) for name in names}
     )
-    scenario = _template(poses.scenario, asked)
+    if isinstance(poses, AboutTrajectory):
+        return plan_flight(scenario, times=(0.0,), seed=seed)
+    return _sequence(scenario, poses, seed, number, recipe.where)
+
+
+def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, where: str) -> Plan:
+    """Return the flight of one sequence: its own start, attitude and rate."""
+    rng = numbered_generator(seed, number, _SEQUENCES)
     distance, rate = float(rng.uniform(*poses.range_m)), float(rng.uniform(*poses.rate_deg_s))
     attitude = msgspec.structs.replace(
         scenario.attitude,
@@ -100,7 +90,7 @@ def _sequence(asked: _Asked) -> Plan:
         euler_deg=None,
         rate_deg_s=vec3(rate * uniform_direction(rng)),
     )
-    chaser = _started_at(scenario.chaser, distance, f"recipe {asked.recipe.name}: scenario {poses.scenario}")
+    chaser = _started_at(scenario.chaser, distance, f"{where}: scenario {poses.scenario}")
     duration = poses.every_s * (poses.frames - 1)
     scenario = msgspec.structs.replace(
         scenario, attitude=attitude, chaser=chaser, duration_s=duration, burns=[]
@@ -111,13 +101,13 @@ def _sequence(asked: _Asked) -> Plan:
             scenario = msgspec.structs.replace(
                 scenario, orbit=msgspec.structs.replace(scenario.orbit, true_anomaly_deg=place)
             )
-        plan = _as_seen(scenario, asked)
+        plan = plan_flight(scenario, times=(0.0,), seed=seed)
         lit = all(plan.shifted((t,)).scene(0).sun_visible_fraction > _LIT for t in (0.0, duration))
         if lit or not poses.sunlit:
             return plan
     raise UserError(
-        f"recipe {asked.recipe.name}: no start of scenario {poses.scenario} leaves {duration:g} s of sunlight: take "
-        "fewer frames, or set sunlit = false in [poses]"
+        f"{where}: no start of scenario {poses.scenario} leaves {duration:g} s of sunlight: take fewer frames, or set "
+        "sunlit = false in [poses]"
     )
 
 
@@ -135,26 +125,3 @@ def _started_at(chaser: AnyChaser, distance_m: float, where: str) -> AnyChaser:
         f"{where}: its chaser has no start to bring to range_m of [poses]; name a scenario that has (mode hold, drift, "
         "keep_range, vbar, rbar, glideslope)"
     )
-
-
-def _template(name: str, asked: _Asked) -> Scenario:
-    try:
-        return load_scenario(name)
-    except UserError as error:
-        raise UserError(f"recipe {asked.recipe.name}: section [poses]: {error}") from error
-
-
-def _as_seen(scenario: Scenario, asked: _Asked) -> Plan:
-    """The flight with the recipe's target, camera, sensor, optics and layers."""
-    r = asked.recipe
-    seen = msgspec.structs.replace(
-        scenario,
-        target=asked.target,
-        camera=r.camera,
-        sensor=r.sensor,
-        optics=r.optics,
-        environment=r.environment,
-        lamp=r.lamp,
-        lights=r.lights,
-    )
-    return plan_flight(seen, times=(0.0,), seed=asked.seed)

@@ -4,27 +4,33 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, overload
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
-from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.camera.lens.files import read_camera_file
-from flyaround.simulator.camera.sections import read_part
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.imaging.metering import wanted_exposure_s
 from flyaround.simulator.recipes.backgrounds import draw_view
-from flyaround.simulator.recipes.checks import check_with_target
 from flyaround.simulator.recipes.clearance import is_clear, share_inside
-from flyaround.simulator.recipes.file import AboutTrajectory, FacingAttitude, PoseList, Recipe, Sequences
 from flyaround.simulator.recipes.flown import flown_scene
-from flyaround.simulator.recipes.load import load_recipe
-from flyaround.simulator.recipes.poses import DrawnPose, draw_pose, resolved_range
+from flyaround.simulator.recipes.poses import DrawnPose, draw_pose, radius_m, resolved_range
 from flyaround.simulator.recipes.sky import choose_sky, place_in_sky, sun_and_nadir
-from flyaround.simulator.recipes.vary import FrameVariation, VariedFlight
 from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scenario.load import load_recipe
+from flyaround.simulator.scenario.plan import DocumentPlan
 from flyaround.simulator.scenario.poses import read_poses
+from flyaround.simulator.scenario.random_draws import numbered_generator
+from flyaround.simulator.scenario.recipe import (
+    AboutTrajectory,
+    FacingAttitude,
+    PoseList,
+    Recipe,
+    Sequences,
+    UniformRange,
+)
 from flyaround.simulator.scene.environments import Environment, environment_preset
 from flyaround.simulator.scene.illumination.bands import Bands
 from flyaround.simulator.scene.sample import PairMember, Sample
@@ -36,76 +42,35 @@ from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.random import Generator
 
-    from flyaround.simulator.recipes.file import Background
     from flyaround.simulator.recipes.sky import PlaceInSky
-    from flyaround.simulator.recipes.vary_file import Vary
-    from flyaround.simulator.scenario.plan import Plan
+    from flyaround.simulator.scenario.recipe import Background
     from flyaround.simulator.scene.sample import BackgroundView
-    from flyaround.simulator.scene.second_camera import SecondCamera
 
 _SAMPLES, _VIEWS = 0x5CE2E, 0xBAC60
 """Streams of random numbers: of a sample, and of which view is behind it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class RecipePlan:
-    """``n_frames`` samples; the same face as ``flyaround.simulator.scenario.plan.Plan`` to a capture.
+class RecipePlan(DocumentPlan):
+    """Samples of a recipe.
 
     Parameters
     ----------
-    environment : layers of the world instead of the recipe's.
+    n_frames : number of samples. environment : layers of the world instead of the recipe's.
     """
 
     recipe: Recipe
-    target: Target
-    camera: Camera
     n_frames: int
-    seed: int
-    bands: Bands = "mono"
-    quality: Quality = "default"
     environment: Environment | None = None
-    every_s: float | None = None
 
     @property
-    def scenario_name(self) -> str:
-        """Name of the recipe."""
-        return self.recipe.name
+    def document(self) -> Recipe:
+        """The recipe."""
+        return self.recipe
 
-    @property
-    def second_camera(self) -> SecondCamera | None:
-        """A second camera of the same instants, if there is one."""
-        return self.recipe.second_camera
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Label layers that the recipe asks for."""
-        return self.recipe.output.labels
-
-    @property
-    def scenario_document(self) -> dict[str, Any]:
-        """The recipe as a JSON-able document."""
-        return dict(msgspec.json.decode(msgspec.json.encode(self.recipe)))
-
-    def scene(self, k: int) -> SceneState:
-        """Return the scene of sample k, varied out of the recipe's ``[vary]``.
-
-        Raises
-        ------
-        UserError
-            If no pose is as the recipe's constraints have it, or the ranges do not fit its sensor.
-        """
-        scene, vary = self._as_planned(k), self.recipe.vary
-        return scene if vary is None else FrameVariation(vary, self.seed, self.target).scene(scene, k)
-
-    def target_of(self, k: int) -> Target:
-        """Return the craft of sample k, its surfaces and shape varied where the recipe varies them."""
-        return self.scene(k).target.drawn(self.target)
-
-    def _as_planned(self, k: int) -> SceneState:
+    def planned_scene(self, k: int) -> SceneState:
         """Return the scene of sample k before it is varied."""
         pairs = self.recipe.pairs
         if pairs is None:
@@ -149,7 +114,7 @@ class RecipePlan:
 
     def _sample(self, k: int, frame_index: int) -> SceneState:
         """Sample k as the frame of another number."""
-        rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence(self.seed, spawn_key=(k, _SAMPLES))))
+        rng = numbered_generator(self.seed, k, _SAMPLES)
         recipe = self.recipe
         if isinstance(recipe.poses, AboutTrajectory | Sequences):
             scene = flown_scene(rng, recipe, self.target, self.seed, k, self.n_frames)
@@ -165,9 +130,7 @@ class RecipePlan:
         view: BackgroundView | None = None
         if recipe.background is not None:
             library = recipe.background
-            among = np.random.Generator(
-                np.random.SFC64(np.random.SeedSequence(self.seed, spawn_key=(k, _VIEWS)))
-            )
+            among = numbered_generator(self.seed, k, _VIEWS)
             behind = draw_view(library, self.camera, int(among.integers(library.views)))
             place, view = behind.place, behind.reference
         else:
@@ -179,15 +142,7 @@ class RecipePlan:
     def _constrained_pose(self, rng: Generator, k: int) -> tuple[DrawnPose, dict[str, int]]:
         """The first pose that is as the constraints have it, and how often each of them was broken."""
         c = self.recipe.constraints
-        redraws = {
-            name: 0
-            for name, asked in (
-                ("clearance_m", c.clearance_m is not None),
-                ("origin_in_image", c.origin_in_image),
-                ("inside", c.inside is not None),
-            )
-            if asked
-        }
+        redraws = {name: 0 for name in ("clearance_m", "origin_in_image", "inside") if getattr(c, name)}
         while True:
             drawn = draw_pose(rng, self.recipe, self.camera, self.target, k)
             broken = self._broken(drawn)
@@ -226,14 +181,13 @@ class RecipePlan:
             origin = place.camera_eci_m + place.R_eci_from_camera @ t
         r_target = origin + com
         v = place.velocity_m_s(r_target)
-        where = f"recipe {recipe.name}"
         scene = SceneState(
             epoch_utc=now.iso(),
             t_s=0.0,
             frame_index=frame_index,
             seed=self.seed,
             camera=self.camera,
-            sensor=recipe.sensor.model(_camera_file(recipe), where),
+            sensor=recipe.sensor_model,
             exposure_s=recipe.sensor.exposure_s,
             optics=recipe.optics.optics(),
             shutter=recipe.sensor.shutter_model,
@@ -258,7 +212,7 @@ class RecipePlan:
             lamp=recipe.lamp,
             lights=tuple(recipe.lights) or msgspec.UNSET,
         )
-        auto = recipe.sensor.metering(where)
+        auto = recipe.auto_exposure
         return (
             scene if auto is None else replace(scene, exposure_s=wanted_exposure_s(auto, scene, self.target))
         )
@@ -301,46 +255,38 @@ def plan_recipe(
     recipe = msgspec.structs.replace(
         recipe, target=craft.name if target is None else target, range=resolved_range(recipe.range, craft)
     )
-    where = f"recipe {recipe.name}"
-    whole = _camera_file(recipe).camera(f"camera of {where}")
     plan = RecipePlan(
         recipe=recipe,
         target=craft,
-        camera=read_part(whole, recipe.sensor.roi_px, recipe.sensor.binning, where),
+        camera=recipe.camera_model,
         n_frames=_count(recipe, n),
         seed=recipe.seed if seed is None else seed,
         bands=bands or recipe.output.bands,
         quality=quality or recipe.output.quality,
         environment=environment,
+        vary=recipe.vary,
     )
-    check_with_target(recipe, craft)
+    _check_range(recipe, craft)
     plan.scene(0)  # what is impossible is said before anything is written
     return plan
 
 
-@overload
-def varied_plan(plan: Plan, vary: Vary) -> VariedFlight: ...
-
-
-@overload
-def varied_plan(plan: RecipePlan, vary: Vary) -> RecipePlan: ...
-
-
-def varied_plan(plan: Plan | RecipePlan, vary: Vary) -> VariedFlight | RecipePlan:
-    """Return a plan with its frames varied out of these ranges, in place of a recipe's own.
+def _check_range(recipe: Recipe, target: Target) -> None:
+    """Refuse a range that has the camera inside the target whatever is drawn.
 
     Raises
     ------
     UserError
-        If a black level is asked of a sensor that counts no electrons.
+        With the range and the target's size.
     """
-    made = (
-        replace(plan, recipe=msgspec.structs.replace(plan.recipe, vary=vary))
-        if isinstance(plan, RecipePlan)
-        else VariedFlight(plan, vary)
-    )
-    made.scene(0)  # impossible ranges are refused before anything is written
-    return made
+    if recipe.poses is not None or isinstance(recipe.attitude, FacingAttitude):
+        return
+    kind = resolved_range(recipe.range, target)
+    if isinstance(kind, UniformRange) and kind.far_m < 0.25 * radius_m(target):
+        raise UserError(
+            f"recipe {recipe.name}: section [range] ends at far_m = {kind.far_m:g}, inside of {target.name}, whose "
+            f"mesh reaches {radius_m(target):.3g} m from its origin; make it larger, or choose another --target"
+        )
 
 
 def _count(recipe: Recipe, n: int | None) -> int:
@@ -358,13 +304,7 @@ def _count(recipe: Recipe, n: int | None) -> int:
 
 @lru_cache(maxsize=2)
 def _listed(file: str) -> tuple[Pose, ...]:
-    from pathlib import Path  # noqa: PLC0415 - needed here alone at run time
-
     return read_poses(Path(file))
-
-
-def _camera_file(recipe: Recipe) -> Any:  # noqa: ANN401 - loaded, a recipe's camera is the camera itself
-    return read_camera_file(recipe.camera) if isinstance(recipe.camera, str) else recipe.camera
 
 
 def _with_sample(scene: SceneState, **fields: Any) -> SceneState:  # noqa: ANN401 - of `Sample`

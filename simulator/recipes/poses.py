@@ -11,7 +11,9 @@ import numpy as np
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.recipes.board_poses import board_pose
 from flyaround.simulator.recipes.euler_poses import from_left_handed, quat_from_euler, to_left_handed
-from flyaround.simulator.recipes.file import (
+from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scenario.random_draws import uniform_attitude
+from flyaround.simulator.scenario.recipe import (
     BoundsPlacement,
     EulerAttitude,
     FacingAttitude,
@@ -21,15 +23,14 @@ from flyaround.simulator.recipes.file import (
     ScaledRange,
     UniformRange,
 )
-from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scene.sample import RawPose
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
     from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.recipes.file import AnyPlacement, AnyRange, Recipe
     from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scenario.recipe import AnyPlacement, AnyRange, Recipe
     from flyaround.simulator.targets.model import Target
 
 MOST_DRAWS = 10_000
@@ -88,13 +89,6 @@ def scaled_range_m(target: Target, tango_m: tuple[float, float] = (3.0, 18.0)) -
     size_m = float(np.linalg.norm(np.ptp(corners.astype(float), axis=0))) / 2
     near, far = (round(r * size_m / TANGO_SIZE_M, 3) for r in tango_m)
     return near, far
-
-
-def uniform_attitude(rng: Generator) -> FloatArray:
-    """Uniform on SO(3): a normalised 4-vector of normals (Marsaglia 1972), with w >= 0."""
-    q = rng.standard_normal(4)
-    q /= np.linalg.norm(q)
-    return np.asarray(q if q[0] >= 0 else -q, float)
 
 
 @lru_cache(maxsize=8)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.random_draws import in_cone, uniform_direction
 from flyaround.simulator.world.ephemeris.body import bodies_at, body_named
 from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
 from flyaround.simulator.world.frames.rotation import quat_from_matrix
@@ -20,8 +21,8 @@ from flyaround.simulator.world.time.instant import Instant
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from flyaround.simulator.recipes.file import Sky
     from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scenario.recipe import Sky
     from flyaround.simulator.world.ephemeris.body import Body, BodyState
 
 YEAR_START_UTC = "2026-01-01T00:00:00Z"
@@ -136,20 +137,6 @@ def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nad
         r_sun_eci_m=r_sun,
         bodies=bodies_at(now, body),
     )
-
-
-def uniform_direction(rng: Generator) -> FloatArray:
-    """(3,) unit vector, uniform on the sphere."""
-    v = rng.standard_normal(3)
-    return np.asarray(v / np.linalg.norm(v), float)
-
-
-def in_cone(rng: Generator, axis: FloatArray, low_deg: float, high_deg: float) -> FloatArray:
-    """Uniform in solid angle between two angles from an axis along z."""
-    c = rng.uniform(np.cos(np.radians(high_deg)), np.cos(np.radians(low_deg)))
-    azimuth = rng.uniform(0, 2 * np.pi)
-    s = np.sqrt(1 - c**2)
-    return np.array([s * np.cos(azimuth), s * np.sin(azimuth), c * axis[2]])
 
 
 def _triad(first: FloatArray, second: FloatArray) -> FloatArray:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import field, fields
+from functools import cache
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 from msgspec import Meta
@@ -16,6 +18,8 @@ Seconds = Annotated[float, Meta(gt=0, le=1e6)]
 Speed = Annotated[float, Meta(ge=-1e3, le=1e3)]
 Inertia = Annotated[float, Meta(gt=0, le=1e9)]
 TorqueNm = Annotated[float, Meta(ge=-1e3, le=1e3)]
+_T = TypeVar("_T")
+Interval = tuple[_T, _T]
 DirectionXyz = tuple[float, float, float]
 MetresXyz = tuple[Metres, Metres, Metres]
 SpeedXyz = tuple[Speed, Speed, Speed]
@@ -23,3 +27,14 @@ SpeedXyz = tuple[Speed, Speed, Speed]
 
 class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A table of a file; keys that are not listed are refused. Angles are in degrees, as users write them."""
+
+
+def bounded(default: float, low: float, high: float) -> Any:  # noqa: ANN401 - as of `dataclasses.field`
+    """Return a dataclass field with a default, and its smallest and largest value for `bounds_of`."""
+    return field(default=default, metadata={"bounds": (low, high)})
+
+
+@cache
+def bounds_of(kind: Any) -> dict[str, tuple[float, float]]:  # noqa: ANN401 - a dataclass
+    """Return the smallest and largest value of each field of a dataclass that has bounds."""
+    return {f.name: f.metadata["bounds"] for f in fields(kind) if f.metadata}

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import re
 import tomllib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import (
     MOST_DEEP,
     TOML_TEXT,
     decode_text,
+    read_regular,
     refuse_deep,
     refuse_not_finite,
 )
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 MOST_TOML_BYTES = 1_000_000  # a hundred times the longest built-in file
 MOST_DOTS = 16
@@ -21,6 +25,24 @@ MOST_DOTS = 16
 _DOTTED = re.compile(
     rb"""(?<![\w\-."'])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % (MOST_DOTS + 1)
 )
+
+
+def read_toml(path: Path, name: str, advice: str) -> bytes:
+    """Read the contents of a TOML file.
+
+    Parameters
+    ----------
+    name : of the file, for messages. advice : what to do if it cannot be read.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read.
+    """
+    try:
+        return read_regular(path, MOST_TOML_BYTES)
+    except OSError as error:
+        raise UserError(f"{name} cannot be read: {error.strerror or error}; {advice}") from error
 
 
 def parse_toml(content: bytes, where: str) -> dict[str, Any]:

@@ -3,14 +3,34 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 from msgspec import inspect as mi
 
-from flyaround.simulator.errors import near_names
+from flyaround.simulator.errors import UserError, near_names
+
+_T = TypeVar("_T", bound=msgspec.Struct)
 
 _PATH = re.compile(r"(?P<what>.*?)(?: - at `\$(?P<path>[^`]*)`)?", re.DOTALL)
+
+
+def convert_document(raw: dict[str, Any], kind: type[_T], where: str) -> _T:
+    """Convert a file's content to its type.
+
+    Parameters
+    ----------
+    where : name of the file, for messages.
+
+    Raises
+    ------
+    UserError
+        If a key is wrong: the key, the value given and what is allowed.
+    """
+    try:
+        return msgspec.convert(raw, kind)
+    except msgspec.ValidationError as error:
+        raise UserError(f"{where}: {explain(str(error), raw, kind)}") from error
 
 
 def explain(message: str, raw: dict[str, Any], root: type[msgspec.Struct]) -> str:

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
-from flyaround.simulator.runtime.untrusted_files import read_regular
-from flyaround.simulator.runtime.validation_errors import explain
+from flyaround.simulator.runtime.sections import Section
+from flyaround.simulator.runtime.toml_file import parse_toml, read_toml
+from flyaround.simulator.runtime.validation_errors import convert_document
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,9 +29,7 @@ Milliseconds = Annotated[float, msgspec.Meta(ge=0, le=60_000)]
 Direction = Literal["to_board", "to_host", "both"]
 
 
-class _Fault(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag=None
-):
+class _Fault(Section, frozen=True, kw_only=True, tag_field="kind", tag=None):
     """What all faults share: from and until when they act [s of the flight]."""
 
     start_s: Time = 0.0
@@ -47,43 +45,43 @@ class _Fault(
         return self.start_s <= t_s < self.end_s
 
 
-class StuckPixels(_Fault, tag="stuck_pixels", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class StuckPixels(_Fault, tag="stuck_pixels", frozen=True, kw_only=True):
     """A share of the pixels gives one number each, whatever falls on them."""
 
     share: Share = 0.001
 
 
-class DeadPixels(_Fault, tag="dead_pixels", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class DeadPixels(_Fault, tag="dead_pixels", frozen=True, kw_only=True):
     """A share of the pixels gives 0."""
 
     share: Share = 0.001
 
 
-class RowLoss(_Fault, tag="row_loss", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class RowLoss(_Fault, tag="row_loss", frozen=True, kw_only=True):
     """So many rows of a frame, others in each, are 0."""
 
     rows: Annotated[int, msgspec.Meta(ge=1, le=100_000)] = 1
     chance: Share = 1.0
 
 
-class ColumnLoss(_Fault, tag="column_loss", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class ColumnLoss(_Fault, tag="column_loss", frozen=True, kw_only=True):
     """So many columns, the same in each frame, are 0."""
 
     columns: Annotated[int, msgspec.Meta(ge=1, le=100_000)] = 1
 
 
-class HalfFrame(_Fault, tag="half_frame", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class HalfFrame(_Fault, tag="half_frame", frozen=True, kw_only=True):
     """The read-out stops: from some row on a frame is 0."""
 
     chance: Share = 1.0
     at: Share = 0.5
 
 
-class FrozenPicture(_Fault, tag="frozen", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class FrozenPicture(_Fault, tag="frozen", frozen=True, kw_only=True):
     """The camera gives the last picture before ``start_s`` again and again, with new numbers and times."""
 
 
-class Blinding(_Fault, tag="blinding", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Blinding(_Fault, tag="blinding", frozen=True, kw_only=True):
     """A bright source: full scale within ``radius`` of a place, falling off outside; shares of the picture's width."""
 
     x: Share = 0.5
@@ -91,17 +89,17 @@ class Blinding(_Fault, tag="blinding", frozen=True, kw_only=True, forbid_unknown
     radius: Share = 0.2
 
 
-class GainStep(_Fault, tag="gain_step", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class GainStep(_Fault, tag="gain_step", frozen=True, kw_only=True):
     """The camera's numbers are so many times what they should be."""
 
     factor: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 2.0
 
 
-class StuckExposure(_Fault, tag="exposure_stuck", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class StuckExposure(_Fault, tag="exposure_stuck", frozen=True, kw_only=True):
     """The exposure time stays what it was at ``start_s``."""
 
 
-class RepeatedNumber(_Fault, tag="repeated_number", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class RepeatedNumber(_Fault, tag="repeated_number", frozen=True, kw_only=True):
     """The camera's own counter, in the time code, stays at the last number."""
 
     chance: Share = 1.0
@@ -121,60 +119,60 @@ CameraFault = (
 )
 
 
-class Delay(_Fault, tag="delay", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Delay(_Fault, tag="delay", frozen=True, kw_only=True):
     """Every packet comes so much later."""
 
     delay_ms: Milliseconds
     direction: Direction = "to_board"
 
 
-class Jitter(_Fault, tag="jitter", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Jitter(_Fault, tag="jitter", frozen=True, kw_only=True):
     """Every frame comes later by 0 to so much, evenly spread; order is kept."""
 
     most_ms: Milliseconds
     direction: Direction = "to_board"
 
 
-class Drop(_Fault, tag="drop", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Drop(_Fault, tag="drop", frozen=True, kw_only=True):
     """Packets of frames and answers are lost."""
 
     chance: Share
     direction: Direction = "both"
 
 
-class Duplicate(_Fault, tag="duplicate", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Duplicate(_Fault, tag="duplicate", frozen=True, kw_only=True):
     """Packets of frames and answers come twice."""
 
     chance: Share
     direction: Direction = "both"
 
 
-class Reorder(_Fault, tag="reorder", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Reorder(_Fault, tag="reorder", frozen=True, kw_only=True):
     """A packet comes after the one that was sent next."""
 
     chance: Share
     direction: Direction = "both"
 
 
-class Corrupt(_Fault, tag="corrupt", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Corrupt(_Fault, tag="corrupt", frozen=True, kw_only=True):
     """One bit of a packet is turned over."""
 
     chance: Share
     direction: Direction = "both"
 
 
-class Bandwidth(_Fault, tag="bandwidth", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Bandwidth(_Fault, tag="bandwidth", frozen=True, kw_only=True):
     """No more bytes a second than this."""
 
     bytes_per_s: Annotated[float, msgspec.Meta(ge=100, le=1e10)]
     direction: Direction = "to_board"
 
 
-class Disconnect(_Fault, tag="disconnect", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Disconnect(_Fault, tag="disconnect", frozen=True, kw_only=True):
     """The line is cut once, at the first frame from ``start_s`` on."""
 
 
-class ClockDrift(_Fault, tag="clock_drift", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class ClockDrift(_Fault, tag="clock_drift", frozen=True, kw_only=True):
     """The board's clock runs fast by so many parts in a million."""
 
     ppm: Annotated[float, msgspec.Meta(ge=-100_000, le=100_000)]
@@ -183,7 +181,7 @@ class ClockDrift(_Fault, tag="clock_drift", frozen=True, kw_only=True, forbid_un
 LineFault = Delay | Jitter | Drop | Duplicate | Reorder | Corrupt | Bandwidth | Disconnect | ClockDrift
 
 
-class Faults(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Faults(Section, frozen=True, kw_only=True):
     """What goes wrong on purpose where a board is fed (hil host, campaigns): in the camera and on the line to it.
 
     Parameters
@@ -209,15 +207,10 @@ def read_faults(path: Path) -> Faults:
     UserError
         If there is none, or it has a mistake: key, value given and what is allowed.
     """
-    try:
-        document = parse_toml(read_regular(path, MOST_TOML_BYTES), str(path))
-    except OSError as error:
-        raise UserError(f"{path} cannot be read ({error.strerror}): name a faults file") from error
-    try:
-        faults = msgspec.convert(document, Faults)
-    except msgspec.ValidationError as error:
-        raise UserError(f"{path}: {explain(str(error), document, Faults)}") from error
-    check_times(faults, str(path))
+    where = str(path)
+    document = parse_toml(read_toml(path, where, "name a faults file"), where)
+    faults = convert_document(document, Faults, where)
+    check_times(faults, where)
     return faults
 
 

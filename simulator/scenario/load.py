@@ -1,4 +1,4 @@
-"""Reading scenarios: built-in names and TOML files, every mistake in one sentence."""
+"""Loads scenarios, recipes and ranges by built-in name or from TOML files; every mistake is one sentence."""
 
 from __future__ import annotations
 
@@ -6,48 +6,119 @@ import datetime as dt
 import re
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import msgspec
 
 from flyaround.simulator.camera.detector.limits import optics_problem, response_problem, sensor_problem
 from flyaround.simulator.camera.lens.files import CameraFile, read_camera_file
 from flyaround.simulator.errors import UserError, near_names
-from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
-from flyaround.simulator.runtime.untrusted_files import read_regular
-from flyaround.simulator.runtime.validation_errors import explain
-from flyaround.simulator.scenario.checks import check_physics
+from flyaround.simulator.runtime.plugins import plugins
+from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml, read_toml
+from flyaround.simulator.runtime.untrusted_files import find_beside, read_regular
+from flyaround.simulator.runtime.validation_errors import convert_document
+from flyaround.simulator.scenario.checks import check_document, refuse, reversed_intervals
 from flyaround.simulator.scenario.faults import check_times
 from flyaround.simulator.scenario.messages import resolve_messages
+from flyaround.simulator.scenario.recipe import PoseList, Recipe
 from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scenario.vary import Vary
 from flyaround.simulator.scene.environments import ENVIRONMENTS
+from flyaround.simulator.targets.library import list_targets
 from flyaround.simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from flyaround.simulator.camera.detector.optics import Optics
-    from flyaround.simulator.camera.detector.sensor import Sensor
-    from flyaround.simulator.scene.illumination.bands import Bands
+    from collections.abc import Iterator
+
+    from flyaround.simulator.scenario.recipe import AnyPoses
+
+Kind = Literal["scenario", "recipe"]
+_Document = TypeVar("_Document", Scenario, Recipe)
+
+MOST_BASES = 8
+OF_TARGET = "eval-black"
+"""Recipe whose name may be followed by a target: eval-black-dragon is eval-black with --target dragon."""
+_NOT_INHERITED = ("base", "name", "members")
 
 
 def list_scenarios() -> tuple[str, ...]:
-    """Names of the built-in scenarios."""
-    folder = files("flyaround.assets").joinpath("scenarios")
-    return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
+    """Return the names of the built-in scenarios."""
+    return _built_in_names("scenario")
+
+
+def list_recipes() -> tuple[str, ...]:
+    """Return the names of the built-in recipes, then of those that other packages add."""
+    built_in = _built_in_names("recipe")
+    return (*built_in, *(name for name in plugins("recipe") if name not in built_in))
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
-    """A scenario by its built-in name or from a TOML file.
+    """Load a scenario by its built-in name or from a TOML file.
 
     Raises
     ------
     UserError
         If there is none, or the file has a mistake: file, key, value given and what is allowed.
     """
-    text, content = str(name_or_path), scenario_source(name_or_path)
-    if text in list_scenarios():
-        return parse_scenario(content, f"built-in scenario {text}", text, Path())
+    return parse_scenario(scenario_source(name_or_path), *_origin("scenario", name_or_path))
+
+
+def load_recipe(name_or_path: str | Path) -> Recipe:
+    """Load a recipe by its built-in name or from a TOML file, with the sections of its base.
+
+    Raises
+    ------
+    UserError
+        If there is none, or the file has a mistake: file, key, value given and what is allowed.
+    """
+    text = str(name_or_path)
+    if (target := target_in(text)) is not None:
+        recipe = load_recipe(OF_TARGET)
+        return msgspec.structs.replace(recipe, name=text, title=f"{recipe.title}, of {target}", target=target)
+    where, stem, folder = _origin("recipe", name_or_path)
+    raw = _with_base(toml_table(_source("recipe", name_or_path), where), where, folder)
+    recipe = _resolved(convert_document(raw, Recipe, where), where, stem, folder)
+    recipe = msgspec.structs.replace(recipe, poses=_beside(recipe.poses, where, folder))
+    check_document(recipe, where)
+    return recipe
+
+
+def load_vary(path: str | Path, own: Vary | None = None) -> Vary:
+    """Load ranges from a TOML file.
+
+    Parameters
+    ----------
+    own : a recipe's own ranges, which stand for the keys that the file does not have.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read, or has a mistake: key, value given and what is allowed.
+    """
+    where = str(path)
+    raw = toml_table(read_toml(Path(path), f"--vary {where}", "give a TOML file of ranges"), where)
+    vary = convert_document(raw, Vary, where)
+    if own is not None:
+        vary = msgspec.convert(_merged(msgspec.to_builtins(own), raw), Vary)
+    refuse(reversed_intervals(vary), where)
+    return vary
+
+
+def is_recipe(name_or_path: str) -> bool:
+    """Return True if a name is a built-in recipe's, or that of a file which calls itself one."""
+    if name_or_path in list_recipes() or target_in(name_or_path) is not None:
+        return True
     path = Path(name_or_path)
-    return parse_scenario(content, text, path.stem, path.parent)
+    try:
+        return path.is_file() and b"flyaround.recipe" in read_regular(path, MOST_TOML_BYTES)
+    except (OSError, UserError):
+        return False
+
+
+def target_in(name: str) -> str | None:
+    """Return the target in a name such as eval-black-dragon, or None if there is none."""
+    target = name.removeprefix(f"{OF_TARGET}-")
+    return target if target != name and target in list_targets() else None
 
 
 def scenario_source(name_or_path: str | Path) -> bytes:
@@ -58,44 +129,53 @@ def scenario_source(name_or_path: str | Path) -> bytes:
     UserError
         If there is none, or it cannot be read.
     """
-    text, path = str(name_or_path), Path(name_or_path)
-    if text in list_scenarios():
-        return files("flyaround.assets").joinpath("scenarios", f"{text}.toml").read_bytes()
+    return _source("scenario", name_or_path)
+
+
+def built_in_text(kind: Kind, name: str) -> str:
+    """Return the file of a built-in scenario or recipe, or of a recipe that another package adds.
+
+    Raises
+    ------
+    UserError
+        If there is none of that name.
+    """
+    if name not in _names(kind):
+        raise UserError(_no_such(kind, name))
+    built_in = files("flyaround.assets").joinpath(f"{kind}s", f"{name}.toml")
+    if built_in.is_file():
+        return built_in.read_text(encoding="utf-8")
+    plugin = plugins("recipe")[name]
+    file = plugin.load()
     try:
-        if not path.is_file():
-            raise UserError(_no_such_scenario(text, path))
-        return read_regular(path, MOST_TOML_BYTES)
-    except OSError as error:
-        raise UserError(f"{text} cannot be read: {error.strerror or error}") from error
-
-
-def scenario_json_schema() -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of the scenario file."""
-    schema = msgspec.json.schema(Scenario)
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "Flyaround scenario, version 1",
-        **schema,
-    }
+        return str(file.read_text(encoding="utf-8"))
+    except (AttributeError, OSError, ValueError) as error:
+        raise plugin.wrong(f"is no file that can be read ({error})") from error
 
 
 def toml_table(content: bytes, where: str) -> dict[str, Any]:
-    """A TOML file as msgspec takes it, the layers of its environment's preset filled in.
+    """Parse a TOML file for msgspec, and add the layers of its environment's preset.
 
     Raises
     ------
     UserError
         If it is no TOML, or has a value that no file of ours has.
     """
-    return _with_preset_layers(_toml_values(parse_toml(content, where), where, ""))
+    raw: dict[str, Any] = _toml_values(parse_toml(content, where), where, "")
+    section = raw.get("environment")
+    # an unknown preset is left to the validation
+    if isinstance(section, dict) and section.get("preset") in ENVIRONMENTS:
+        raw["environment"] = {**msgspec.structs.asdict(ENVIRONMENTS[section["preset"]]), **section}
+    return raw
 
 
 def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
-    """A scenario from a file's contents.
+    """Parse a scenario from a file's contents.
 
     Parameters
     ----------
-    where : what messages call it. stem : its name if it has none. folder : of the files that it names.
+    where : name of the file, for messages. stem : name of the scenario unless it has one.
+    folder : in which the files that it names are.
 
     Raises
     ------
@@ -103,32 +183,59 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
         If it has a mistake: key, value given and what is allowed.
     """
     raw = toml_table(content, where)
-    try:
-        scenario = msgspec.convert(raw, Scenario)
-    except msgspec.ValidationError as error:
-        raise UserError(f"{where}: {explain(str(error), raw, Scenario)}") from error
+    scenario = convert_document(raw, Scenario, where)
     try:
         Instant.from_utc(scenario.epoch_utc)
     except ValueError as error:
         raise UserError(f"{where}: key epoch_utc: {error}") from error
-    scenario = msgspec.structs.replace(
-        scenario,
-        name=scenario.name or stem,
-        camera=resolve_camera(scenario.camera, where, folder),
-        optics=scenario.optics.with_kernel(folder, where),
-    )
-    scenario.camera_model  # noqa: B018 - raises where the region or the binning does not fit
-    check_detector(scenario.sensor_model, scenario.optics_model, scenario.output.bands, where)
-    scenario = _with_one_mass(scenario, raw, where)
+    scenario = _with_one_mass(_resolved(scenario, where, stem, folder), raw, where)
     scenario = resolve_messages(scenario, where, folder)
-    check_physics(scenario, where)
+    check_document(scenario, where)
     if scenario.faults is not None:
         check_times(scenario.faults, where)
     return scenario
 
 
+def _resolved(document: _Document, where: str, stem: str, folder: Path) -> _Document:
+    """Return the document with its name, and with the camera and the PSF that it names read and checked."""
+    camera = document.camera
+    if not isinstance(camera, CameraFile):
+        try:
+            found = read_camera_file(camera, folder)
+        except UserError as error:
+            raise UserError(f"{where}: key camera: {error}") from error
+        camera = msgspec.structs.replace(found, name=found.name or Path(camera).stem)
+    camera.camera(f"{where}: camera")
+    document = msgspec.structs.replace(
+        document,
+        name=document.name or stem,
+        camera=camera,
+        optics=document.optics.with_kernel(folder, where),
+    )
+    document.camera_model  # noqa: B018 - raises where the region or the binning does not fit
+    _check_detector(document, where)
+    return document
+
+
+def _check_detector(document: Scenario | Recipe, where: str) -> None:
+    """Refuse a lens or a detector that is impossible, or does not go with the bands."""
+    sensor, optics, bands = document.sensor_model, document.optics.optics(), document.output.bands
+    problem = (
+        sensor_problem(sensor)
+        or optics_problem(optics)
+        or response_problem(sensor, optics, 1 if bands == "mono" else 3)
+    )
+    detector = sensor.detector
+    if problem is None and detector is not None and detector.colour_filter != "none" and bands == "mono":
+        problem = (
+            f'sensor.detector.colour_filter is {detector.colour_filter!r}, which needs output.bands = "rgb"'
+        )
+    if problem is not None:
+        raise UserError(f"{where}: key {problem}")
+
+
 def _with_one_mass(scenario: Scenario, raw: dict[str, Any], where: str) -> Scenario:
-    """The scenario whose thrusters push the mass that air and sunlight do, where the file gives it for these alone."""
+    """Give the thrusters the chaser's mass where the file has it for air and sunlight alone."""
     thrusters, mass_kg = scenario.chaser.acting_thrusters, scenario.forces.chaser.mass_kg
     if thrusters is None or mass_kg is None or thrusters.mass_kg == mass_kg:
         return scenario
@@ -142,56 +249,62 @@ def _with_one_mass(scenario: Scenario, raw: dict[str, Any], where: str) -> Scena
     return msgspec.structs.replace(scenario, chaser=chaser)
 
 
-def _with_preset_layers(raw: dict[str, Any]) -> dict[str, Any]:
-    """The file with the layers of its environment's preset filled in; an unknown preset is left to the validation."""
-    section = raw.get("environment")
-    if not isinstance(section, dict) or section.get("preset") not in ENVIRONMENTS:
-        return raw
-    return {**raw, "environment": {**msgspec.structs.asdict(ENVIRONMENTS[section["preset"]]), **section}}
-
-
-def resolve_camera(camera: str | CameraFile, where: str, folder: Path) -> CameraFile:
-    """The camera of a file: a built-in name, a path beside the file, or the table itself.
+def _with_base(raw: dict[str, Any], where: str, folder: Path) -> dict[str, Any]:
+    """Return a recipe's sections over those of its bases; ``[vary]`` is merged by key, others are replaced.
 
     Raises
     ------
     UserError
-        If there is none, or it cannot be.
+        If a base is missing, or they form a circle.
     """
-    if isinstance(camera, CameraFile):
-        found = camera
-    else:
-        try:
-            found = read_camera_file(camera, folder)
-        except UserError as error:
-            raise UserError(f"{where}: key camera: {error}") from error
-        if not found.name:
-            found = msgspec.structs.replace(found, name=Path(camera).stem)
-    found.camera(f"{where}: camera")
-    return found
+    whole = raw
+    for base in _bases(raw, where, folder):
+        both = _merged({"vary": base.get("vary")}, {"vary": whole["vary"]}) if "vary" in whole else {}
+        whole = {**{k: v for k, v in base.items() if k not in _NOT_INHERITED}, **whole, **both}
+    return whole
 
 
-def check_detector(sensor: Sensor, optics: Optics, bands: Bands, where: str) -> None:
-    """Refuse a lens or detector that cannot be.
+def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """Merge two nested tables by key; a value of ``over`` replaces that of ``under``."""
+    return under | {
+        key: _merged(under[key], value)
+        if isinstance(value, dict) and isinstance(under.get(key), dict)
+        else value
+        for key, value in over.items()
+    }
 
-    Raises
-    ------
-    UserError
-        With the key, its value and what is allowed.
-    """
-    problem = (
-        optics_problem(optics)
-        or sensor_problem(sensor)
-        or response_problem(sensor, optics, 1 if bands == "mono" else 3)
+
+def _bases(raw: dict[str, Any], where: str, folder: Path) -> Iterator[dict[str, Any]]:
+    for _ in range(MOST_BASES):
+        name = raw.get("base", "")
+        if not name:
+            return
+        if not isinstance(name, str):
+            raise UserError(f"{where}: key base is {name!r}, allowed: the name of a recipe in quotes")
+        names = list_recipes()
+        if name in names:
+            content = built_in_text("recipe", name).encode()
+        else:
+            path = find_beside(folder / Path(where).name, name, "base")
+            advice = f"name one of {', '.join(names)}, or a file beside this one"
+            content = read_toml(path, f"{where}: key base: {path}", advice)
+        where = f"{where}: base {name}"
+        raw = toml_table(content, where)
+        yield raw
+    raise UserError(
+        f"{where}: key base: recipes stand on each other {MOST_BASES} deep or in a circle; cut one"
     )
-    if problem is not None:
-        raise UserError(f"{where}: key {problem}")
-    detector = sensor.detector
-    if detector is not None and detector.colour_filter != "none" and bands == "mono":
-        raise UserError(
-            f"{where}: key sensor.detector.colour_filter is {detector.colour_filter!r}, which needs "
-            'output.bands = "rgb"'
-        )
+
+
+def _beside(poses: AnyPoses | None, where: str, folder: Path) -> AnyPoses | None:
+    """Return poses whose file, if it is in the folder, is a path from here."""
+    if poses is None:
+        return None
+    key = "file" if isinstance(poses, PoseList) else "scenario"
+    name = getattr(poses, key)
+    if not name.strip():
+        raise UserError(f"{where}: section [poses] names no file or scenario; give one")
+    return msgspec.structs.replace(poses, **{key: str(folder / name)}) if (folder / name).is_file() else poses
 
 
 def _toml_values(value: Any, where: str, key: str) -> Any:  # noqa: ANN401 - a TOML value is anything
@@ -210,10 +323,41 @@ def _toml_values(value: Any, where: str, key: str) -> Any:  # noqa: ANN401 - a T
     return value
 
 
-def _no_such_scenario(text: str, path: Path) -> str:
-    names = list_scenarios()
-    if path.suffix == ".toml" or re.search(r"[/\\]", text):
-        return f"there is no scenario file {text!r}: give a TOML file, or one of {', '.join(names)}"
+def _built_in_names(kind: Kind) -> tuple[str, ...]:
+    folder = files("flyaround.assets").joinpath(f"{kind}s")
+    return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
+
+
+def _names(kind: Kind) -> tuple[str, ...]:
+    return list_scenarios() if kind == "scenario" else list_recipes()
+
+
+def _origin(kind: Kind, name_or_path: str | Path) -> tuple[str, str, Path]:
+    """Return a file's name for messages, the document's unless it has one, and the folder of files that it names."""
+    text, path = str(name_or_path), Path(name_or_path)
+    if text in _names(kind):
+        return f"built-in {kind} {text}", text, Path()
+    return text, path.stem, path.parent
+
+
+def _source(kind: Kind, name_or_path: str | Path) -> bytes:
+    """Return the contents of a file, built-in, of another package or a user's."""
+    text, path = str(name_or_path), Path(name_or_path)
+    if text in _names(kind):
+        return built_in_text(kind, text).encode()
+    try:
+        if not path.is_file():
+            raise UserError(_no_such(kind, text))
+        return read_regular(path, MOST_TOML_BYTES)
+    except OSError as error:
+        raise UserError(f"{text} cannot be read: {error.strerror or error}; check the path") from error
+
+
+def _no_such(kind: Kind, text: str) -> str:
+    names = _names(kind)
+    if text.endswith(".toml") or re.search(r"[/\\]", text):
+        return f"there is no {kind} file {text!r}: give a TOML file, or one of {', '.join(names)}"
     near = near_names(text, names, 3)
     hint = f"did you mean {' or '.join(near)}?" if near else f"built-in ones are {', '.join(names)}"
-    return f"there is no scenario {text!r}: {hint}"
+    more = f", or {OF_TARGET}-NAME of a target" if kind == "recipe" else ""
+    return f"there is no {kind} {text!r}: {hint}{more}"

@@ -51,12 +51,8 @@ _BINARY = (
 )
 _TEXT = (
     ("stk.v.", "an STK ephemeris (.e), which GMAT writes too", "export it as a CCSDS OEM"),
-    ("#a", "an SP3 orbit file", "convert it to a CCSDS OEM"),
-    ("#b", "an SP3 orbit file", "convert it to a CCSDS OEM"),
-    ("#c", "an SP3 orbit file", "convert it to a CCSDS OEM"),
-    ("#d", "an SP3 orbit file", "convert it to a CCSDS OEM"),
-    ("H1 CPF", "a CPF laser-ranging prediction", "convert it to a CCSDS OEM"),
-    ("h1 cpf", "a CPF laser-ranging prediction", "convert it to a CCSDS OEM"),
+    (("#a", "#b", "#c", "#d"), "an SP3 orbit file", "convert it to a CCSDS OEM"),
+    (("H1 CPF", "h1 cpf"), "a CPF laser-ranging prediction", "convert it to a CCSDS OEM"),
     ("CCSDS_OCM_VERS", "a CCSDS OCM", "export it as an OEM"),
     ("CCSDS_AEM_VERS", "a CCSDS AEM, an attitude", "name it by attitude.aem_file"),
     ("CCSDS_APM_VERS", "a CCSDS APM, an attitude", "give an OEM"),
@@ -96,19 +92,13 @@ def read_orbit_file(
     """
     text = _text_of(data, where)
     start = first_line(text)
-    if start.startswith("CCSDS_OEM_VERS"):
-        return _checked(
-            ephemeris_of(
-                read_segments(text, where, "OEM"), where, epoch, centre=centre.upper(), satellite=satellite
-            ),
-            centre,
-        )
-    if start.startswith("<"):
-        kind, segments = read_ndm(text, where)
+    is_text, is_xml = start.startswith("CCSDS_OEM_VERS"), start.startswith("<")
+    if is_text or is_xml:
+        kind, segments = ("oem", read_segments(text, where, "OEM")) if is_text else read_ndm(text, where)
         if kind == "oem":
-            return _checked(
-                ephemeris_of(segments, where, epoch, centre=centre.upper(), satellite=satellite), centre
-            )
+            found = ephemeris_of(segments, where, epoch, centre=centre.upper(), satellite=satellite)
+            found.refuse_impossible(body_named(centre))
+            return found
         chosen = _one(segments, where, satellite)
         return _opm_state(chosen, epoch, centre) if kind == "opm" else _omm_state(chosen, epoch, centre)
     if is_state_message(text, "OPM"):
@@ -121,10 +111,9 @@ def read_orbit_file(
         return _omm_state(_one(read_csv_objects(text, where), where, satellite), epoch, centre)
     if is_element_file(text):
         _require_earth(centre, where, "two-line elements are")
-        found = choose_set(read_element_sets(text, where), satellite, where)
-        return state_from_tle(found.line1, found.line2, epoch)
-    lower = start.upper()
-    hint = " (its keys must be in capitals)" if lower.startswith("CCSDS_") else ""
+        elements = choose_set(read_element_sets(text, where), satellite, where)
+        return state_from_tle(elements.line1, elements.line2, epoch)
+    hint = " (its keys must be in capitals)" if start.upper().startswith("CCSDS_") else ""
     raise UserError(f"{where} is no orbit file that is known{hint}: read are {READ}")
 
 
@@ -137,9 +126,10 @@ def _text_of(data: bytes, where: str) -> str:
     start = first_line(text)
     if not start:
         raise UserError(f"{where} is empty: read are {READ}")
-    for mark, what, remedy in (*_TEXT, *_WITHIN):
-        if start.startswith(mark) or ((mark, what, remedy) in _WITHIN and mark in text[:100_000]):
-            raise UserError(f"{where} is {what}, which is not read: {remedy}")
+    foreign = [row[1:] for row in _TEXT if start.startswith(row[0])]
+    foreign += [row[1:] for row in _WITHIN if row[0] in text[:100_000]]
+    for what, remedy in foreign:
+        raise UserError(f"{where} is {what}, which is not read: {remedy}")
     return text
 
 
@@ -156,11 +146,6 @@ def _one(segments: list[Segment], where: str, satellite: str | None) -> Segment:
             f"{where} has {len(chosen)} sets of elements of one object: keep the one nearest to the epoch"
         )
     return chosen[0]
-
-
-def _checked(ephemeris: Ephemeris, centre: str) -> Ephemeris:
-    ephemeris.refuse_impossible(body_named(centre))
-    return ephemeris
 
 
 def _require_earth(centre: str, where: str, what: str) -> None:

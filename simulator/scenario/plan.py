@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import msgspec
 
@@ -12,6 +13,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.imaging.auto_exposure import ExposureTrack
 from flyaround.simulator.imaging.metering import wanted_exposure_s
 from flyaround.simulator.scenario.flight import fly, frame_times
+from flyaround.simulator.scenario.variation import FrameVariation
 from flyaround.simulator.scene.build import build_scene
 from flyaround.simulator.scene.illumination.bands import Bands
 from flyaround.simulator.scene.state import Quality, SceneState, TargetRef
@@ -19,7 +21,9 @@ from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Target
 
 if TYPE_CHECKING:
+    from flyaround.simulator.scenario.recipe import Recipe
     from flyaround.simulator.scenario.scenario import Scenario
+    from flyaround.simulator.scenario.vary import Vary
     from flyaround.simulator.scene.second_camera import SecondCamera
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.flight.world_state import WorldState
@@ -48,58 +52,109 @@ class Exposures(Protocol):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Plan:
-    """Moments of a flight that become frames. ``scene(k)`` depends on (scenario, seed, k) alone.
+class DocumentPlan(ABC):
+    """Frames of a scenario or a recipe. ``scene(k)`` depends on (document, seed, k) alone.
+
+    Parameters
+    ----------
+    every_s : spacing if it was given as one. vary : ranges out of which each frame is varied.
+    """
+
+    target: Target
+    camera: Camera
+    seed: int
+    bands: Bands = "mono"
+    quality: Quality = "default"
+    every_s: float | None = None
+    vary: Vary | None = None
+
+    if TYPE_CHECKING:
+
+        @property
+        def n_frames(self) -> int:
+            """Number of frames."""
+
+    @property
+    @abstractmethod
+    def document(self) -> Scenario | Recipe:
+        """The scenario or recipe."""
+
+    @abstractmethod
+    def planned_scene(self, k: int) -> SceneState:
+        """Return the scene of frame k before it is varied."""
+
+    @abstractmethod
+    def next_scene(self, k: int) -> SceneState | None:
+        """Return the scene that optical flow leads to from frame k; None if there is none."""
+
+    @property
+    def scenario_name(self) -> str:
+        """Name of the scenario or recipe."""
+        return self.document.name
+
+    @property
+    def scenario_document(self) -> dict[str, Any]:
+        """The scenario or recipe as a JSON-able document, with the ranges if there are any."""
+        document = msgspec.json.decode(msgspec.json.encode(self.document))
+        ranges = {} if self.vary is None else {"vary": msgspec.json.decode(msgspec.json.encode(self.vary))}
+        return {**document, **ranges}
+
+    @property
+    def second_camera(self) -> SecondCamera | None:
+        """A second camera of the same instants, if there is one."""
+        return self.document.second_camera
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Label layers that the scenario or recipe asks for."""
+        return self.document.output.labels
+
+    def scene(self, k: int) -> SceneState:
+        """Return the scene of frame k.
+
+        Raises
+        ------
+        UserError
+            If a recipe's constraints allow no pose, or the ranges do not fit the sensor.
+        """
+        scene, vary = self.planned_scene(k), self.vary
+        return scene if vary is None else FrameVariation(vary, self.seed, self.target).scene(scene, k)
+
+    def target_of(self, k: int) -> Target:
+        """Return the craft of frame k, its surfaces and shape varied if the ranges vary them."""
+        return self.scene(k).target.drawn(self.target)
+
+
+P = TypeVar("P", bound=DocumentPlan)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plan(DocumentPlan):
+    """Moments of a flight that become frames.
 
     Parameters
     ----------
     times_s : mid-exposure of each frame, from the flight's start [s].
-    every_s : spacing if it was given as one.
     exposures : the automatic exposure along the flight; None for a fixed one.
     """
 
     scenario: Scenario
     flight: Flight
-    target: Target
-    camera: Camera
     times_s: tuple[float, ...]
-    every_s: float | None
-    seed: int
-    bands: Bands
-    quality: Quality
     exposures: Exposures | None = None
+
+    @property
+    def document(self) -> Scenario:
+        """The scenario."""
+        return self.scenario
 
     @property
     def n_frames(self) -> int:
         """Number of frames."""
         return len(self.times_s)
 
-    def target_of(self, k: int) -> Target:  # noqa: ARG002 - as of other plans
-        """Return the craft of frame k: of a flight the model itself."""
-        return self.target
-
-    @property
-    def scenario_name(self) -> str:
-        """Name of the scenario."""
-        return self.scenario.name
-
-    @property
-    def second_camera(self) -> SecondCamera | None:
-        """A second camera of the same instants, if there is one."""
-        return self.scenario.second_camera
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Label layers that the scenario asks for."""
-        return self.scenario.output.labels
-
-    @property
-    def scenario_document(self) -> dict[str, Any]:
-        """The scenario as a JSON-able document, with this plan's overrides."""
-        return dict(msgspec.json.decode(msgspec.json.encode(self.scenario)))
-
-    def scene(self, k: int) -> SceneState:
-        """The snapshot of frame k."""
+    def planned_scene(self, k: int) -> SceneState:
+        """Return the scene of frame k before it is varied."""
         t = self.times_s[k]
         exposure = None if self.exposures is None else self.exposures.exposure_s(t)
         return self._scene(self.flight.state(t), k, exposure)
@@ -133,8 +188,8 @@ class Plan:
             quality=self.quality,
             bands=self.bands,
             environment=scenario.environment.layers(),
-            shutter=scenario.shutter_model,
-            optics=scenario.optics_model,
+            shutter=scenario.sensor.shutter_model,
+            optics=scenario.optics.optics(),
             lamp=scenario.lamp,
             lights=scenario.lights,
         )
@@ -142,6 +197,19 @@ class Plan:
     def shifted(self, times_s: tuple[float, ...]) -> Plan:
         """The same flight with other frames."""
         return replace(self, times_s=times_s, every_s=None)
+
+
+def varied_plan(plan: P, vary: Vary) -> P:
+    """Return a plan with its frames varied out of these ranges, in place of a recipe's own.
+
+    Raises
+    ------
+    UserError
+        If a black level is asked of a sensor that counts no electrons.
+    """
+    made = replace(plan, vary=vary)
+    made.scene(0)  # impossible ranges are refused before anything is written
+    return made
 
 
 def plan_flight(

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import inspect
 import re
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 from msgspec import inspect as mi
 
-from flyaround.simulator.errors import UserError, near_names
 from flyaround.simulator.runtime.toml_file import parse_toml
 from flyaround.simulator.runtime.validation_errors import alternatives, describe_all
-from flyaround.simulator.scenario.load import list_scenarios
+from flyaround.simulator.scenario.load import OF_TARGET, built_in_text, target_in
+from flyaround.simulator.scenario.recipe import Recipe
 from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.scenario.write import toml_value
 
@@ -27,28 +26,44 @@ _HEADER = re.compile(r"\[+([\w.]+)\]+")
 
 
 def show_scenario(name: str) -> str:
-    """The text of a built-in scenario with every further key as a comment: its value unless given, and what is allowed.
+    """Return a built-in scenario's file with every further key as a comment: its default, and what is allowed.
 
-    What is printed is a scenario file: without a change it flies as the built-in one.
+    It is a scenario file: without a change it flies as the built-in one.
 
     Raises
     ------
     UserError
         If there is no such scenario.
     """
-    if name not in list_scenarios():
-        near = near_names(name, list_scenarios(), 3) or list_scenarios()
-        raise UserError(f"there is no built-in scenario {name!r}: name one of {', '.join(near)}")
-    text = files("flyaround.assets").joinpath("scenarios", f"{name}.toml").read_text(encoding="utf-8")
     head = [
         f"# Scenario {name}. Keep it as mine.toml, change it, and look: flyaround render mine.toml -o mine.png",
         "# A key behind a # has the value shown unless it is given; ... is for one that has none, or is needed.",
         "# Keys are explained in docs/formats/scenario.md; units are in their names.",
     ]
-    return annotated_text(text, Scenario, head)
+    return _annotated_text(built_in_text("scenario", name), Scenario, head)
 
 
-def annotated_text(text: str, root: type[msgspec.Struct], head: Sequence[str]) -> str:
+def show_recipe(name: str) -> str:
+    """Return a built-in recipe's file with every further key as a comment: its default, and what is allowed.
+
+    Raises
+    ------
+    UserError
+        If there is none of that name.
+    """
+    target = target_in(name)
+    text = built_in_text("recipe", name if target is None else OF_TARGET)
+    if target is not None:
+        text = text.replace('target = "tango"', f'target = "{target}"')
+    head = [
+        f"# Recipe {name}. Keep it as mine.toml, change it, and draw: flyaround capture mine.toml -n 20 -o mine",
+        "# A key behind a # has the value shown unless it is given, here or in the base; ... is for one that has none.",
+        "# Keys are explained in docs/datasets.md; units are in their names.",
+    ]
+    return _annotated_text(text, Recipe, head)
+
+
+def _annotated_text(text: str, root: type[msgspec.Struct], head: Sequence[str]) -> str:
     """The text of a typed TOML file with every key that may be added as a comment.
 
     Parameters

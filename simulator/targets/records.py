@@ -1,11 +1,11 @@
 """The target file's own data, as typed records: what stands beside the geometry in a GLB.
 
-These structs are the schema: `target_json_schema` writes them out as JSON Schema.
+These structs are the schema: `flyaround.schemas` writes them out as JSON Schema.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -83,8 +83,3 @@ class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     grain: dict[str, Vec3] = {}
     turned: tuple[str, ...] = ()
     part_classes: dict[str, PartClass] | msgspec.UnsetType = msgspec.UNSET
-
-
-def target_json_schema() -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of the `flyaround` extras in a target file."""
-    return msgspec.json.schema(TargetRecord)

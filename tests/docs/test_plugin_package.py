@@ -127,7 +127,7 @@ def test_a_broken_package_is_a_sentence_that_names_it(tmp_path, monkeypatch, cap
 
 def test_without_packages_there_is_nothing_and_built_in_names_stay(tmp_path, monkeypatch, capsys):
     from flyaround.__main__ import run
-    from flyaround.simulator.recipes.load import list_recipes, load_recipe
+    from flyaround.simulator.scenario.load import list_recipes, load_recipe
     from flyaround.simulator.targets.library import load_target
 
     assert run(["plugins"]) == 0

@@ -14,10 +14,10 @@ import numpy as np
 
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.labels.overlay import draw_truth
-from flyaround.simulator.recipes.load import load_recipe
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.reports.pictures import write_jpeg
+from flyaround.simulator.scenario.load import load_recipe
 from flyaround.simulator.scene.second_camera import SecondCamera, seen_by_second
 
 SAMPLE, SEED, WIDTH_PX = 3, 11, 960

@@ -27,11 +27,11 @@ from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.imaging.exposure import integrate
 from flyaround.simulator.imaging.image_formation import expose_scene
 from flyaround.simulator.labels.surfaces import surfaces
-from flyaround.simulator.recipes.load import load_recipe
 from flyaround.simulator.recipes.plan import RecipePlan
 from flyaround.simulator.recipes.poses import resolved_range
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.scenario.load import load_recipe
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix

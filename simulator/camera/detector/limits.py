@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec import Meta
 
+from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor
 from flyaround.simulator.camera.detector.sunlight import limits_nm, sample_curve
+from flyaround.simulator.runtime.sections import bounds_of
 
 if TYPE_CHECKING:
-    from flyaround.simulator.camera.detector.optics import Optics
-    from flyaround.simulator.camera.detector.sensor import Detector, Sensor
     from flyaround.simulator.camera.detector.sunlight import Curve
 
 LARGEST_KERNEL = 63
@@ -20,53 +20,7 @@ KERNEL_SUM_ERROR = 1e-3
 LARGEST_DARK_E_S = 1e9
 
 # field: smallest and largest value
-OPTICS = {
-    "f_number": (0.5, 64.0),
-    "transmission": (1e-6, 1.0),
-    "wavelength_m": (200e-9, 2000 * 1e-9),  # as a file's nanometres come out
-    "psf_sigma_px": (0.0, 10.0),
-    "focus_distance_m": (0.0, 1e6),
-    "mechanical_vignetting": (0.0, 10.0),
-    "rim_radius": (0.1, 10.0),
-    "glow_share": (0.0, 0.5),
-    "glow_radius_px": (2.0, 500.0),
-    "veiling_glare_sr": (0.0, 1.0),
-    "glare_limit_deg": (0.0, 180.0),
-}
-DETECTOR = {
-    "full_well_e": (1.0, 1e9),
-    "gain_e_per_dn": (1e-4, 1e6),
-    "black_level_dn": (0.0, 60_000.0),
-    "read_noise_e": (0.0, 1e5),
-    "row_noise_e": (0.0, 1e5),
-    "column_noise_e": (0.0, 1e5),
-    "dark_current_e_s": (0.0, 1e9),
-    "dark_reference_c": (-273.0, 200.0),
-    "dark_doubling_c": (1.0, 100.0),
-    "temperature_c": (-273.0, 200.0),
-    "dsnu_e": (0.0, 1e6),
-    "dark_nonuniformity": (0.0, 1.0),
-    "prnu": (0.0, 0.5),
-    "hot_pixel_share": (0.0, 1.0),
-    "hot_pixel_e_s": (0.0, 1e9),
-    "dead_pixel_share": (0.0, 1.0),
-    "blooming": (0.0, 1.0),
-    "cosmic_rays_cm2_s": (0.0, 1e6),
-    "layer_m": (1e-7, 1e-3),
-    "binning": (1, 16),
-    "roi_x0_px": (0, 65_535),
-    "roi_y0_px": (0, 65_535),
-    "serial": (0, 2**31 - 1),
-}
-SENSOR = {
-    "full_scale_j_m2_sr": (1e-12, 1e6),
-    "blur_sigma_px": (0.0, 10.0),
-    "speckle_variance": (0.0, 1.0),
-    "gaussian_variance": (0.0, 1.0),
-    "bits": (8, 16),
-    "pixel_pitch_x_m": (1e-7, 1e-3),
-    "pixel_pitch_y_m": (1e-7, 1e-3),
-}
+OPTICS, DETECTOR, SENSOR = bounds_of(Optics), bounds_of(Detector), bounds_of(Sensor)
 
 
 def within(bounds: tuple[float, float], per_unit: float = 1) -> Meta:
@@ -82,7 +36,7 @@ def within(bounds: tuple[float, float], per_unit: float = 1) -> Meta:
 
 def optics_problem(optics: Optics) -> str | None:
     """First invalid parameter of the optics: field, value, allowed range; `None` if all are valid."""
-    problem = _out_of_range(optics, OPTICS, "optics") or _curve_problem(
+    problem = _out_of_range(optics, "optics") or _curve_problem(
         optics.transmission_curve, "optics.transmission_curve"
     )
     if problem is not None or optics.psf != "kernel":
@@ -109,11 +63,11 @@ def optics_problem(optics: Optics) -> str | None:
 
 def sensor_problem(sensor: Sensor) -> str | None:
     """First invalid parameter of the sensor: field, value, allowed range; `None` if all are valid."""
-    problem = _out_of_range(sensor, SENSOR, "sensor")
+    problem = _out_of_range(sensor, "sensor")
     if problem is not None or sensor.detector is None:
         return problem
     d = sensor.detector
-    problem = _out_of_range(d, DETECTOR, "sensor.detector")
+    problem = _out_of_range(d, "sensor.detector")
     if problem is not None:
         return problem
     if len(d.quantum_efficiency) not in {1, 3} or not all(0 < q <= 1 for q in d.quantum_efficiency):
@@ -171,12 +125,9 @@ def _curve_problem(curve: Curve, name: str) -> str | None:
     return None
 
 
-def _out_of_range(
-    what: Optics | Detector | Sensor, ranges: dict[str, tuple[float, float]], name: str
-) -> str | None:
-    present = {f.name for f in fields(what)}
-    for key, (low, high) in ranges.items():
+def _out_of_range(what: Optics | Detector | Sensor, name: str) -> str | None:
+    for key, (low, high) in bounds_of(type(what)).items():
         value = getattr(what, key)
-        if key in present and not low <= value <= high:  # NaN fails too
+        if not low <= value <= high:  # NaN fails too
             return f"{name}.{key} is {value:g}, allowed: {low:g} to {high:g}"
     return None

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from flyaround.simulator.runtime.sections import bounded
+
 if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Sensor
     from flyaround.simulator.camera.lens.camera_model import Camera
@@ -39,22 +41,22 @@ class Optics:
     glare_limit_deg : Sun's angle from the boresight beyond which the baffle keeps it out.
     """
 
-    f_number: float = 4.0
-    transmission: float = 1.0
+    f_number: float = bounded(4.0, 0.5, 64.0)
+    transmission: float = bounded(1.0, 1e-6, 1.0)
     transmission_curve: tuple[tuple[float, float], ...] = ()
-    wavelength_m: float = 550e-9
+    wavelength_m: float = bounded(550e-9, 200e-9, 2000 * 1e-9)  # as nanometres of a file come out
     psf: PsfKind = "none"
-    psf_sigma_px: float = 0.0
+    psf_sigma_px: float = bounded(0.0, 0.0, 10.0)
     kernel: tuple[tuple[float, ...], ...] = ()
     defocus: bool = False
-    focus_distance_m: float = 0.0
+    focus_distance_m: float = bounded(0.0, 0.0, 1e6)
     natural_vignetting: bool = False
-    mechanical_vignetting: float = 0.0
-    rim_radius: float = 1.2
-    glow_share: float = 0.0
-    glow_radius_px: float = 20.0
-    veiling_glare_sr: float = 0.0
-    glare_limit_deg: float = 60.0
+    mechanical_vignetting: float = bounded(0.0, 0.0, 10.0)
+    rim_radius: float = bounded(1.2, 0.1, 10.0)
+    glow_share: float = bounded(0.0, 0.0, 0.5)
+    glow_radius_px: float = bounded(20.0, 2.0, 500.0)
+    veiling_glare_sr: float = bounded(0.0, 0.0, 1.0)
+    glare_limit_deg: float = bounded(60.0, 0.0, 180.0)
 
     def focal_length_m(self, camera: Camera, sensor: Sensor) -> float:
         """Focal length from the intrinsics and the pixel's pitch [m]."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from flyaround.simulator.runtime.sections import bounded
+
 ColourFilter = Literal["none", "rggb", "bggr", "grbg", "gbrg"]
 
 
@@ -38,32 +40,32 @@ class Detector:
 
     quantum_efficiency: tuple[float, ...] = (0.6,)
     quantum_efficiency_curve: tuple[tuple[float, float], ...] = ()
-    full_well_e: float = 10_000.0
-    gain_e_per_dn: float = 40.0
-    black_level_dn: float = 0.0
-    read_noise_e: float = 5.0
-    row_noise_e: float = 0.0
-    column_noise_e: float = 0.0
-    dark_current_e_s: float = 0.0
-    dark_reference_c: float = 20.0
-    dark_doubling_c: float = 7.0
-    temperature_c: float = 20.0
-    dsnu_e: float = 0.0
-    dark_nonuniformity: float = 0.0
-    prnu: float = 0.0
-    hot_pixel_share: float = 0.0
-    hot_pixel_e_s: float = 0.0
-    dead_pixel_share: float = 0.0
-    blooming: float = 0.0
-    cosmic_rays_cm2_s: float = 0.0
-    layer_m: float = 5e-6
+    full_well_e: float = bounded(10_000.0, 1.0, 1e9)
+    gain_e_per_dn: float = bounded(40.0, 1e-4, 1e6)
+    black_level_dn: float = bounded(0.0, 0.0, 60_000.0)
+    read_noise_e: float = bounded(5.0, 0.0, 1e5)
+    row_noise_e: float = bounded(0.0, 0.0, 1e5)
+    column_noise_e: float = bounded(0.0, 0.0, 1e5)
+    dark_current_e_s: float = bounded(0.0, 0.0, 1e9)
+    dark_reference_c: float = bounded(20.0, -273.0, 200.0)
+    dark_doubling_c: float = bounded(7.0, 1.0, 100.0)
+    temperature_c: float = bounded(20.0, -273.0, 200.0)
+    dsnu_e: float = bounded(0.0, 0.0, 1e6)
+    dark_nonuniformity: float = bounded(0.0, 0.0, 1.0)
+    prnu: float = bounded(0.0, 0.0, 0.5)
+    hot_pixel_share: float = bounded(0.0, 0.0, 1.0)
+    hot_pixel_e_s: float = bounded(0.0, 0.0, 1e9)
+    dead_pixel_share: float = bounded(0.0, 0.0, 1.0)
+    blooming: float = bounded(0.0, 0.0, 1.0)
+    cosmic_rays_cm2_s: float = bounded(0.0, 0.0, 1e6)
+    layer_m: float = bounded(5e-6, 1e-7, 1e-3)
     colour_filter: ColourFilter = "none"
     demosaic: bool = True
-    binning: int = 1
+    binning: int = bounded(1, 1, 16)
     charge_binning: bool = False
-    roi_x0_px: int = 0
-    roi_y0_px: int = 0
-    serial: int = 0
+    roi_x0_px: int = bounded(0, 0, 65_535)
+    roi_y0_px: int = bounded(0, 0, 65_535)
+    serial: int = bounded(0, 0, 2**31 - 1)
     shot_noise: bool = True
 
     @property
@@ -105,13 +107,13 @@ class Sensor:
     """
 
     preset: str = "speed"
-    full_scale_j_m2_sr: float = 0.1
-    blur_sigma_px: float = 1.0
-    speckle_variance: float = 0.0
-    gaussian_variance: float = 0.0022
-    bits: int = 8
-    pixel_pitch_x_m: float = 5.86e-6
-    pixel_pitch_y_m: float = 5.86e-6
+    full_scale_j_m2_sr: float = bounded(0.1, 1e-12, 1e6)
+    blur_sigma_px: float = bounded(1.0, 0.0, 10.0)
+    speckle_variance: float = bounded(0.0, 0.0, 1.0)
+    gaussian_variance: float = bounded(0.0022, 0.0, 1.0)
+    bits: int = bounded(8, 8, 16)
+    pixel_pitch_x_m: float = bounded(5.86e-6, 1e-7, 1e-3)
+    pixel_pitch_y_m: float = bounded(5.86e-6, 1e-7, 1e-3)
     detector: Detector | None = None
 
     @property

@@ -12,14 +12,13 @@ import numpy as np
 
 from flyaround.simulator.dataset.stereo import SecondCameraPlan
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.recipes.checks import check_recipe
-from flyaround.simulator.recipes.file import Recipe
-from flyaround.simulator.recipes.plan import plan_recipe, varied_plan
-from flyaround.simulator.recipes.vary_file import Vary
-from flyaround.simulator.scenario.checks import check_physics
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scenario.checks import check_document
 from flyaround.simulator.scenario.flight import frame_times
-from flyaround.simulator.scenario.plan import plan_flight
+from flyaround.simulator.scenario.plan import plan_flight, varied_plan
+from flyaround.simulator.scenario.recipe import Recipe
 from flyaround.simulator.scenario.scenario import Scenario
+from flyaround.simulator.scenario.vary import Vary
 from flyaround.simulator.scene.record import SceneRecord
 from flyaround.simulator.scene.second_camera import SECOND_SEED
 from flyaround.simulator.targets.library import load_target
@@ -28,8 +27,8 @@ from flyaround.simulator.world.time.instant import Instant
 if TYPE_CHECKING:
     from collections.abc import Container, Mapping
 
-    from flyaround.simulator.dataset.capture_plan import CapturePlan
     from flyaround.simulator.dataset.card import DatasetCard
+    from flyaround.simulator.scenario.plan import DocumentPlan
     from flyaround.simulator.scene.environments import Environment
     from flyaround.simulator.scene.state import SceneState
 
@@ -108,14 +107,14 @@ def _read_document(card: DatasetCard) -> Recipe | Scenario:
     kind = card.scenario.get("schema")
     if kind == "flyaround.recipe":
         recipe = msgspec.convert(card.scenario, Recipe)
-        check_recipe(recipe, "it")
+        check_document(recipe, "it")
         return recipe
     if kind != "flyaround.scenario":
         raise ValueError(f"it is neither a scenario nor a recipe but {kind!r}")
     document = {key: value for key, value in card.scenario.items() if key != "vary"}
     scenario = msgspec.convert(document, Scenario)
     Instant.from_utc(scenario.epoch_utc)
-    check_physics(scenario, "it")
+    check_document(scenario, "it")
     return scenario
 
 
@@ -156,7 +155,7 @@ def _plan_again(
     document: Recipe | Scenario,
     scenes: Mapping[int, SceneState],
     environment: Environment | None,
-) -> CapturePlan:
+) -> DocumentPlan:
     is_second = card.stereo is not None and card.stereo.camera == "second"
     first_seed = card.seed - (SECOND_SEED if is_second else 0)
     options: dict[str, Any] = {
@@ -176,7 +175,7 @@ def _plan_again(
         plan = replace(flown, camera=card.camera, exposures=None)
         vary = card.scenario.get("vary")
         plan = plan if vary is None else varied_plan(plan, msgspec.convert(vary, Vary))
-    return SecondCameraPlan(plan, plan.second_camera) if is_second else plan
+    return SecondCameraPlan.of(plan, plan.second_camera) if is_second else plan
 
 
 def _has_usual_times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int, SceneState]) -> bool:

@@ -19,7 +19,7 @@ from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.lens.files_native import CameraFile
 from flyaround.simulator.camera.sections import DetectorSection, OpticsSection
-from flyaround.simulator.scenario.scenario import SensorSection
+from flyaround.simulator.scenario.document import SensorSection
 
 BASE = replace(sensor_preset("cmv4000"), bits=16)
 # without a dark current: a temperature at its bound would multiply it beyond what is allowed

@@ -138,7 +138,7 @@ quantum_efficiency_curve = [[450, 0.5], [750, 0.3]]
 transmission_curve = [[400, 0.9], [800, 0.7]]
 """
     scenario = load_scenario(write(tmp_path, GOOD + table))
-    sensor, lens = scenario.sensor_model, scenario.optics_model
+    sensor, lens = scenario.sensor_model, scenario.optics.optics()
     assert np.allclose(sensor.detector.quantum_efficiency_curve, ((450e-9, 0.5), (750e-9, 0.3)), rtol=1e-12)
     assert np.allclose(lens.transmission_curve, ((400e-9, 0.9), (800e-9, 0.7)), rtol=1e-12)
     number = DetectorSection(quantum_efficiency=[0.4]).detector(sensor.detector)

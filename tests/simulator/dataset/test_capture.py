@@ -13,14 +13,14 @@ import pytest
 
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
-from flyaround.simulator.dataset.card import card_json_schema
+from flyaround.simulator.dataset.card import DatasetCard
 from flyaround.simulator.dataset.check.verify import check_dataset
 from flyaround.simulator.dataset.formats.native import frame_paths, read_png
 from flyaround.simulator.dataset.single_frames import render_scene, save_picture
 from flyaround.simulator.dataset.storage.store import FolderStore
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import take_frame
-from flyaround.simulator.labels.truth import read_truth, truth_json_schema
+from flyaround.simulator.labels.truth import Truth, read_truth
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
@@ -68,9 +68,9 @@ def test_a_fresh_data_set_has_no_fault(dataset):
 
 
 def test_card_and_truth_follow_their_schemas(dataset):
-    jsonschema.validate(json.loads((dataset / "dataset.json").read_text()), card_json_schema())
+    jsonschema.validate(json.loads((dataset / "dataset.json").read_text()), msgspec.json.schema(DatasetCard))
     for k in range(N):
-        jsonschema.validate(json.loads(frame_paths(dataset, k).truth.read_text()), truth_json_schema())
+        jsonschema.validate(json.loads(frame_paths(dataset, k).truth.read_text()), msgspec.json.schema(Truth))
 
 
 def _edit_truth(folder, k, change):
@@ -400,7 +400,7 @@ def test_a_frame_whose_labels_disagree_is_kept_apart_and_named_in_the_card(tmp_p
     assert frame == 1
     assert "mask is not the mesh's" in reason or "mask differs from the projected craft" in reason
     card = json.loads((folder / "dataset.json").read_text())
-    jsonschema.validate(card, card_json_schema())
+    jsonschema.validate(card, msgspec.json.schema(DatasetCard))
     assert card["quarantined"] == [{"frame": 1, "reason": reason}]
     assert not card["complete"]
     assert not frame_paths(folder, 1).image.exists()

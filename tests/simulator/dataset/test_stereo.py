@@ -14,9 +14,8 @@ from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.check.verify import check_dataset
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import read_truth
-from flyaround.simulator.recipes.load import load_recipe
 from flyaround.simulator.recipes.plan import plan_recipe
-from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.load import load_recipe, load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scene.illumination.lamp import Lamp
 from flyaround.simulator.scene.second_camera import SecondCamera, seen_by_second

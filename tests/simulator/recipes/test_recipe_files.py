@@ -15,10 +15,11 @@ from flyaround.simulator.frame import take_frame
 from flyaround.simulator.recipes.backgrounds import draw_view, without_target
 from flyaround.simulator.recipes.clearance import is_clear
 from flyaround.simulator.recipes.euler_poses import from_left_handed, quat_from_euler
-from flyaround.simulator.recipes.load import list_recipes, load_recipe, recipe_text, show_recipe
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.recipes.poses import draw_pose
 from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.scenario.load import built_in_text, list_recipes, load_recipe
+from flyaround.simulator.scenario.show import show_recipe
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
@@ -84,7 +85,7 @@ def test_what_is_shown_loads_again_as_the_same_recipe(name, tmp_path):
     path = tmp_path / f"{name}.toml"
     path.write_text(show_recipe(name))
     assert load_recipe(path) == load_recipe(name)
-    assert recipe_text(name).splitlines()[0] in path.read_text()
+    assert built_in_text("recipe", name).splitlines()[0] in path.read_text()
 
 
 def test_the_papers_quaternion_is_scipys_of_turns_about_fixed_axes():

@@ -8,10 +8,10 @@ import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Distortion
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.recipes.file import UniformRange
-from flyaround.simulator.recipes.load import list_recipes, load_recipe
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.recipes.poses import draw_pose, scaled_range_m
+from flyaround.simulator.scenario.load import list_recipes, load_recipe
+from flyaround.simulator.scenario.recipe import UniformRange
 from flyaround.simulator.targets.library import list_targets, load_target
 from flyaround.simulator.world.constants import EARTH_RADIUS_M
 from flyaround.simulator.world.frames.rotation import matrix_from_quat

@@ -8,8 +8,10 @@ from flyaround.__main__ import run
 from flyaround.simulator.dataset.check.geometry import check_keypoints
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import read_truth
-from flyaround.simulator.recipes.plan import plan_recipe, varied_plan
-from flyaround.simulator.recipes.vary_file import load_vary
+from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scenario.load import load_recipe, load_vary
+from flyaround.simulator.scenario.plan import varied_plan
+from flyaround.simulator.scenario.vary import VaryBoxes
 from flyaround.simulator.scene.limits import scene_problem
 from flyaround.simulator.scene.record import SceneRecord
 from flyaround.simulator.targets.library import load_target
@@ -101,6 +103,35 @@ def test_a_pedestal_needs_a_detector_and_ranges_the_right_way_round(tmp_path):
         load_vary(path)
     with pytest.raises(UserError, match="cannot be read"):
         load_vary(tmp_path / "absent.toml")
+
+
+def test_a_file_of_ranges_is_merged_by_key_with_a_recipes_own(tmp_path):
+    own = load_recipe("randomised").vary
+    path = tmp_path / "ranges.toml"
+    path.write_text('[image]\nnoise = [1.0, 1.5]\n[background]\nenvironments = ["airless"]\n[boxes]\n')
+    merged = load_vary(path, own)
+    assert (merged.craft, merged.lights) == (own.craft, own.lights)
+    assert merged.image == msgspec.structs.replace(own.image, noise=(1.0, 1.5))
+    assert merged.background.environments == ["airless"]
+    assert merged.boxes == VaryBoxes()
+    # without the recipe's own, what the file does not name is not varied
+    assert load_vary(path).craft is None
+    plan = varied_plan(plan_recipe("randomised", 2), load_vary(path))
+    assert plan.scenario_document["vary"]["craft"] is None
+    path.write_text("[image]\npsf_sigma_px = [3.0, 2.5]\n")
+    with pytest.raises(UserError, match=r"image\.psf_sigma_px is \[3, 2\.5\], allowed: the smaller first"):
+        load_vary(path, own)
+
+
+def test_ranges_of_a_recipe_are_merged_by_key_with_its_bases(tmp_path):
+    own = load_recipe("lightbox").vary
+    path = tmp_path / "mine.toml"
+    path.write_text('schema = "flyaround.recipe"\nbase = "lightbox"\n[vary.image]\nnoise = [1.0, 1.5]\n')
+    merged = load_recipe(path).vary
+    assert merged == msgspec.structs.replace(own, image=msgspec.structs.replace(own.image, noise=(1.0, 1.5)))
+    path.write_text(path.read_text() + "exposure = [2.0, 1.0]\n")
+    with pytest.raises(UserError, match=r"vary\.image\.exposure is \[2, 1\], allowed: the smaller first"):
+        load_recipe(path)
 
 
 @pytest.mark.gl

@@ -12,18 +12,16 @@ from flyaround.simulator.dataset.formats.posed_pictures import read_csv, read_js
 from flyaround.simulator.dataset.split import read_split
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import read_record_bytes
-from flyaround.simulator.recipes.load import load_recipe, recipe_text
-from flyaround.simulator.recipes.vary_file import load_vary
 from flyaround.simulator.runtime.untrusted_files import decode_text
 from flyaround.simulator.scenario.faults import read_faults
-from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.load import built_in_text, load_recipe, load_scenario, load_vary
 from flyaround.simulator.scenario.poses import read_poses
 from flyaround.simulator.scenario.show import show_scenario
 
 CAMERA = read_camera_file("speed")
 TEXTS = {
     "scenario.toml": (load_scenario, show_scenario("tango-space-10m")),
-    "recipe.toml": (load_recipe, recipe_text("eval-black")),
+    "recipe.toml": (load_recipe, built_in_text("recipe", "eval-black")),
     "vary.toml": (load_vary, "[craft]\n"),
     "faults.toml": (read_faults, "seed = 3\n"),
     "camera.json": (read_camera_file, camera_text(CAMERA, "native", "x")),

@@ -248,7 +248,7 @@ def test_arrays_of_any_size_go_there_and_come_back_whole():
             process.submit(array, scale=np.uint32(3))
         results.append(process.result())
         # one that cannot be sent takes nobody's place
-        with pytest.raises((AttributeError, pickle.PicklingError), match="pickle|local object"):
+        with pytest.raises((AttributeError, pickle.PicklingError), match=r"pickle|local object"):
             process.submit(lambda: 0)
         results += process.results()
     for array, (total, tripled) in zip(arrays, results, strict=True):

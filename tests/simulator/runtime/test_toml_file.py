@@ -7,11 +7,9 @@ import pytest
 
 from flyaround.hil.campaign.definitions import read_campaign
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.recipes.load import load_recipe
-from flyaround.simulator.recipes.vary_file import load_vary
 from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
 from flyaround.simulator.scenario.faults import read_faults
-from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scenario.load import load_recipe, load_scenario, load_vary
 
 READERS = [load_scenario, load_recipe, load_vary, read_faults, read_campaign]
 HOSTILE = [

@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 from scenario_text import GOOD, write
 
+from flyaround.schemas import all_schemas
 from flyaround.simulator.camera.detector.presets import list_sensor_presets, sensor_preset
 from flyaround.simulator.camera.lens.files import list_cameras, load_camera
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.document import SensorSection
 from flyaround.simulator.scenario.flight import fly, frame_times
-from flyaround.simulator.scenario.load import list_scenarios, load_scenario, scenario_json_schema
-from flyaround.simulator.scenario.scenario import Scenario, SensorSection
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.scene.environments import ENVIRONMENTS, Environment, environment_section
 from flyaround.simulator.targets.model import MassProperties, Target
 from flyaround.simulator.world.constants import EARTH_RADIUS_M
@@ -259,8 +261,8 @@ def test_every_mode_is_reached_from_a_file(mode: str, tmp_path: Path) -> None:
 
 
 def test_schema_accepts_the_built_in_files_and_refuses_a_stranger() -> None:
-    validator = jsonschema.Draft202012Validator(scenario_json_schema())
-    validator.check_schema(scenario_json_schema())
+    validator = jsonschema.Draft202012Validator(all_schemas()["scenario"])
+    validator.check_schema(all_schemas()["scenario"])
     for name in list_scenarios():
         raw = tomllib.loads(files("flyaround.assets").joinpath("scenarios", f"{name}.toml").read_text())
         raw["epoch_utc"] = raw["epoch_utc"].isoformat()

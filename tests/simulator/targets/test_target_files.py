@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
+import msgspec
 import numpy as np
 import pygltflib
 import pytest
@@ -22,7 +23,7 @@ from flyaround.simulator.targets.glb.read import load_glb
 from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import MassProperties, Target
-from flyaround.simulator.targets.records import target_json_schema
+from flyaround.simulator.targets.records import TargetRecord
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +105,7 @@ def test_pygltflib_sees_materials_and_extras(tango: Target, glb: Path) -> None:
     assert document.extensionsUsed == ["KHR_materials_clearcoat"]
     extras = document.scenes[0].extras["flyaround"]
     assert extras["schema"] == "flyaround.target"
-    schema = target_json_schema()
+    schema = msgspec.json.schema(TargetRecord)
     jsonschema.Draft202012Validator.check_schema(schema)
     jsonschema.Draft202012Validator(schema).validate(extras)
 

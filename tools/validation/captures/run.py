@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
-from flyaround.simulator.recipes.load import list_recipes, load_recipe
 from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scenario.load import list_recipes, load_recipe
 from tools.validation.captures.read_back import FORMATS, read_back
 
 _REFUSED = re.compile(r"format (\w+) cannot hold this data set: (.*)", re.DOTALL)

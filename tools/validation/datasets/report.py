@@ -18,8 +18,8 @@ from flyaround.simulator.dataset.capture import capture_card
 from flyaround.simulator.dataset.check.verify import check_frame
 from flyaround.simulator.labels.request import LabelRequest
 from flyaround.simulator.loop import FrameRequest, open_frames, whole_frame
-from flyaround.simulator.recipes.load import list_recipes, load_recipe
 from flyaround.simulator.recipes.plan import plan_recipe
+from flyaround.simulator.scenario.load import list_recipes, load_recipe
 from tools.validation.datasets.ray_cast import ExportedMesh, compare
 
 if TYPE_CHECKING:

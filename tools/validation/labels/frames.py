@@ -14,10 +14,10 @@ from flyaround.simulator.camera.detector.shutter import Shutter
 from flyaround.simulator.camera.lens.camera_model import Camera, Distortion, camera_problem
 from flyaround.simulator.labels.request import LAYERS, LabelRequest
 from flyaround.simulator.labels.truth import FlowLabel
-from flyaround.simulator.recipes.file import Recipe, Sky, UniformRange
 from flyaround.simulator.recipes.plan import RecipePlan
 from flyaround.simulator.runtime.arrays import vec3
-from flyaround.simulator.scenario.scenario import SensorSection
+from flyaround.simulator.scenario.document import SensorSection
+from flyaround.simulator.scenario.recipe import Recipe, Sky, UniformRange
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.motion import propagated_scene
 from flyaround.simulator.targets.library import list_targets, load_target

@@ -8,8 +8,7 @@ import msgspec
 
 from flyaround.simulator.camera.lens.files_native import CameraFile
 from flyaround.simulator.camera.lens.intrinsics import LensFile
-from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.validation_errors import explain
+from flyaround.simulator.runtime.validation_errors import convert_document
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.formats.document import Document
@@ -40,10 +39,7 @@ def read_native(document: Document, where: str) -> CameraFile:
     kind: type[CameraFile | LensFile] = (
         LensFile if _DATA_SHEET.intersection(raw) and "fx_px" not in raw else CameraFile
     )
-    try:
-        found = msgspec.convert(raw, kind)
-    except msgspec.ValidationError as error:
-        raise UserError(f"{where}: {explain(str(error), raw, kind)}") from error
+    found = convert_document(raw, kind, where)
     return found.solved(where) if isinstance(found, LensFile) else found
 
 

@@ -16,8 +16,8 @@ from flyaround.simulator.dataset.formats.bop import gt_info
 from flyaround.simulator.dataset.formats.labelled_frame import frame_from_files
 from flyaround.simulator.dataset.formats.native import encode_frame
 from flyaround.simulator.dataset.formats.registry import find_format
-from flyaround.simulator.recipes.vary_file import Vary
 from flyaround.simulator.scenario.poses import scene_with_pose
+from flyaround.simulator.scenario.vary import Vary
 from flyaround.simulator.targets.joined_mesh import mesh_of
 
 pytestmark = pytest.mark.gl

@@ -8,7 +8,7 @@ import pytest
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import vec3
-from flyaround.simulator.scenario.checks import check_physics
+from flyaround.simulator.scenario.checks import check_document
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.world.bodies.moon import MOON
@@ -153,7 +153,7 @@ def test_forces_that_the_moon_lacks_are_refused(change: dict[str, object], says:
     scenario = load_scenario("lunar-orbit")
     forces = msgspec.structs.replace(scenario.forces, **change)
     with pytest.raises(UserError, match=says):
-        check_physics(msgspec.structs.replace(scenario, forces=forces), "mine.toml")
+        check_document(msgspec.structs.replace(scenario, forces=forces), "mine.toml")
 
 
 @pytest.mark.parametrize("about_moon", [True, False])

@@ -9,9 +9,9 @@ from msgspec import Meta
 
 from flyaround.simulator.camera.lens.files import CameraFile
 from flyaround.simulator.camera.sections import OpticsSection
-from flyaround.simulator.recipes.vary_file import Vary
-from flyaround.simulator.runtime.sections import Degrees, Metres, Range, Section
-from flyaround.simulator.scenario.scenario import Output, SensorSection
+from flyaround.simulator.runtime.sections import Degrees, Interval, Metres, Range, Section
+from flyaround.simulator.scenario.document import Document, Output, SensorSection
+from flyaround.simulator.scenario.vary import Vary
 from flyaround.simulator.scene.environments import EnvironmentName, EnvironmentSection
 from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
 from flyaround.simulator.scene.illumination.lamp import Lamp
@@ -116,8 +116,8 @@ class Sequences(Section, frozen=True, kw_only=True, tag_field="kind", tag="seque
     scenario: str
     frames: Annotated[int, Meta(ge=2, le=100_000)]
     every_s: Annotated[float, Meta(gt=0, le=3600)]
-    range_m: tuple[Range, Range]
-    rate_deg_s: tuple[Annotated[float, Meta(ge=0, le=90)], Annotated[float, Meta(ge=0, le=90)]]
+    range_m: Interval[Range]
+    rate_deg_s: Interval[Annotated[float, Meta(ge=0, le=90)]]
     sunlit: bool = True
 
 
@@ -133,7 +133,7 @@ class Sky(Section, frozen=True, kw_only=True):
     share: Annotated[float, Meta(gt=0, le=1)] = 1.0
     body: str = "earth"
     altitude_km: AltitudeKm = 700.0
-    nadir_off_boresight_deg: tuple[Angle, Angle]
+    nadir_off_boresight_deg: Interval[Angle]
     max_phase_deg: Angle = 120.0
     night_share: Share = 0.1
     least_sun_elevation_sine: Annotated[float, Meta(ge=-1, le=0.99)] | None = None
@@ -179,7 +179,7 @@ AnyPlacement = InViewPlacement | BoundsPlacement | NormalPlacement
 AnyPoses = PoseList | AboutTrajectory | Sequences
 
 
-class Recipe(Section, frozen=True, kw_only=True):
+class Recipe(Document, frozen=True, kw_only=True):
     """A recipe file, read and checked.
 
     ``base`` names a built-in recipe or a file beside this one, whose sections stand where this file has none of that

@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.recipes.sky import in_cone, uniform_direction
-from flyaround.simulator.recipes.vary_file import Vary, VaryBoxes, VaryCraft
 from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.scenario.random_draws import in_cone, numbered_generator, uniform_direction
+from flyaround.simulator.scenario.vary import Vary, VaryBoxes, VaryCraft
 from flyaround.simulator.scene.environments import environment_preset
 from flyaround.simulator.scene.illumination.area_light import AreaLight, axes_across
 from flyaround.simulator.scene.illumination.lamp import Lamp
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from flyaround.simulator.camera.detector.sensor import Sensor
-    from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.scenario.plan import Plan
-    from flyaround.simulator.scene.second_camera import SecondCamera
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
@@ -50,7 +47,7 @@ class FrameVariation:
         UserError
             If a black level is asked of a sensor that counts no electrons.
         """
-        rng = _generator(self.seed, k, _FRAMES)
+        rng = numbered_generator(self.seed, k, _FRAMES)
         by: dict[str, Any] = {}
         for vary in (self._image, self._lights, self._background, self._boxes):
             scene = vary(rng, scene, by)
@@ -145,81 +142,6 @@ def _box(rng: Generator, scene: SceneState, boxes: VaryBoxes) -> AreaLight:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class VariedFlight:
-    """A plan of a flight whose frames are varied."""
-
-    plan: Plan
-    vary: Vary
-
-    @property
-    def scenario_name(self) -> str:
-        """Name of the scenario."""
-        return self.plan.scenario_name
-
-    @property
-    def scenario_document(self) -> dict[str, Any]:
-        """It in full, with the ranges."""
-        ranges = msgspec.json.decode(msgspec.json.encode(self.vary))
-        return {**self.plan.scenario_document, "vary": ranges}
-
-    @property
-    def second_camera(self) -> SecondCamera | None:
-        """The plan's."""
-        return self.plan.second_camera
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Label layers that it asks for."""
-        return self.plan.labels
-
-    @property
-    def every_s(self) -> float | None:
-        """Spacing of frames, if it was given as one."""
-        return self.plan.every_s
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames."""
-        return self.plan.n_frames
-
-    @property
-    def seed(self) -> int:
-        """Seed of every random choice."""
-        return self.plan.seed
-
-    @property
-    def camera(self) -> Camera:
-        """The camera."""
-        return self.plan.camera
-
-    @property
-    def target(self) -> Target:
-        """The model, as it is before it is varied."""
-        return self.plan.target
-
-    def target_of(self, k: int) -> Target:
-        """Return the craft of frame k, its surfaces and shape varied."""
-        return self.scene(k).target.drawn(self.target)
-
-    def scene(self, k: int) -> SceneState:
-        """Return the scene of frame k, varied."""
-        return self._variation.scene(self.plan.scene(k), k)
-
-    def next_scene(self, k: int) -> SceneState | None:
-        """Return the scene after frame k's, or None if frame k is the last."""
-        following = self.plan.next_scene(k)
-        return None if following is None else self._variation.scene(following, k + 1)
-
-    @property
-    def _variation(self) -> FrameVariation:
-        return FrameVariation(self.vary, self.seed, self.target)
-
-
-def _generator(seed: int, number: int, stream: int) -> Generator:
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(number, stream))))
-
-
 def _factor(rng: Generator, bounds: tuple[float, float]) -> float:
     """Uniform in its logarithm."""
     return float(np.exp(rng.uniform(*np.log(bounds))))
@@ -243,7 +165,7 @@ def _noisier(sensor: Sensor, factor: float) -> Sensor:
 def _variation(target: Target, encoded: bytes, seed: int, number: int) -> CraftVariation:
     """How craft ``number`` differs from its model."""
     craft = msgspec.json.decode(encoded, type=VaryCraft)
-    rng = _generator(seed, number, _CRAFT)
+    rng = numbered_generator(seed, number, _CRAFT)
     raw = rng.standard_normal((3, 3))
     stretch = (raw + raw.T) / 2
     reach = max(float(np.linalg.norm(p.positions_m @ stretch, axis=1).max()) for p in target.parts)

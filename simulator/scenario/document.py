@@ -1,0 +1,156 @@
+"""Sections and properties that scenario and recipe files share: sensor, output, camera."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from msgspec import Meta
+
+from flyaround.simulator.camera.detector.limits import DETECTOR, SENSOR, within
+from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.detector.sensor import Detector, Sensor, with_bits
+from flyaround.simulator.camera.detector.shutter import Shutter
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.camera.lens.files import CameraFile, read_camera_file
+from flyaround.simulator.camera.lens.files_native import PitchUm
+from flyaround.simulator.camera.lens.intrinsics import CONSISTENT
+from flyaround.simulator.camera.sections import DetectorSection, read_part, read_sensor
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.imaging.auto_exposure import AutoExposure
+from flyaround.simulator.runtime.sections import Section
+from flyaround.simulator.scene.illumination.bands import Bands
+from flyaround.simulator.scene.state import Quality
+
+Layer = Literal["all", "amodal", "parts", "depth", "normals", "flow", "clean", "wireframe"]
+
+
+class SensorSection(Section, frozen=True, kw_only=True):
+    """Noise recipe or detector by name, exposure, and what of it to change.
+
+    With a detector (``imx174``, ``cmv4000``, or a section `[sensor.detector]`) photons and electrons are counted and
+    ``full_scale_j_m2_sr`` and the two variances have no part. ``roi_px`` (x0, y0, width, height) reads a region of the
+    camera's pixels, ``binning`` joins them by so many in width and height; the camera becomes that of the image.
+    ``bits`` other than the detector's own divide the same full scale into more or fewer steps; ``gain_e_per_dn`` and
+    ``black_level_dn`` in `[sensor.detector]` are of these steps.
+    """
+
+    preset: Literal["speed", "thesis", "ideal", "imx174", "cmv4000"] = "speed"
+    exposure_s: Annotated[float, Meta(gt=0, le=10)] = 0.001
+    full_scale_j_m2_sr: Annotated[float, within(SENSOR["full_scale_j_m2_sr"])] | None = None
+    blur_sigma_px: Annotated[float, within(SENSOR["blur_sigma_px"])] | None = None
+    speckle_variance: Annotated[float, within(SENSOR["speckle_variance"])] | None = None
+    gaussian_variance: Annotated[float, within(SENSOR["gaussian_variance"])] | None = None
+    bits: Annotated[int, within(SENSOR["bits"])] | None = None
+    shutter: Literal["global", "rolling"] = "global"
+    readout_s: Annotated[float, Meta(ge=0, le=10)] = 0.0
+    motion_blur: bool = True
+    pixel_pitch_um: tuple[PitchUm, PitchUm] | None = None
+    detector: DetectorSection | None = None
+    binning: Annotated[int, within(DETECTOR["binning"])] = 1
+    roi_px: tuple[int, int, int, int] | None = None
+    auto_exposure: AutoExposure | None = None
+
+    def model(self, camera: CameraFile, where: str) -> Sensor:
+        """The preset with its changes.
+
+        Raises
+        ------
+        UserError
+            If the camera's file has other pixels than the detector named.
+        """
+        base = preset = sensor_preset(self.preset)
+        if self.detector is not None and base.detector is None:
+            base = replace(base, detector=Detector())
+        if self.bits is not None:
+            base = with_bits(base, self.bits)
+        keys = ("full_scale_j_m2_sr", "blur_sigma_px", "speckle_variance", "gaussian_variance")
+        given = {key: getattr(self, key) for key in keys}
+        sensor = replace(base, **{key: value for key, value in given.items() if value is not None})
+        pitch_um = self.pixel_pitch_um or _camera_pitch_um(camera, preset, where)
+        if pitch_um is not None:
+            x, y = pitch_um
+            sensor = replace(sensor, pixel_pitch_x_m=x * 1e-6, pixel_pitch_y_m=y * 1e-6)
+        if self.detector is not None:
+            sensor = replace(sensor, detector=self.detector.detector(base.detector))
+        return read_sensor(sensor, self.roi_px, self.binning)
+
+    @property
+    def shutter_model(self) -> Shutter:
+        """When rows are exposed."""
+        return Shutter(kind=self.shutter, readout_s=self.readout_s, motion_blur=self.motion_blur)
+
+
+def _camera_pitch_um(camera: CameraFile, preset: Sensor, where: str) -> tuple[float, float] | None:
+    """Pixel pitch that the camera's file gives; refused if it is not that of the detector named."""
+    given = camera.pixel_pitch_um
+    own = (preset.pixel_pitch_x_m * 1e6, preset.pixel_pitch_y_m * 1e6)
+    if (
+        given is not None
+        and preset.detector is not None
+        and max(abs(g / o - 1) for g, o in zip(given, own, strict=True)) > CONSISTENT
+    ):
+        raise UserError(
+            f"{where}: the camera's file has pixels of {given[0]:g} x {given[1]:g} um, detector "
+            f"{preset.preset} has {own[0]:g} x {own[1]:g}: say which by [sensor] pixel_pitch_um"
+        )
+    return given
+
+
+class Output(Section, frozen=True, kw_only=True):
+    """Bands and quality of the picture, and the label layers that a capture writes (``all`` for every one)."""
+
+    bands: Bands = "mono"
+    quality: Quality = "default"
+    labels: tuple[Layer, ...] = ()
+
+
+class Document(Section, frozen=True, kw_only=True):
+    """Base of a scenario file and a recipe file.
+
+    The fields themselves stand in each of the two, in the order in which a data set's card lists them.
+    """
+
+    if TYPE_CHECKING:
+        schema: str
+        name: str
+        camera: str | CameraFile
+        sensor: SensorSection
+
+    @property
+    def where(self) -> str:
+        """Kind and name, for messages."""
+        return f"{self.schema.removeprefix('flyaround.')} {self.name}"
+
+    @property
+    def camera_file(self) -> CameraFile:
+        """The camera as it was read; one that is a name is read now."""
+        return read_camera_file(self.camera) if isinstance(self.camera, str) else self.camera
+
+    @property
+    def camera_model(self) -> Camera:
+        """The camera of the image: of the region that is read, with joined pixels."""
+        whole = self.camera_file.camera(f"camera of {self.where}")
+        return read_part(whole, self.sensor.roi_px, self.sensor.binning, self.where)
+
+    @property
+    def sensor_model(self) -> Sensor:
+        """The sensor's preset with its changes."""
+        return self.sensor.model(self.camera_file, self.where)
+
+    @property
+    def auto_exposure(self) -> AutoExposure | None:
+        """Automatic exposure, or None for a fixed one.
+
+        Raises
+        ------
+        UserError
+            If its limits are exchanged.
+        """
+        auto = self.sensor.auto_exposure
+        if auto is not None and auto.shortest_s > auto.longest_s:
+            raise UserError(
+                f"{self.where}: sensor.auto_exposure.shortest_s {auto.shortest_s:g} is longer than "
+                f"longest_s {auto.longest_s:g}; exchange them"
+            )
+        return auto

@@ -1,0 +1,38 @@
+"""Random generators by seed and number, and draws of directions and attitudes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from flyaround.simulator.runtime.arrays import FloatArray
+
+
+def numbered_generator(seed: int, number: int, stream: int) -> Generator:
+    """Return the generator of sample ``number``; streams of one seed are independent of each other."""
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(number, stream))))
+
+
+def uniform_direction(rng: Generator) -> FloatArray:
+    """Draw a (3,) unit vector, uniform on the sphere."""
+    v = rng.standard_normal(3)
+    return np.asarray(v / np.linalg.norm(v), float)
+
+
+def in_cone(rng: Generator, axis: FloatArray, low_deg: float, high_deg: float) -> FloatArray:
+    """Draw a direction, uniform in solid angle, between two angles from an axis along z."""
+    c = rng.uniform(np.cos(np.radians(high_deg)), np.cos(np.radians(low_deg)))
+    azimuth = rng.uniform(0, 2 * np.pi)
+    s = np.sqrt(1 - c**2)
+    return np.array([s * np.cos(azimuth), s * np.sin(azimuth), c * axis[2]])
+
+
+def uniform_attitude(rng: Generator) -> FloatArray:
+    """Draw a quaternion, uniform on SO(3): a normalised vector of four normals (Marsaglia 1972), with w >= 0."""
+    q = rng.standard_normal(4)
+    q /= np.linalg.norm(q)
+    return np.asarray(q if q[0] >= 0 else -q, float)

@@ -1,0 +1,85 @@
+"""The file of --vary, and a recipe's section [vary]: ranges out of which frames are varied."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from flyaround.simulator.runtime.sections import Interval, Section
+from flyaround.simulator.scene.environments import EnvironmentName
+from flyaround.simulator.scene.illumination.area_light import DIFFUSE_DEG, MOST_LIGHTS
+
+Factors = Interval[Annotated[float, Meta(ge=0.01, le=100)]]
+_Positive = Annotated[float, Meta(gt=0, le=1e6)]
+
+
+class VaryCraft(Section, frozen=True, kw_only=True):
+    """The craft itself, another one every so many frames: what is worked out of a mesh takes seconds each.
+
+    ``reflectance`` and ``roughness`` are factors of each material on its own. ``model_error_mm``: the craft is
+    stretched and sheared until one of its vertices has moved by as much, a number out of this range.
+    """
+
+    every: Annotated[int, Meta(ge=1, le=1_000_000)] = 50
+    reflectance: Factors = (1.0, 1.0)
+    roughness: Factors = (1.0, 1.0)
+    model_error_mm: Interval[Annotated[float, Meta(ge=0, le=1000)]] = (0.0, 0.0)
+
+
+class VaryLights(Section, frozen=True, kw_only=True):
+    """A lamp on the chaser in a share of frames, of a power and a half angle; light from the Earth in a share."""
+
+    lamp_share: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    lamp_power_w: Interval[_Positive] = (10.0, 100.0)
+    lamp_half_angle_deg: Interval[Annotated[float, Meta(ge=0.5, le=80)]] = (10.0, 40.0)
+    earthshine_share: Annotated[float, Meta(ge=0, le=1)] = 1.0
+
+
+class VaryBoxes(Section, frozen=True, kw_only=True):
+    """Area lights about the craft instead of the scene's own: how many, where, how large, how bright.
+
+    Each is at ``distance_m`` from the target's origin, in a direction within ``max_angle_deg`` of that to the camera,
+    uniform in solid angle, and shines at a place within ``aim_error_m`` of it. Sides are drawn one by one; radiance is
+    uniform in its logarithm; ``half_angle_deg`` of 60 is a diffuse box, less a lamp.
+    """
+
+    count: Interval[Annotated[int, Meta(ge=0, le=MOST_LIGHTS)]] = (1, 3)
+    distance_m: Interval[_Positive] = (1.5, 4.0)
+    max_angle_deg: Annotated[float, Meta(ge=1, le=180)] = 150.0
+    size_m: Interval[Annotated[float, Meta(ge=0.01, le=100)]] = (0.4, 1.5)
+    radiance_w_m2_sr: Interval[_Positive] = (100.0, 1000.0)
+    half_angle_deg: Interval[Annotated[float, Meta(ge=1, le=60)]] = (DIFFUSE_DEG, DIFFUSE_DEG)
+    aim_error_m: Annotated[float, Meta(ge=0, le=100)] = 0.3
+
+
+class VaryImage(Section, frozen=True, kw_only=True):
+    """Exposure and noise by factors, uniform in their logarithm; width of the PSF; a detector's black level; glow.
+
+    ``glow_share`` is uniform in its logarithm, ``glow_radius_px`` uniform.
+    """
+
+    exposure: Factors = (1.0, 1.0)
+    noise: Factors = (1.0, 1.0)
+    psf_sigma_px: Interval[Annotated[float, Meta(ge=0, le=10)]] | None = None
+    pedestal_dn: Interval[Annotated[float, Meta(ge=0, le=60_000)]] | None = None
+    glow_share: Interval[Annotated[float, Meta(ge=1e-6, le=0.5)]] | None = None
+    glow_radius_px: Interval[Annotated[float, Meta(ge=2, le=500)]] = (10.0, 40.0)
+
+
+class VaryBackground(Section, frozen=True, kw_only=True):
+    """One of these environments for each frame."""
+
+    environments: Annotated[list[EnvironmentName], Meta(min_length=1, max_length=20)]
+
+
+class Vary(Section, frozen=True, kw_only=True):
+    """Ranges out of which each frame is varied; what has no section stays as it is."""
+
+    schema: Literal["flyaround.vary"] = "flyaround.vary"
+    version: Literal[1] = 1
+    craft: VaryCraft | None = None
+    lights: VaryLights | None = None
+    boxes: VaryBoxes | None = None
+    image: VaryImage | None = None
+    background: VaryBackground | None = None
