@@ -89,7 +89,7 @@ WITHOUT: dict[str, list[tuple[object, str, object]]] = {
             _EARTH, "_smooth_draw", lambda draw, _self, _earth, _frame, kind: replace(draw, level=kind.level)
         )
     ],
-    "stars added at the end": [(StarPass, "_may_be_hidden", _all_hidden)],
+    "stars added at the end": [(StarPass, "may_be_hidden", _all_hidden)],
     "blocks kept": [_changed(_BLOCK, "write", lambda _, block, *__: setattr(block, "_written", None))],
     "driver told at once": [(frame_graph, "flush", lambda _context: None)],
 }

@@ -73,11 +73,11 @@ class StarPass(Pass):
         if (earth is not None and earth.fills_image) or not (environment.stars or environment.planets):
             return
         pixels, radiance = stars_in_view(scene, r[VIEW], earth, r.find(AIR), r.find(MOON))
-        near = self._may_be_hidden(pixels, images, r.find(TARGET))
+        near = self.may_be_hidden(pixels, images, r.find(TARGET))
         self._draw(pixels[near], radiance[near], images)
         r[STARLIGHT] = spread(pixels[~near], radiance[~near], images.size)
 
-    def _may_be_hidden(
+    def may_be_hidden(
         self, pixels: FloatArray, images: FrameImages, target: PlacedTarget | None
     ) -> BoolArray:
         """Return True for each point that the target may hide."""
