@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import field, fields
-from functools import cache
 from typing import Annotated, Any, TypeVar
 
 import msgspec
@@ -34,7 +33,6 @@ def bounded(default: float, low: float, high: float) -> Any:  # noqa: ANN401 - a
     return field(default=default, metadata={"bounds": (low, high)})
 
 
-@cache
-def bounds_of(kind: Any) -> dict[str, tuple[float, float]]:  # noqa: ANN401 - a dataclass
+def bounds_of(kind: Any) -> dict[str, tuple[float, float]]:  # noqa: ANN401 - a dataclass or one of its instances
     """Return the smallest and largest value of each field of a dataclass that has bounds."""
     return {f.name: f.metadata["bounds"] for f in fields(kind) if f.metadata}

@@ -44,8 +44,8 @@ def check_document(document: Scenario | Recipe, where: str) -> None:
     UserError
         With file, key, value and what is allowed.
     """
-    is_recipe = isinstance(document, Recipe)
-    refuse(_recipe_problems(document) if is_recipe else _scenario_problems(document), where)
+    problems = _recipe_problems(document) if isinstance(document, Recipe) else _scenario_problems(document)
+    refuse(problems, where)
     document.auto_exposure  # noqa: B018 - raises if its limits are exchanged
 
 

@@ -126,7 +126,7 @@ def _curve_problem(curve: Curve, name: str) -> str | None:
 
 
 def _out_of_range(what: Optics | Detector | Sensor, name: str) -> str | None:
-    for key, (low, high) in bounds_of(type(what)).items():
+    for key, (low, high) in bounds_of(what).items():
         value = getattr(what, key)
         if not low <= value <= high:  # NaN fails too
             return f"{name}.{key} is {value:g}, allowed: {low:g} to {high:g}"
