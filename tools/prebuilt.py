@@ -15,8 +15,8 @@ import numpy as np
 
 from flyaround.simulator.baking.mesh_edges import edge_gaps
 from flyaround.simulator.baking.radiance_transfer import visibility_to_ship
+from flyaround.simulator.celestial.air_tables import air_tables
 from flyaround.simulator.render.craft.mesh import prepared
-from flyaround.simulator.render.globe.air_tables import air_tables
 from flyaround.simulator.runtime.cache import read_checked
 from flyaround.simulator.runtime.prebuilt import SUFFIX, without_prebuilt
 from flyaround.simulator.targets.library import load_target

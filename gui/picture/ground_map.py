@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.render.earth.maps import DAY, NIGHT, decode_file
+from flyaround.simulator.celestial.earth_maps import DAY, NIGHT, decode_file
 from flyaround.simulator.render.moon.moon_pass import moon_map
 from flyaround.simulator.scene.illumination.irradiance import albedo_of
 

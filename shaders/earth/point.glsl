@@ -27,7 +27,7 @@ vec2 sun_glint(vec3 n, vec3 v, vec3 l, float n_v, float n_l) {
     return vec2(water_fresnel(clamp(dot(v, h), 0.0, 1.0)) * p / (4.0 * n_v * c2 * c2), slope2 / variance - 1.0);
 }
 
-uniform sampler2D t_month_before;  // the land's reflectance over August's in the two nearest months; simulator/render/earth/seasons.py
+uniform sampler2D t_month_before;  // the land's reflectance over August's in the two nearest months; simulator/celestial/seasons.py
 uniform sampler2D t_month_after;
 uniform float u_season;      // share of the second
 uniform sampler2D t_ground_slopes;  // slopes to the east and to the north, roughness

@@ -6,15 +6,15 @@ uniform sampler2D t_map;    // square roots of land reflectance and cloud opacit
 #if BANDS == 3
 uniform sampler2D t_colour; // square root of land reflectance per band
 #endif
-uniform sampler2D t_detail; // simulator/render/earth/detail_noise.py
+uniform sampler2D t_detail; // simulator/celestial/detail_noise.py
 #if HIGH
 uniform sampler2D t_terrain; // assets/earth/terrain_detail_1024.png
 #endif
 #if ICE
-uniform sampler2D t_ice;    // share of the sea under ice; simulator/render/earth/sea_ice.py
+uniform sampler2D t_ice;    // share of the sea under ice; simulator/celestial/sea_ice.py
 #endif
 #if OCEAN_COLOUR
-uniform sampler2D t_ocean_colour; // square root of what shallow water reflects more than deep; simulator/render/earth/ocean_colour.py
+uniform sampler2D t_ocean_colour; // square root of what shallow water reflects more than deep; simulator/celestial/ocean_colour.py
 #endif
 
 // llvmpipe samples a whole row of pixels at once when they share a level, and one texel quad at a time when not.

@@ -6,7 +6,7 @@
 #include "globe/aerial.glsl"
 #include "moon/point.glsl"
 uniform sampler2D t_coverage;
-uniform sampler2D t_broad;   // slopes along u and v, brightness of craters; simulator/render/moon/craters.py
+uniform sampler2D t_broad;   // slopes along u and v, brightness of craters; simulator/celestial/craters.py
 uniform sampler2D t_fine;    // the same of smaller ones
 #if SMOOTH
 in vec4 v_place, v_tilt, v_light, v_incident;

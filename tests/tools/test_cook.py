@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.earth.albedo import albedo_map
-from flyaround.simulator.render.earth.maps import asset_bytes, decode_map, packed_maps
-from flyaround.simulator.render.earth.seasons import LAND
+from flyaround.simulator.celestial.earth_albedo import albedo_map
+from flyaround.simulator.celestial.earth_maps import asset_bytes, decode_map, packed_maps
+from flyaround.simulator.celestial.seasons import LAND
 from tools.cook.__main__ import cooked
 from tools.cook.reduced_maps import land_of_months, make_albedo
 

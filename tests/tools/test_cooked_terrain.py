@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.earth.maps import TERRAIN_SLOPE_MAX, terrain_texture
+from flyaround.simulator.celestial.earth_maps import TERRAIN_SLOPE_MAX, terrain_texture
 from tools.cook import terrain as valleys
 
 

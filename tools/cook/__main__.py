@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.render.earth.albedo import ALBEDO
-from flyaround.simulator.render.earth.maps import TERRAIN, packed_maps
-from flyaround.simulator.render.earth.ocean_colour import MAPS, MASK
-from flyaround.simulator.render.earth.seasons import LAND
+from flyaround.simulator.celestial.earth_albedo import ALBEDO
+from flyaround.simulator.celestial.earth_maps import TERRAIN, packed_maps
+from flyaround.simulator.celestial.ocean_colour import MAPS, MASK
+from flyaround.simulator.celestial.seasons import LAND
 from tools.cook.ocean_colour import day_and_coast, make_mask, make_ocean_colour
 from tools.cook.reduced_maps import land_of_months, make_albedo
 from tools.cook.terrain import make_terrain_detail

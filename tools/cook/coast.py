@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.render.earth.maps import day_map
+from flyaround.simulator.celestial.earth_maps import day_map
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.render.earth.maps import COAST, PAN_WEIGHTS, day_map, decode_map
-from flyaround.simulator.render.earth.ocean_colour import HEIGHT, SCALE, WIDTH
+from flyaround.simulator.celestial.earth_maps import COAST, PAN_WEIGHTS, day_map, decode_map
+from flyaround.simulator.celestial.ocean_colour import HEIGHT, SCALE, WIDTH
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.render.earth.albedo import (
+from flyaround.simulator.celestial.earth_albedo import (
     AIR_ALBEDO,
     CLOUD_ALBEDO,
     MAP_SIZE,
     SEA_ALBEDO,
     mean_albedo,
 )
-from flyaround.simulator.render.earth.seasons import HEIGHT, WIDTH
+from flyaround.simulator.celestial.seasons import HEIGHT, WIDTH
 from flyaround.simulator.world.bodies.earth import EARTH
 
 if TYPE_CHECKING:

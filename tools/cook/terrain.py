@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from flyaround.simulator.render.earth.maps import TERRAIN_SLOPE_MAX
+from flyaround.simulator.celestial.earth_maps import TERRAIN_SLOPE_MAX
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray

@@ -116,7 +116,9 @@ from flyaround.simulator.render.frame_passes import FramePasses as P
 frame = P.frame
 P.frame = lambda self, *, target=True, first=False: frame(self, target=target)
 """
-_ONE_STRIP = "from flyaround.simulator.render.earth import maps; maps._STRIPS = [slice(0, maps.HEIGHT)]"
+_ONE_STRIP = (
+    "from flyaround.simulator.celestial import earth_maps as maps; maps._STRIPS = [slice(0, maps.HEIGHT)]"
+)
 # before anything is read, and when all is imported that draws
 START_WITHOUT = {
     "prebuilt cache": (_NOTHING_SHIPPED, ""),

@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from flyaround.simulator.render.earth.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
+from flyaround.simulator.celestial.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
+from flyaround.simulator.celestial.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
+from flyaround.simulator.celestial.earth_maps import TERRAIN_SLOPE_MAX, terrain_texture
+from flyaround.simulator.celestial.earth_maps import WIDTH as MAP_WIDTH
+from flyaround.simulator.celestial.ocean_colour import SCALE as OCEAN_COLOUR_SCALE
+from flyaround.simulator.celestial.sea_ice import WIDTH as ICE_WIDTH
+from flyaround.simulator.celestial.sea_ice import sea_ice
+from flyaround.simulator.celestial.seasons import OCTAVES, month_gain, season
+from flyaround.simulator.celestial.seasons import SLOPE_MAX as GROUND_SLOPE_MAX
 from flyaround.simulator.render.earth.map_textures import AUGUST
-from flyaround.simulator.render.earth.maps import TERRAIN_SLOPE_MAX, terrain_texture
-from flyaround.simulator.render.earth.maps import WIDTH as MAP_WIDTH
-from flyaround.simulator.render.earth.ocean_colour import SCALE as OCEAN_COLOUR_SCALE
 from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES
-from flyaround.simulator.render.earth.sea_ice import WIDTH as ICE_WIDTH
-from flyaround.simulator.render.earth.sea_ice import sea_ice
-from flyaround.simulator.render.earth.seasons import OCTAVES, month_gain, season
-from flyaround.simulator.render.earth.seasons import SLOPE_MAX as GROUND_SLOPE_MAX
 from flyaround.simulator.render.frame_graph import Pass, Resource
 from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to, flush
@@ -30,7 +31,6 @@ from flyaround.simulator.render.gl.mipmaps import (
     mipmapped_texture,
     release_mipmapped,
 )
-from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from flyaround.simulator.render.globe.frame_air import AIR_SAMPLERS, TABLE_DEFINES, Air, FrameAir
 from flyaround.simulator.render.moon.moon_view import MOON
 from flyaround.simulator.render.view import SCENE
@@ -39,13 +39,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from concurrent.futures import Future
 
+    from flyaround.simulator.celestial.air_tables import AirTables
     from flyaround.simulator.render.earth.map_textures import EarthMaps
     from flyaround.simulator.render.earth.screen_tiles import ScreenTiles, TileKind
     from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.render.frame_images import FrameImages
     from flyaround.simulator.render.gl.mipmaps import MipmapChain
     from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
-    from flyaround.simulator.render.globe.air_tables import AirTables
     from flyaround.simulator.runtime.arrays import Float32Array
     from flyaround.simulator.scene.environments import Environment
     from flyaround.simulator.scene.illumination.bands import Bands

@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from flyaround.simulator.celestial.earth_albedo import globe_and_moon_shine
 from flyaround.simulator.render.craft.placement import TARGET
-from flyaround.simulator.render.earth.albedo import globe_and_moon_shine
 from flyaround.simulator.render.earth.earth_pass import EARTH, Earth
 from flyaround.simulator.render.earth.map_textures import prefetch_earth_maps, shows_earth, stand_ins
 from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES, uniform_tiles

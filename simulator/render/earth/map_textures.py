@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from flyaround.simulator.render.earth.albedo import albedo_of_day
-from flyaround.simulator.render.earth.detail_noise import detail_texture
-from flyaround.simulator.render.earth.maps import packed_maps
-from flyaround.simulator.render.earth.ocean_colour import ocean_colour
-from flyaround.simulator.render.earth.seasons import Season, ground_slopes, month_gains, season
+from flyaround.simulator.celestial.air_tables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
+from flyaround.simulator.celestial.detail_noise import detail_texture
+from flyaround.simulator.celestial.earth_albedo import albedo_of_day
+from flyaround.simulator.celestial.earth_maps import packed_maps
+from flyaround.simulator.celestial.ocean_colour import ocean_colour
+from flyaround.simulator.celestial.seasons import Season, ground_slopes, month_gains, season
 from flyaround.simulator.render.gl.mipmaps import mipmap_chain
-from flyaround.simulator.render.globe.air_tables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
 from flyaround.simulator.runtime.threads import beside_the_caller
 from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere
 from flyaround.simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.celestial.air_tables import GROUND_MU_MIN
 from flyaround.simulator.render.frame_graph import Resource
 from flyaround.simulator.render.gl.context import release
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.programs import FULL_SCREEN
-from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN
 
 if TYPE_CHECKING:
     import moderngl
 
+    from flyaround.simulator.celestial.air_tables import AirTables
     from flyaround.simulator.render.gl.programs import Program, ProgramLibrary
-    from flyaround.simulator.render.globe.air_tables import AirTables
     from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere

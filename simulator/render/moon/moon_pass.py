@@ -9,6 +9,13 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from flyaround.simulator.celestial.craters import (
+    BROAD_LARGEST_PX,
+    FINE_LARGEST_PX,
+    SLOPE_MAX,
+    crater_texture,
+)
+from flyaround.simulator.celestial.craters import SIZE as CRATERS_SIZE
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.frame_graph import Pass
@@ -16,13 +23,6 @@ from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to, flush
 from flyaround.simulator.render.globe.frame_air import AIR_SAMPLERS, AIR_TABLES, TABLE_DEFINES
 from flyaround.simulator.render.globe.globe_view import GLOBE
-from flyaround.simulator.render.moon.craters import (
-    BROAD_LARGEST_PX,
-    FINE_LARGEST_PX,
-    SLOPE_MAX,
-    crater_texture,
-)
-from flyaround.simulator.render.moon.craters import SIZE as CRATERS_SIZE
 from flyaround.simulator.render.moon.moon_view import MOON
 from flyaround.simulator.render.view import SCENE
 from flyaround.simulator.runtime.cache import entry_name

@@ -10,6 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.celestial.star_catalogue import stars
+from flyaround.simulator.celestial.star_colours import (
+    irradiance_of_v_mag,
+    photons_over_sunlights,
+    usual_v_minus_i,
+)
 from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.frame_graph import Pass
 from flyaround.simulator.render.frame_images import IMAGES, RADIANCE, STARLIGHT, Spread
@@ -18,12 +24,6 @@ from flyaround.simulator.render.globe.frame_air import AIR
 from flyaround.simulator.render.globe.globe_view import GLOBE
 from flyaround.simulator.render.moon.moon_view import MOON
 from flyaround.simulator.render.projection import PixelRect
-from flyaround.simulator.render.sky.star_catalogue import stars
-from flyaround.simulator.render.sky.star_colours import (
-    irradiance_of_v_mag,
-    photons_over_sunlights,
-    usual_v_minus_i,
-)
 from flyaround.simulator.render.view import SCENE, VIEW
 from flyaround.simulator.scene.illumination.atmosphere import optical_depth_to_top
 from flyaround.simulator.scene.illumination.planets import earth_velocity_c, planets

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.celestial.ocean_colour import near_bright_water
+from flyaround.simulator.celestial.sea_ice import near_ice
 from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.craft.viewport_fit import TILE_PX
 from flyaround.simulator.render.earth.earth_pass import FAR_LEVEL, ice_day
 from flyaround.simulator.render.earth.earth_view import EarthTilesPass
-from flyaround.simulator.render.earth.ocean_colour import near_bright_water
 from flyaround.simulator.render.earth.screen_tiles import (
     EARTH_TILES,
     ICE_SINE,
@@ -24,7 +25,6 @@ from flyaround.simulator.render.earth.screen_tiles import (
     tile_edges,
     tile_size_px,
 )
-from flyaround.simulator.render.earth.sea_ice import near_ice
 from flyaround.simulator.render.globe.globe_view import GLOBE
 from flyaround.simulator.render.projection import directions
 from flyaround.simulator.render.view import SCENE

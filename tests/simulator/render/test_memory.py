@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Distortion
+from flyaround.simulator.celestial.earth_maps import terrain_texture
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.render.craft.resident_targets import MOST_LOADED
-from flyaround.simulator.render.earth.maps import terrain_texture
 from flyaround.simulator.render.gl.context import create_context
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scene.environments import Environment

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.celestial.detail_noise import detail_texture
 from flyaround.simulator.render.craft.viewport_fit import PATTERNS as PRESETS
 from flyaround.simulator.render.craft.viewport_fit import TINY_PATTERN, all_tiles
-from flyaround.simulator.render.earth.detail_noise import detail_texture
 from flyaround.simulator.render.gl.programs import ProgramLibrary, read_source
 from flyaround.simulator.render.gl.shared_blocks import FRAME, GLOBE, MATERIALS, TARGET
 from flyaround.simulator.render.gl.uniform_block import Field, UniformBlock

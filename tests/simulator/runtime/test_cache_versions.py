@@ -18,10 +18,11 @@ import pytest
 
 from flyaround.hil.board_model import write
 from flyaround.simulator.baking import baked_mesh, radiance_transfer
+from flyaround.simulator.celestial import craters, detail_noise, sea_ice, seasons
+from flyaround.simulator.celestial import earth_maps as maps
 from flyaround.simulator.render.craft.mesh import prepared
-from flyaround.simulator.render.earth import detail_noise, maps, sea_ice, seasons
 from flyaround.simulator.render.gl import mipmaps
-from flyaround.simulator.render.moon import craters, moon_pass
+from flyaround.simulator.render.moon import moon_pass
 from flyaround.simulator.runtime.prebuilt import without_prebuilt
 from flyaround.simulator.targets.library import load_target
 

@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 from flyaround.simulator.camera.lens.camera_model import Camera
-from flyaround.simulator.render.globe.air_tables import air_tables
-from flyaround.simulator.render.sky.star_catalogue import star_irradiance_w_m2
+from flyaround.simulator.celestial.air_tables import air_tables
+from flyaround.simulator.celestial.star_catalogue import star_irradiance_w_m2
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scene.environments import NOTHING, Environment
 from flyaround.simulator.scene.illumination.atmosphere import (

@@ -11,7 +11,7 @@ import numpy as np
 from flyaround.simulator.camera.detector.electrons import electrons_per_radiance
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor
-from flyaround.simulator.render.sky.star_catalogue import stars
+from flyaround.simulator.celestial.star_catalogue import stars
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scene.environments import NOTHING
 from flyaround.simulator.scene.illumination.moonlight import moonlight_share

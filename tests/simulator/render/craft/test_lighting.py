@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from flyaround.simulator.celestial.earth_albedo import albedo_map, albedo_of_day
 from flyaround.simulator.geometry.directions import spherical_fibonacci
-from flyaround.simulator.render.earth.albedo import albedo_map, albedo_of_day
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
 from flyaround.simulator.scene.illumination.irradiance import (
     IrradianceField,

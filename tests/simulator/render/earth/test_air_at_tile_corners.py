@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.celestial.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from flyaround.simulator.render.earth import earth_view
-from flyaround.simulator.render.globe.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from flyaround.simulator.render.globe.frame_air import FrameAir
 from flyaround.simulator.render.projection import directions
 from flyaround.simulator.scene.environments import Environment

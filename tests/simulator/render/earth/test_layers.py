@@ -10,8 +10,8 @@ from scipy.interpolate import PchipInterpolator
 
 import flyaround.simulator.render.earth.earth_pass as passes
 from flyaround.simulator.camera.lens.camera_model import Camera
-from flyaround.simulator.render.earth.maps import COAST, DAY, decode_map
-from flyaround.simulator.render.earth.sea_ice import (
+from flyaround.simulator.celestial.earth_maps import COAST, DAY, decode_map
+from flyaround.simulator.celestial.sea_ice import (
     EXTENT_NORTH,
     EXTENT_SOUTH,
     HEIGHT,
@@ -20,7 +20,7 @@ from flyaround.simulator.render.earth.sea_ice import (
     near_ice,
     sea_ice,
 )
-from flyaround.simulator.render.earth.seasons import ANCHORS, HEIGHT_MAP, season
+from flyaround.simulator.celestial.seasons import ANCHORS, HEIGHT_MAP, season
 from flyaround.simulator.render.gl.library import gl_library
 from flyaround.simulator.render.gl.mipmaps import mipmapped_texture
 from flyaround.simulator.render.software import tiles as cells

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
+from flyaround.simulator.celestial import earth_maps as maps
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.render.earth import maps
 
 
 def test_strips_are_those_of_the_whole_map():

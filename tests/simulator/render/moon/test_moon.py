@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
-from flyaround.simulator.render.moon.craters import BROAD_LARGEST_PX, SIZE, SLOPE_MAX, crater_texture
+from flyaround.simulator.celestial.craters import BROAD_LARGEST_PX, SIZE, SLOPE_MAX, crater_texture
 from flyaround.simulator.render.moon.moon_pass import BROAD_KM
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2

@@ -7,9 +7,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.simulator.render.globe.air_tables import air_tables
+from flyaround.simulator.celestial.air_tables import air_tables
+from flyaround.simulator.celestial.star_catalogue import star_irradiance_w_m2, stars
 from flyaround.simulator.render.projection import PixelRect
-from flyaround.simulator.render.sky.star_catalogue import star_irradiance_w_m2, stars
 from flyaround.simulator.render.sky.star_pass import StarPass
 from flyaround.simulator.render.view import build_view
 from flyaround.simulator.scene.environments import Environment

@@ -7,8 +7,8 @@ import pytest
 
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.lens.camera_model import Camera
-from flyaround.simulator.render.sky.star_catalogue import _catalogue, star_irradiance_w_m2, stars
-from flyaround.simulator.render.sky.star_colours import (
+from flyaround.simulator.celestial.star_catalogue import _catalogue, star_irradiance_w_m2, stars
+from flyaround.simulator.celestial.star_colours import (
     SUN_V_MAG,
     hp_minus_v,
     irradiance_of_v_mag,

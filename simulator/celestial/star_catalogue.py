@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.errors import UserError
-from flyaround.simulator.render.sky.star_colours import (
+from flyaround.simulator.celestial.star_colours import (
     hp_minus_v,
     irradiance_of_v_mag,
     photons_over_sunlights,
     sound_v_minus_i,
     usual_v_minus_i,
 )
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray

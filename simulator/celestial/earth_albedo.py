@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.render.earth.maps import asset_bytes
-from flyaround.simulator.render.earth.sea_ice import sea_ice
+from flyaround.simulator.celestial.earth_maps import asset_bytes
+from flyaround.simulator.celestial.sea_ice import sea_ice
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
 from flyaround.simulator.scene.illumination.irradiance import (
     albedo_of,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.render.earth.maps import (
+from flyaround.simulator.celestial.earth_maps import (
     PAN_WEIGHTS,
     asset_size,
     decode_map,

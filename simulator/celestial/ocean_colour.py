@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.render.earth.maps import decode_map
+from flyaround.simulator.celestial.earth_maps import decode_map
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray
