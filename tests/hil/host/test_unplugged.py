@@ -57,7 +57,7 @@ def test_both_sides_of_a_line_that_is_cut_find_out():
             cut_s.append(time.monotonic())
             plugs[0].plugged.clear()
 
-    summary = Loop(start).run(frames(100), on_row=on_row, timeout_s=PATIENCE_S, silence_s=3.0)
+    summary = Loop(start).run(frames(100), on_row=on_row, timeout_s=10.0, silence_s=3.0)
     wait_until(lambda: ends)
     plugs[0].close()
     (ended_s, board), (noticed_s, last) = ends[0], rows[-1]
