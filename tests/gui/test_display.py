@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from PIL import ImageGrab
-from screen import SCREEN, virtual_screen
+from screen import SCREEN
 from standin_camera import StandInCamera
 
 import flyaround as fa
@@ -19,12 +19,6 @@ from flyaround.__main__ import run
 pytestmark = [pytest.mark.gui, pytest.mark.gl]
 
 CAMERA_PX = (1200, 900)
-
-
-@pytest.fixture(scope="module")
-def display():
-    with virtual_screen() as name:
-        yield name
 
 
 def grab(display):
