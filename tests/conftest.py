@@ -64,6 +64,15 @@ def no_targets_of_the_user(tmp_path_factory, monkeypatch):
     monkeypatch.setenv("FLYAROUND_DATA_DIR", str(tmp_path_factory.mktemp("data")))
 
 
+@pytest.fixture
+def coarse_proposals(monkeypatch):
+    """Propose labels of imported meshes from small pictures: large ones take most of an import's time."""
+    from flyaround.simulator.targets.importing.propose import edge_contrast
+
+    monkeypatch.setattr(edge_contrast, "SIZE_PX", 96)
+    monkeypatch.setattr(edge_contrast, "POINTS", 40_000)
+
+
 @pytest.fixture(scope="session")
 def draw_kit():
     """Builders of scenes and targets, for tests that draw."""

@@ -12,6 +12,7 @@ pytestmark = pytest.mark.gl
 PAGES = Path(__file__).parents[2] / "docs" / "tutorials"
 
 
+@pytest.mark.slow  # tests/flyaround/test_targets_add.py goes the same way
 def test_own_mesh(tmp_path):
     printed = run_tutorial(PAGES / "own_mesh.md", tmp_path, {"FLYAROUND_DATA_DIR": str(tmp_path / "targets")})
     assert "6 frames written" in printed

@@ -66,7 +66,16 @@ def test_unknown_camera(capsys, scenario_file):
 def test_a_picture_of_another_size_than_its_camera(capsys, tmp_path):
     path = tmp_path / "small.png"
     cv2.imwrite(str(path), np.zeros((480, 640), np.uint8))
-    _fails(capsys, "estimate", path, "--camera", "speed", says=("640 x 480", "1920 x 1200", "--camera"))
+    _fails(
+        capsys,
+        "estimate",
+        path,
+        "--target",
+        "cubesat-1u",
+        "--camera",
+        "speed",
+        says=("640 x 480", "1920 x 1200", "--camera"),
+    )
 
 
 @pytest.mark.parametrize("content", [b"", b"0.5 hello 0.5\n", b"\x93NUMPY"])

@@ -78,6 +78,7 @@ def test_estimate_reports_its_fields(tmp_path: Path, capsys: pytest.CaptureFixtu
     (tmp_path / "camera.json").write_text(json.dumps(camera))
     cv2.imwrite(str(tmp_path / "black.png"), np.zeros((64, 96), np.uint8))
     arguments = ["estimate", str(tmp_path / "black.png"), "--camera", str(tmp_path / "camera.json"), "--json"]
+    arguments += ["--target", "cubesat-1u"]
     assert run(arguments) == CONTRACT["exit_codes"]["success"]
     answer = json.loads(capsys.readouterr().out)
     assert set(CONTRACT["estimate"]) <= set(answer)

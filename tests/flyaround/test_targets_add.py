@@ -19,6 +19,8 @@ from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.library import list_targets, load_target
 from tools.docs.targets import write_docs
 
+pytestmark = pytest.mark.usefixtures("coarse_proposals")
+
 SCENARIO = """
 target = "{name}"
 epoch_utc = "2026-03-21T10:00:00Z"
@@ -301,13 +303,13 @@ def test_render_capture_check_and_contact_sheet_of_an_added_mesh(capsys, tmp_pat
 
 @pytest.mark.gl
 def test_docs_page_and_contact_sheet_have_pictures_of_the_craft(tmp_path, monkeypatch, capsys):
-    tango = load_target("tango")
-    write_docs([tango], tmp_path / "docs")
+    craft = load_target("cubesat-1u")
+    write_docs([craft], tmp_path / "docs")
     text = (tmp_path / "docs" / "targets.md").read_text()
-    assert "![tango](images/targets/tango.jpg)" in text
-    assert tango.notes in text
-    assert (tmp_path / "docs" / "images" / "targets" / "tango.jpg").stat().st_size < 100_000
-    monkeypatch.setattr("flyaround.cli.targets.list_targets", lambda: ("tango",))
+    assert "![cubesat-1u](images/targets/cubesat-1u.jpg)" in text
+    assert craft.notes in text
+    assert (tmp_path / "docs" / "images" / "targets" / "cubesat-1u.jpg").stat().st_size < 100_000
+    monkeypatch.setattr("flyaround.cli.targets.list_targets", lambda: ("cubesat-1u",))
     assert command(capsys, "--contact-sheet", tmp_path / "sheet.html")[0] == 0
-    assert "tango-view1.jpg" in (tmp_path / "sheet.html").read_text()
-    assert np.all([(tmp_path / f"tango-labels{k}.jpg").is_file() for k in (1, 2, 3)])
+    assert "cubesat-1u-view1.jpg" in (tmp_path / "sheet.html").read_text()
+    assert np.all([(tmp_path / f"cubesat-1u-labels{k}.jpg").is_file() for k in (1, 2, 3)])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,8 @@ from flyaround.gui.app import command_table, options_of
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.console import Console
-from flyaround.gui.jobs.capture_job import CaptureRequest, Thumbnail
+from flyaround.gui.jobs.capture_job import Thumbnail
 from flyaround.gui.panels.all import PANELS
-from flyaround.gui.panels.capture import CapturePanel
 from flyaround.gui.picture.estimates import Answer, compared
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.label_images import LABELS
@@ -36,12 +34,6 @@ pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
 
 WORDS_ALONE = {"log", "command-line", "keys", "palette", "help", "tour", "scenarios"}
 """Panels whose figures are parts of sentences, names and commands."""
-
-
-class UnderWay:
-    """The program of a capture that runs, as the panel sees it."""
-
-    stopped = False
 
 
 @pytest.fixture(scope="module")
@@ -105,13 +97,6 @@ def console(frame: Frame, table: CommandTable) -> Console:
     return console
 
 
-@pytest.fixture(scope="module")
-def fresh(table: CommandTable) -> Console:
-    """A console at its first moment."""
-    session = FlightSession.of(load_scenario("tango-flyaround"))
-    return Console(session, Feed(NoRenderer()), options_of(session), table)
-
-
 @pytest.fixture
 def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[HeadlessWindow]:
     window = HeadlessWindow()
@@ -159,26 +144,6 @@ def test_every_control_and_figure_of_a_panel_is_told(
                 drawn.draw(console)
         assert window.noted or panel.name in {"parts", "camera"}
         assert untold(window.noted, figures=panel.name not in WORDS_ALONE) == [], panel.name
-
-
-def test_a_capture_under_way_is_told(console: Console, window: HeadlessWindow) -> None:
-    job: Any = console.capture
-    job.request = CaptureRequest(what="tango-flyaround", frames=50, folder=Path("set"))
-    job._program, job.done = UnderWay(), 12
-    panel = CapturePanel(window)  # type: ignore[arg-type]
-    with window.panel("capture", 420.0, 780.0):
-        panel.draw(console)
-    job._program = None
-    assert "progress_bar" in {n.label for n in window.noted}
-    assert untold(window.noted, figures=True) == []
-
-
-@pytest.mark.parametrize("panel", PANELS, ids=lambda p: p.name)
-def test_a_panel_with_nothing_to_show_yet_is_told(panel: Any, fresh: Console, window: HeadlessWindow) -> None:
-    drawn = panel(window)
-    with window.panel(panel.name, 300.0, 780.0):
-        drawn.draw(fresh)
-    assert untold(window.noted, figures=panel.name not in WORDS_ALONE) == []
 
 
 def test_a_control_tells_its_command_keys_units_and_line(table: CommandTable) -> None:

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,17 +22,11 @@ from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.world.flight.recording import Recording
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
-from tests.harness.screen import SCREEN, virtual_screen, xdotool
+from tests.harness.screen import SCREEN, xdotool
 
 pytestmark = pytest.mark.gui
 
 START_TIMEOUT_S = 120.0
-
-
-@pytest.fixture(scope="module")
-def display() -> Iterator[str]:
-    with virtual_screen() as name:
-        yield name
 
 
 def wait_until(done: Callable[[], bool]) -> None:

@@ -9,8 +9,12 @@ import socket
 import subprocess
 import sys
 import threading
+import time
+from collections.abc import Callable
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from flyaround.hil.host.ledger.frames_csv import read_ledger
 
 ROOT = Path(__file__).parents[2]
 HARNESS = Path(__file__).parent
@@ -191,3 +195,24 @@ class Cable:
     @staticmethod
     def _ip(*words: str) -> None:
         subprocess.run(["ip", *words], check=True, capture_output=True)
+
+
+def outcomes(log: Path) -> list[str]:
+    """Return the outcomes in a ledger; nothing while it is not there or its last line is half written."""
+    with suppress(Exception):
+        return [row.outcome for row in read_ledger(log)]
+    return []
+
+
+def tell(sentence: str) -> None:
+    """Print a sentence for whoever runs a test with ``-rA``."""
+    sys.stdout.write(sentence + "\n")
+
+
+def wait_until(condition: Callable[[], object]) -> float:
+    """Wait for a condition and return how long it took [s]."""
+    start = time.monotonic()
+    while not condition():
+        assert time.monotonic() - start < PATIENCE_S
+        time.sleep(0.02)
+    return time.monotonic() - start

@@ -6,14 +6,12 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import pytest
 
 from flyaround.simulator.dataset.card import read_card
-from tests.harness.screen import virtual_screen
 
 pytestmark = [pytest.mark.gui, pytest.mark.slow]
 
@@ -32,12 +30,6 @@ SCRIPT = """\
 52 capture.start 5 no-such-recipe
 70 window.close
 """
-
-
-@pytest.fixture(scope="module")
-def display() -> Iterator[str]:
-    with virtual_screen() as name:
-        yield name
 
 
 def test_they_work_beside_the_flight(display: str, tmp_path: Path) -> None:

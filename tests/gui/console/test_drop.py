@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import trimesh
 
 from tests.gui.console.test_windows import Sitting
-from tests.harness.screen import virtual_screen, xdotool
+from tests.harness.screen import xdotool
 from tests.harness.x_drop import DragSource
 
 pytestmark = [pytest.mark.gui, pytest.mark.slow, pytest.mark.timeout(600)]
-
-
-@pytest.fixture(scope="module")
-def display() -> Iterator[str]:
-    with virtual_screen() as name:
-        yield name
 
 
 def test_a_mesh_and_a_scenario_that_are_dropped_are_flown(

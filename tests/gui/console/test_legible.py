@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -89,12 +88,6 @@ app.run(request)
 print(json.dumps({"checks": len(checks), "faults": faults}))
 """
 """The console with one more command, which looks at the texts of the last frame."""
-
-
-@pytest.fixture(scope="module")
-def display() -> Iterator[str]:
-    with virtual_screen() as name:
-        yield name
 
 
 @pytest.mark.gui

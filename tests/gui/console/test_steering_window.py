@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import pytest
 
 from flyaround.gui.app import command_table
 from flyaround.gui.script import Script
-from tests.harness.screen import virtual_screen, xdotool
+from tests.harness.screen import xdotool
 
 pytestmark = [pytest.mark.gui, pytest.mark.slow, pytest.mark.timeout(600)]
 
@@ -24,12 +24,6 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 TIMEOUT_S = 300.0
 SHORT_S, LONG_S = 1.0, 2.5
 """Between two things that the operator does; a busy machine draws the window twice a second."""
-
-
-@pytest.fixture(scope="module")
-def display() -> Iterator[str]:
-    with virtual_screen() as name:
-        yield name
 
 
 def operated(

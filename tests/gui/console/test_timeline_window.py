@@ -6,13 +6,12 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.gui.console.test_windows import Sitting
-from tests.harness.screen import virtual_screen, xdotool
+from tests.harness.screen import xdotool
 
 pytestmark = [pytest.mark.gui, pytest.mark.slow, pytest.mark.timeout(1200)]
 
@@ -33,12 +32,6 @@ SCRIPT = """\
 """The clock stands while a scenario is opened."""
 DATA_SET, HIL_RUN = ("498", "640"), ("586", "640")
 """Where the buttons are in the first layout of a window of 1280 x 800."""
-
-
-@pytest.fixture(scope="module")
-def display() -> Iterator[str]:
-    with virtual_screen() as name:
-        yield name
 
 
 def click(display: str, place: tuple[str, str]) -> None:

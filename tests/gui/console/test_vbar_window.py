@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -25,17 +24,11 @@ from flyaround.simulator.scenario.write import to_toml
 from flyaround.simulator.world.orbit.propagation import propagate
 from tests.gui.test_vbar_by_keys import START_M, beside
 from tests.harness.no_renderer import NoRenderer
-from tests.harness.screen import virtual_screen, xdotool
+from tests.harness.screen import xdotool
 
 pytestmark = [pytest.mark.gui, pytest.mark.slow, pytest.mark.timeout(600)]
 
 PULSES, COAST_S = 12, 35.0
-
-
-@pytest.fixture(scope="module")
-def display() -> Iterator[str]:
-    with virtual_screen() as name:
-        yield name
 
 
 def by_keys(display: str) -> None:

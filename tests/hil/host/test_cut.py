@@ -9,7 +9,6 @@ import json
 import os
 import pty
 import signal
-import sys
 import threading
 import time
 from pathlib import Path
@@ -18,7 +17,17 @@ import pytest
 from estimators import Estimate
 from hand_made_host import in_thread
 from hil_loop import Instant, Loop, adds_up, frames
-from hil_processes import PATIENCE_S, children_of, echo_board, free_url, host_process, kill_all
+from hil_processes import (
+    PATIENCE_S,
+    children_of,
+    echo_board,
+    free_url,
+    host_process,
+    kill_all,
+    outcomes,
+    tell,
+    wait_until,
+)
 
 from flyaround.hil.board.agent import BoardAgent, run_board
 from flyaround.hil.host.ledger.frames_csv import read_ledger
@@ -28,27 +37,6 @@ from flyaround.hil.link.session import Link, greet_host
 from flyaround.hil.link.transports.url import connect
 
 BUSY_S = 20.0
-
-
-def outcomes(log):
-    try:
-        return [row.outcome for row in read_ledger(log)]
-    except Exception:  # noqa: BLE001 - not there yet, or its last line half written
-        return []
-
-
-def tell(sentence):
-    """To whoever runs this with ``-rA``."""
-    sys.stdout.write(sentence + "\n")
-
-
-def wait_until(condition) -> float:
-    """How long it took."""
-    start = time.monotonic()
-    while not condition():
-        assert time.monotonic() - start < PATIENCE_S
-        time.sleep(0.02)
-    return time.monotonic() - start
 
 
 @pytest.mark.slow

@@ -7,40 +7,19 @@ from __future__ import annotations
 
 import json
 import secrets
-import sys
 import time
 from contextlib import suppress
 from subprocess import CalledProcessError
 
 import pytest
 from hil_loop import Instant, Loop, adds_up, frames
-from hil_processes import PATIENCE_S, Cable, Plug, echo_board, host_process
+from hil_processes import PATIENCE_S, Cable, Plug, echo_board, host_process, outcomes, tell, wait_until
 
 from flyaround.hil.board.agent import run_board
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 
 # the old ways took 10 s (the board) and 30 s (the host)
 BUSY_S = 2.8
-
-
-def tell(sentence):
-    """To whoever runs this with ``-rA``."""
-    sys.stdout.write(sentence + "\n")
-
-
-def outcomes(log):
-    with suppress(Exception):  # not there yet, or its last line half written
-        return [row.outcome for row in read_ledger(log)]
-    return []
-
-
-def wait_until(condition) -> float:
-    """How long it took."""
-    start = time.monotonic()
-    while not condition():
-        assert time.monotonic() - start < PATIENCE_S
-        time.sleep(0.01)
-    return time.monotonic() - start
 
 
 def test_both_sides_of_a_line_that_is_cut_find_out():
@@ -57,7 +36,7 @@ def test_both_sides_of_a_line_that_is_cut_find_out():
             cut_s.append(time.monotonic())
             plugs[0].plugged.clear()
 
-    summary = Loop(start).run(frames(100), on_row=on_row, timeout_s=PATIENCE_S, silence_s=3.0)
+    summary = Loop(start).run(frames(100), on_row=on_row, timeout_s=10.0, silence_s=3.0)
     wait_until(lambda: ends)
     plugs[0].close()
     (ended_s, board), (noticed_s, last) = ends[0], rows[-1]

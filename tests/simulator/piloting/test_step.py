@@ -45,7 +45,8 @@ def approach_command(state: fa.FlightState) -> fa.PilotCommand:
     return fa.PilotCommand(thrust=(-cross, -radial, along))
 
 
-def fly_approach() -> tuple[list[fa.FlightState], list[fa.PilotCommand]]:
+@pytest.fixture(scope="module")
+def approach() -> tuple[list[fa.FlightState], list[fa.PilotCommand]]:
     session = fa.FlightSession.of(beside())
     commands = [fa.PilotCommand(orders=(Control(axes="lvlh", attitude="target"),))]
     states = [session.step(commands[0], TICK_S)]
@@ -55,8 +56,10 @@ def fly_approach() -> tuple[list[fa.FlightState], list[fa.PilotCommand]]:
     return states, commands
 
 
-def test_an_approach_is_flown_by_step_alone() -> None:
-    states, _ = fly_approach()
+def test_an_approach_is_flown_by_step_alone(
+    approach: tuple[list[fa.FlightState], list[fa.PilotCommand]],
+) -> None:
+    states, _ = approach
     end = states[-1]
     assert end.mode == "steer"
     assert end.t_s == pytest.approx(END_S)
@@ -66,8 +69,10 @@ def test_an_approach_is_flown_by_step_alone() -> None:
     assert end.attitude == "target"
 
 
-def test_recorded_commands_replay_to_the_bit() -> None:
-    states, commands = fly_approach()
+def test_recorded_commands_replay_to_the_bit(
+    approach: tuple[list[fa.FlightState], list[fa.PilotCommand]],
+) -> None:
+    states, commands = (recorded[:100] for recorded in approach)
     again = fa.FlightSession.of(beside())
     for before, command in zip(states, commands, strict=True):
         after = again.step(command, TICK_S)

@@ -1,6 +1,5 @@
 """What is shipped ready made: the same as its makers make now, used by an empty cache, done without where damaged."""
 
-import contextlib
 import io
 from pathlib import Path
 
@@ -85,32 +84,16 @@ def test_an_empty_cache_takes_what_is_shipped_and_keeps_it(folder):
     assert cached_array("a", refuse).tolist() == [0, 1, 2, 3, 4]
 
 
-def test_what_is_damaged_is_made(folder, caplog):
-    (folder / "a.npy.zst").write_bytes(b"half of a file")
+@pytest.mark.parametrize("data", [b"half of a file", zstandard.ZstdCompressor().compress(b"no array")])
+def test_what_is_damaged_is_made(data, folder, caplog):
+    (folder / "a.npy.zst").write_bytes(data)
     assert cached_array("a", lambda: np.arange(2)).tolist() == [0, 1]
     assert "damaged" in caplog.text
 
 
-def test_what_decodes_to_no_array_is_made(folder, caplog):
-    put(folder, "a.npy", b"no array")
-    assert cached_array("a", lambda: np.arange(2)).tolist() == [0, 1]
-    assert "damaged" in caplog.text
-
-
-def test_a_flipped_bit_of_a_shipped_file_is_noticed():
-    rng = np.random.default_rng(3)
+def test_shipped_files_have_checksums():
     for file in ship.FOLDER.glob("*.zst"):
-        packed = bytearray(file.read_bytes())
-        assert zstandard.get_frame_parameters(bytes(packed)).has_checksum, file.name
-        if len(packed) > 300_000:
-            continue  # as long to decode as all others
-        whole = zstandard.ZstdDecompressor().decompress(bytes(packed))
-        for at in rng.integers(0, 8 * len(packed), 6).tolist():
-            packed[at // 8] ^= 1 << at % 8
-            # what is read in spite of it is what it was: the bit says nothing of the contents
-            with contextlib.suppress(zstandard.ZstdError, MemoryError):
-                assert zstandard.ZstdDecompressor().decompress(bytes(packed)) == whole, file.name
-            packed[at // 8] ^= 1 << at % 8
+        assert zstandard.get_frame_parameters(file.read_bytes()).has_checksum, file.name
 
 
 def test_nothing_is_shipped_for_who_makes_it(folder):

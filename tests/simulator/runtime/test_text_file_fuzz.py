@@ -95,14 +95,15 @@ def card(plan):
     )
 
 
-def test_scenarios(tmp_path):
+@pytest.mark.parametrize("count", [40, pytest.param(120, marks=pytest.mark.slow)])
+def test_scenarios(count, tmp_path):
     rng, path = np.random.default_rng(1), tmp_path / "a.toml"
     texts = [
         files("flyaround.assets").joinpath("scenarios", f"{name}.toml").read_bytes()
         for name in list_scenarios()
     ]
     done = []
-    for _ in range(120):
+    for _ in range(count):
         data = changed_text(texts[int(rng.integers(len(texts)))], rng)
         path.write_bytes(data)
         done.append(read(lambda: load_scenario(path), data))
@@ -126,35 +127,38 @@ def camera_texts():
     yield b'{"focal_length_mm": 12.0, "pixel_pitch_um": 5.5, "width_px": 1024, "height_px": 1024}'
 
 
-def test_cameras_of_every_format():
+@pytest.mark.parametrize("count", [200, pytest.param(600, marks=pytest.mark.slow)])
+def test_cameras_of_every_format(count):
     rng, texts = np.random.default_rng(2), list(camera_texts())
     assert len(texts) > 4 * len(WRITTEN)
     done = []
-    for _ in range(600):
+    for _ in range(count):
         data = changed_text(texts[int(rng.integers(len(texts)))], rng)
         done.append(read(lambda data=data: as_estimate_takes_it(data), data))
     assert 0 < sum(done) < len(done)
 
 
+@pytest.mark.parametrize("count", [90, pytest.param(240, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["record", "card"])
-def test_records_and_cards(kind, request, tmp_path):
+def test_records_and_cards(kind, count, request, tmp_path):
     rng, text = np.random.default_rng(3), request.getfixturevalue(kind)
     path, document, done = tmp_path / "dataset.json", json.loads(text), []
     reader = (lambda: read_truth(path)) if kind == "record" else (lambda: read_card(tmp_path))
     path.write_bytes(text)
     assert read(reader, text)
-    for k in range(240):
+    for k in range(count):
         data = changed_json(document, rng) if k % 3 else changed_text(text, rng)
         path.write_bytes(data)
         done.append(read(reader, data))
     assert 0 < sum(done) < len(done)
 
 
-def test_lists_of_poses(tmp_path):
+@pytest.mark.parametrize("count", [100, pytest.param(300, marks=pytest.mark.slow)])
+def test_lists_of_poses(count, tmp_path):
     rng, path = np.random.default_rng(4), tmp_path / "a.csv"
     text = b"q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m\n" + b"1,0,0,0,0.5,-0.25,10\n" * 5
     done = []
-    for _ in range(300):
+    for _ in range(count):
         data = changed_text(text, rng)
         path.write_bytes(data)
         done.append(read(lambda: read_poses(path), data))

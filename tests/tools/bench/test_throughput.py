@@ -28,7 +28,7 @@ def test_two_processes_draw_as_one_does():
         machine, rates = bench_throughput(
             ("tango-space-10m+1024",),
             most=2,
-            seconds=1.0,
+            seconds=0.5,
             progress=lambda *turn, told=told: told.append(turn),
         )
         assert told == [(1, 2), (2, 2)]

@@ -9,7 +9,7 @@ import pytest
 from flyaround.hil.board.svd.estimator import BUSY
 from flyaround.hil.board.svd.image.edge_field import drop_specks
 from flyaround.hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from flyaround.hil.board.svd.propose.regions import _busy_share, clusters, propose_regions
+from flyaround.hil.board.svd.propose.regions import clusters, propose_regions
 from flyaround.hil.board.svd.propose.saliency import (
     CELL_PX,
     SaliencyWeights,
@@ -108,13 +108,3 @@ def test_groups_of_edges_are_those_of_the_whole_picture(share: float) -> None:
     assert sorted(clusters(mask, 13)) == sorted(expected)
     assert not drop_specks(mask & False, 4).any()
     assert clusters(mask & False, 13) == []
-
-
-def test_a_tile_is_busy_from_four_edges_on() -> None:
-    mask = np.zeros((50, 70), bool)
-    mask[3, 2:5] = True
-    mask[20, 18:22] = True
-    mask[40, 66:70] = True  # beyond the last whole tile
-    assert _busy_share(mask) == pytest.approx(1 / 12)
-    mask[16:48] = True
-    assert _busy_share(mask) == pytest.approx(8 / 12)

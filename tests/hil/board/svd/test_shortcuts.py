@@ -20,7 +20,6 @@ from flyaround.hil.board.svd.image.edge_field import edge_field
 from flyaround.hil.board.svd.image.observation import Observation
 from flyaround.hil.board.svd.image.region import Region
 from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
-from flyaround.hil.board.svd.model.many_groups import _boxes
 from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
 from flyaround.hil.board.svd.refine.edges import limit_one_step, limit_step
 from flyaround.hil.board.svd.refine.parallel import Drawings, Pruning, draw, draw_shadows, refine_in_parallel
@@ -33,23 +32,6 @@ T_M = np.array([0.05, -0.05, 4.2])
 RNG = np.random.default_rng(8)
 
 pytestmark = pytest.mark.usefixtures("one_thread")
-
-
-@pytest.mark.parametrize(("labels", "fine"), [(17, 2), (41, 2), (41, 3)])
-def test_boxes_hold_just_the_cells_of_each_label(labels: int, fine: int) -> None:
-    slots = np.full((20 * fine, 30 * fine), 255, np.uint8)
-    for k in range(labels - 1):
-        y, x = RNG.integers(0, 18 * fine), RNG.integers(0, 28 * fine)
-        slots[y : y + 1 + k % 5, x : x + 1 + k % 3] = k
-    x0, y0, x1, y1 = _boxes(slots, labels, fine)
-    for k in range(labels):
-        rows, columns = np.nonzero(slots == k)
-        if len(rows):
-            cells = columns // fine, rows // fine
-            assert (x0[k], y0[k]) == tuple(int(c.min()) for c in cells)
-            assert (x1[k], y1[k]) == tuple(int(c.max()) for c in cells)
-        else:
-            assert x0[k] > x1[k]
 
 
 @pytest.mark.parametrize(("side", "taps", "stride"), [(16, 5, 2), (8, 3, 1), (8, 3, 2)])

@@ -122,8 +122,17 @@ def assert_finite(renderer, draw_kit, target, quality):
         assert np.linalg.norm(layers.normals[seen], axis=1) == pytest.approx(1, abs=1e-3)
 
 
-@pytest.mark.parametrize("shape", ["octahedron", "cube"])
-@pytest.mark.parametrize("quality", ["draft", "default", "high"])
+@pytest.mark.parametrize(
+    ("shape", "quality"),
+    [
+        ("octahedron", "draft"),
+        ("cube", "default"),
+        ("octahedron", "high"),
+        pytest.param("cube", "draft", marks=pytest.mark.slow),
+        pytest.param("octahedron", "default", marks=pytest.mark.slow),
+        pytest.param("cube", "high", marks=pytest.mark.slow),
+    ],
+)
 def test_smooth_normals_with_a_texture_on_a_coarse_solid(renderer, draw_kit, shape, quality):
     target = craft(draw_kit, shape, textures=("base_color_texture",))
     assert_finite(renderer, draw_kit, target, quality)

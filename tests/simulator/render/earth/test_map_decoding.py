@@ -16,16 +16,6 @@ def test_strips_are_those_of_the_whole_map():
         np.testing.assert_array_equal(maps._enlarged_root(beside, rows), whole[rows])
 
 
-def test_the_strips_hold_each_row_once():
-    assert [row for rows in maps._STRIPS for row in range(rows.start, rows.stop)] == list(range(maps.HEIGHT))
-
-
 def test_a_missing_map_is_the_users_to_mend():
     with pytest.raises(UserError, match="missing; install Flyaround again"):
         maps.decode_file("day_of_nowhere.jpg", cv2.IMREAD_COLOR)
-
-
-def test_a_strip_ends_where_ice_is_looked_for_no_more():
-    # otherwise the height of the strips would say where
-    edges = [maps.HEIGHT * (0.5 + sign * maps._ICE_LATITUDE_DEG / 180) for sign in (-1, 1)]
-    assert {rows.start for rows in maps._STRIPS}.issuperset(edges)

@@ -73,16 +73,20 @@ def test_nothing_that_a_lens_shows_of_a_craft_is_left_out(renderers, camera):
 def test_the_lattice_is_the_same_though_its_buffer_is_not(renderers, monkeypatch):
     # a craft that fills much of a large picture: its rectangle has more samples than a lattice of `high` may have
     chosen, choose = [], placement.choose_pattern
-    monkeypatch.setattr(
-        placement, "choose_pattern", lambda *a, **k: chosen.append(choose(*a, **k)) or chosen[-1]
-    )
+
+    def stop_at_choice(*args, **options):
+        chosen.append(choose(*args, **options))
+        raise RuntimeError("chosen")
+
+    monkeypatch.setattr(placement, "choose_pattern", stop_at_choice)
     plan = plan_flight(load_scenario("tango-close-3m"), n=1)
     scene = plan.scene(0)
     nearer_m = tuple(0.9 * m for m in scene.t_camera_from_target_m)
     scene = replace(scene, t_camera_from_target_m=nearer_m, quality="high")
     for one in renderers:
         one.make_current()
-        one.render(scene, plan.target)
+        with pytest.raises(RuntimeError, match="chosen"):
+            one.render(scene, plan.target)
     assert chosen[0] == chosen[1]
 
 

@@ -282,10 +282,11 @@ def test_the_command_says_one_sentence_and_writes_nothing(folder, capsys):
     assert not (Path(os.environ["FLYAROUND_DATA_DIR"]) / "targets").exists()
 
 
-def test_meshes_damaged_at_random_are_taken_or_refused_in_a_sentence(tmp_path):
-    """Six hundred damaged files of six kinds, under 1 GB of data: nothing but sentences (6,600 by hand)."""
+@pytest.mark.parametrize("count", [120, pytest.param(600, marks=pytest.mark.slow)])
+def test_meshes_damaged_at_random_are_taken_or_refused_in_a_sentence(count, tmp_path):
+    """Damaged files of six kinds, under 1 GB of data: nothing but sentences (6,600 by hand)."""
     done = subprocess.run(
-        [sys.executable, str(FUZZ), str(tmp_path), "20261123", "600"],
+        [sys.executable, str(FUZZ), str(tmp_path), "20261123", str(count)],
         capture_output=True,
         text=True,
         timeout=280,
@@ -294,21 +295,21 @@ def test_meshes_damaged_at_random_are_taken_or_refused_in_a_sentence(tmp_path):
     assert done.returncode == 0, done.stderr[-2000:]
     found = json.loads(done.stdout)
     assert found["wrong"] == []
-    assert found["taken"] + found["refused"] == 600
-    assert found["taken"] > 30
+    assert found["taken"] + found["refused"] == count
+    assert found["taken"] > count / 20
     assert found["longest"][0] < 10.0  # 0.04 s where this was written
     assert found["memory_bytes"] < 1 << 30
     assert "Traceback" not in done.stderr
 
 
 def test_target_files_damaged_at_random_are_taken_or_refused_in_a_sentence(tmp_path):
-    """Their JSON, which says what is where: a hundred and twenty at random (1,500 by hand)."""
+    """Their JSON, which says what is where, at random (1,500 by hand)."""
     write_glb(load_target("chessboard", "low"), tmp_path / "whole.glb")
     data = (tmp_path / "whole.glb").read_bytes()
     size = int.from_bytes(data[12:16], "little")
     rng = random.Random(20261123)
     refusals = []
-    for _ in range(120):
+    for _ in range(60):
         text = damaged(rng, data[20 : 20 + size])
         text += b" " * (-len(text) % 4)
         chunks = len(text).to_bytes(4, "little") + b"JSON" + text + data[20 + size :]
@@ -317,7 +318,7 @@ def test_target_files_damaged_at_random_are_taken_or_refused_in_a_sentence(tmp_p
             load_glb(tmp_path / "a.glb")
         except UserError as error:
             refusals.append(str(error))
-    assert len(refusals) > 60
+    assert len(refusals) > 30
     assert not any("\n" in text for text in refusals)
 
 

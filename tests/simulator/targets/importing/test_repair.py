@@ -13,6 +13,8 @@ from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh
 from flyaround.simulator.targets.library import load_target
 
+pytestmark = pytest.mark.usefixtures("coarse_proposals")
+
 SHEETS = ImportOptions(keep_holes=True)
 
 
@@ -47,13 +49,8 @@ def surface_distance(target, points):
 BOX = trimesh.creation.box((2.0, 1.0, 0.5))
 
 
-@pytest.fixture(scope="module")
-def box(tmp_path_factory):
-    return import_mesh(save(tmp_path_factory.mktemp("m") / "box.stl", BOX), "box")
-
-
-def test_a_clean_box(box):
-    target, lines = box
+def test_a_clean_box(tmp_path):
+    target, lines = import_mesh(save(tmp_path / "box.stl", BOX), "box")
     assert volume(target) == pytest.approx(1.0)
     assert "merged 28 duplicate vertices" in lines
     assert not any("turned" in line for line in lines)
@@ -270,7 +267,7 @@ def test_tango_in_millimetres(tango_in_mm, tmp_path):
     assert len(target.keypoints) == 16
     assert surface_distance(target, [k.position_m for k in target.keypoints]).max() < 1e-6
     # both ends of every edge, and its middle, are on the mesh
-    for e in target.wireframe[:60]:
+    for e in target.wireframe[:60:3]:
         ends = np.array([e.a_m, e.b_m])
         assert surface_distance(target, [*ends, ends.mean(axis=0)]).max() < 6e-3 + e.radius_m
     # much of what the craft's own table of keypoints calls corners and tips is found again
@@ -282,9 +279,10 @@ def test_tango_in_millimetres(tango_in_mm, tmp_path):
     assert load_glb(tmp_path / "mine.glb").sha256 == target.sha256
 
 
-def test_the_same_mesh_gives_the_same_target(tango_in_mm):
-    _, path = tango_in_mm
-    options = ImportOptions(units="mm", decimate=4000)
+def test_the_same_mesh_gives_the_same_target(tmp_path):
+    ball = trimesh.creation.icosphere(4, 1.0)
+    path = save(tmp_path / "a.stl", trimesh.util.concatenate([ball, BOX.copy().apply_translation((3, 0, 0))]))
+    options = ImportOptions(decimate=2000)
     assert import_mesh(path, "a", options)[0].sha256 == import_mesh(path, "a", options)[0].sha256
 
 

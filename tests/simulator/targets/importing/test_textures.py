@@ -15,6 +15,8 @@ from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh
 from flyaround.simulator.targets.importing.read.textures import decode_image
 
+pytestmark = pytest.mark.usefixtures("coarse_proposals")
+
 SIZE = 64
 ROWS, COLUMNS = np.mgrid[0:SIZE, 0:SIZE] * (255.0 / (SIZE - 1))
 PICTURE = np.stack([COLUMNS, ROWS, np.full((SIZE, SIZE), 90.0)], axis=-1).astype(np.uint8)
