@@ -9,23 +9,19 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from flyaround.gui.hand_control import STEERING, HandControl
-from flyaround.gui.jobs.capture_job import CaptureJob
-from flyaround.gui.jobs.hil_session import HilSession
+from flyaround.gui.jobs.all import Jobs
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
-from flyaround.gui.picture.estimates import Estimates
 from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from flyaround.gui.command_table import Command, CommandTable, Value
-    from flyaround.gui.jobs.mesh_import import MeshImport
-    from flyaround.gui.picture.feed import Feed, Picture
-    from flyaround.gui.picture.video import Film
+    from flyaround.gui.picture.feed import Feed
     from flyaround.gui.picture.view_settings import Options
     from flyaround.simulator.piloting.orders import Order
     from flyaround.simulator.piloting.session import FlightSession
@@ -49,6 +45,41 @@ class Message:
     acknowledged: bool = False
     acknowledged_ms: int | None = None
     """When it was, if it was."""
+
+
+@dataclass
+class WindowRequests:
+    """Requests of commands to the window; the loop serves and clears them.
+
+    Parameters
+    ----------
+    screenshot : file for a picture of the window. clipboard : text for the clipboard. front : panel to be raised.
+    """
+
+    close: bool = False
+    full_screen: bool = False
+    first_layout: bool = False
+    screenshot: Path | None = None
+    clipboard: str = ""
+    front: str = ""
+    font_scale: float = 1.0
+
+
+@dataclass
+class Help:
+    """State of the panels' help and of the tour.
+
+    Parameters
+    ----------
+    about : title and description of each panel. panel : the one that the help describes.
+    hovered : the panel under the mouse. rects : left, top, width and height of panels and bars.
+    """
+
+    about: dict[str, tuple[str, str]] = field(default_factory=dict)
+    panel: str = ""
+    hovered: str = ""
+    rects: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
+    tour_step: int = 0
 
 
 @dataclass(eq=False)
@@ -76,56 +107,30 @@ class Console:
     messages: list[Message] = field(default_factory=list)
     opener: ScenarioOpener = field(default_factory=ScenarioOpener)
     draft: ScenarioDraft = field(default_factory=ScenarioDraft)
-    estimates: Estimates = field(default_factory=Estimates)
-    hil: HilSession = field(default_factory=HilSession)
-    capture: CaptureJob = field(default_factory=CaptureJob)
+    jobs: Jobs = field(init=False)
+    help: Help = field(default_factory=Help)
+    window: WindowRequests = field(default_factory=WindowRequests)
     device_index: int | None = None
     """EGL device of what draws."""
     clock_ms: int = 0
     window_hz: float = 0.0
     window_gl: str = ""
-    # what the window is asked for by commands; the loop does it and takes the wish back
-    wants_close: bool = False
-    wants_full_screen: bool = False
-    wants_first_layout: bool = False
     source: str = ""
     """Built-in name or file of the scenario that flies; empty for one that is in no file."""
     saved_truth: str = ""
     """Truth record of the picture that was saved last."""
-    wants_screenshot: Path | None = None
-    font_scale: float = 1.0
-    clipboard: str = ""
-    """Text that is to go to the clipboard."""
-    front: str = ""
-    """The panel that is to come to the front."""
-    hovered: str = ""
-    """The panel under the mouse."""
-    rects: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
-    """Where panels and bars are: left, top, width, height."""
-    about: dict[str, tuple[str, str]] = field(default_factory=dict)
-    """Title and description of each panel."""
-    help_about: str = ""
-    tour_step: int = 0
     history: SettingsHistory = field(default_factory=SettingsHistory)
-    film: Film | None = None
-    filmed: Picture | None = None
-    mesh: MeshImport | None = None
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)
-    on_pass_time: list[Callable[[Console], None]] = field(default_factory=list)
-    """What else is to be kept up to date, once a turn of the loop."""
     _player: Player | None = None
+
+    def __post_init__(self) -> None:
+        self.jobs = Jobs(self.say, self.do)
 
     def close(self) -> None:
         """End what runs beside the window."""
         self.log.close()
-        self.estimates.close()
-        self.hil.close()
-        self.capture.close()
-        if self.film is not None:
-            self.film.close()
-        if self.mesh is not None:
-            self.mesh.close()
+        self.jobs.close()
 
     # --- commands
 
@@ -227,16 +232,12 @@ class Console:
                 return
         self._advance(end)
         self.hold(keys)
-        self._keep_up()
+        self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
     def stand(self) -> None:
         """Keep what runs beside the flight up to date while the flight waits for its first picture."""
         self._take_opened()
-        self._keep_up()
-
-    def _keep_up(self) -> None:
-        for keep in tuple(self.on_pass_time):
-            keep(self)
+        self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
     def _advance(self, t_ms: int) -> None:
         try:
@@ -267,7 +268,7 @@ class Console:
         self.hand.armed = False
         self.hand.centre_sticks()
         # nothing of the flight before may look as if it were of this one
-        self.estimates.forget()
+        self.jobs.estimates.forget()
         self.acknowledge()
         settings = self.options.settings
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
@@ -298,4 +299,4 @@ class Console:
         """Open a panel or view (left out: the other of open and closed), and bring it to the front."""
         self.shown[name] = not self.shown.get(name, False) if shown is None else shown
         if self.shown[name]:
-            self.front = name
+            self.window.front = name

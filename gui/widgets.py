@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 from flyaround.gui import hover_text, style
@@ -175,3 +176,32 @@ class Widgets:
     def color(self, rgba: style.Rgba) -> int:
         """A colour for a draw list."""
         return int(self.imgui.color_convert_float4_to_u32(self.imgui.ImVec4(*rgba)))
+
+
+class Panel(ABC):
+    """A panel or view of the window.
+
+    ``name`` is of its command (``panel.NAME``), with its ``keys``. ``place`` is the dock at first (``over``: a window
+    of its own in the middle), ``shown`` whether it is open at first, ``bare`` whether it draws up to its edges.
+    """
+
+    name: str
+    title: str
+    place: str
+    shown: bool
+    keys: tuple[str, ...] = ()
+    bare = False
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._imgui = window.imgui
+        self._w = Widgets(window)
+
+    @abstractmethod
+    def draw(self, console: Console) -> None:
+        """Draw into the current Dear ImGui window."""
+
+    def _free(self, least: float) -> tuple[float, float, float, float]:
+        """Return the free rectangle: left, top, width and height, both at least ``least``."""
+        corner, free = self._imgui.get_cursor_screen_pos(), self._imgui.get_content_region_avail()
+        return corner.x, corner.y, max(free.x, least), max(free.y, least)

@@ -59,21 +59,13 @@ def _noise(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
     console.options.settings.noise = state
 
 
-def _full_screen(console: Console) -> None:
-    console.wants_full_screen = True
-
-
-def _close(console: Console) -> None:
-    console.wants_close = True
-
-
-def _first_layout(console: Console) -> None:
-    console.wants_first_layout = True
-
-
 def _focus(console: Console) -> None:
-    """The side panels away, or back."""
+    """Hide the side panels, or show them again."""
     console.options.panel = not console.options.panel
+
+
+def _request(name: str, console: Console) -> None:
+    setattr(console.window, name, True)
 
 
 COMMANDS = (
@@ -150,9 +142,12 @@ COMMANDS = (
         "window.panels", "Side panels", "the panels beside the view, or the view alone", _focus, ("tab",)
     ),
     Command(
-        "window.first-layout", "First layout", "all panels back to where they were at first", _first_layout
+        "window.first-layout",
+        "First layout",
+        "all panels back to where they were at first",
+        partial(_request, "first_layout"),
     ),
-    Command("window.full-screen", "Full screen", "full screen", _full_screen, ("f11",)),
+    Command("window.full-screen", "Full screen", "full screen", partial(_request, "full_screen"), ("f11",)),
     Command(
         "window.acknowledge",
         "Acknowledge",
@@ -160,5 +155,5 @@ COMMANDS = (
         lambda console: console.acknowledge(),
         ("f9",),
     ),
-    Command("window.close", "Quit", "close the console", _close, ("ctrl+q",)),
+    Command("window.close", "Quit", "close the console", partial(_request, "close"), ("ctrl+q",)),
 )

@@ -76,33 +76,27 @@ def _start(console: Console, url: str | None = None) -> None:
         target_sha256=target.sha256,
         flown=FlownRecord.of(console.session.plan),
     )
-    console.hil.start(console.session, config, console.device_index)
+    console.jobs.hil.start(console.session, config, console.device_index)
 
 
 def _stop(console: Console) -> None:
-    console.hil.stop()
+    console.jobs.hil.stop()
 
 
 def _board(console: Console, method: str | None = None) -> None:
-    console.hil.start_board(console.session.plan.target.name, method or "svd")
+    console.jobs.hil.start_board(console.session.plan.target.name, method or "svd")
 
 
 def _stop_board(console: Console) -> None:
-    console.hil.stop_board()
+    console.jobs.hil.stop_board()
 
 
 def _fault(console: Console, kind: str, seconds: float | None = None) -> None:
     fault, text = FAULTS[kind]
     start = console.session.t_s
     length = FAULT_S if seconds is None else seconds
-    console.hil.add_fault(msgspec.structs.replace(fault, start_s=start, end_s=start + length))
+    console.jobs.hil.add_fault(msgspec.structs.replace(fault, start_s=start, end_s=start + length))
     console.say(f"fault {kind} for {length:g} s of the flight: {text}")
-
-
-def keep_hil(console: Console) -> None:
-    """Give the session the newest moment, and tell what it has to say; once a turn."""
-    for note in console.hil.update(console.session):
-        console.say(note.text, "caution" if note.warning else "note")
 
 
 COMMANDS = (

@@ -101,25 +101,25 @@ class Keeping:
     then : what is done with the scenario once it is whole.
     """
 
+    console: Console
     files: FlownFiles
     then: Callable[[Console, str], None]
     _told_s: float = 0.0
 
-    def __call__(self, console: Console) -> None:
-        """Some more of it."""
+    def __call__(self) -> bool:
+        """Write some more; return False at the end."""
         try:
             replay = self.files.go_on(SLICE_S)
         except (UserError, OSError) as error:
-            console.on_pass_time.remove(self)
-            console.say(f"the flight was not kept: {error}", "caution")
-            return
+            self.console.say(f"the flight was not kept: {error}", "caution")
+            return False
         if replay is None:
             if time.monotonic() - self._told_s > 1.0:
                 self._told_s = time.monotonic()
-                console.say(f"keeping the flight: {100 * self.files.share:.0f} %")
-            return
-        console.on_pass_time.remove(self)
-        self.then(console, str(replay))
+                self.console.say(f"keeping the flight: {100 * self.files.share:.0f} %")
+            return True
+        self.then(self.console, str(replay))
+        return False
 
 
 def _tell(console: Console, replay: str) -> None:
@@ -129,7 +129,7 @@ def _tell(console: Console, replay: str) -> None:
 def _keep(console: Console, folder: str | None = None, then: Callable[[Console, str], None] = _tell) -> None:
     name = console.session.plan.scenario.name
     where = free_folder(FOLDER, name) if folder is None else Path(folder)
-    console.on_pass_time.append(Keeping(FlownFiles(console.session, where), then))
+    console.jobs.keeping.append(Keeping(console, FlownFiles(console.session, where), then))
 
 
 def _dataset(console: Console, frames: int = FRAMES) -> None:

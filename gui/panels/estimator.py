@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.picture.estimates import known_methods
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.jobs.estimator_process import known_methods
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.picture.estimates import ComparedEstimate, Estimates
+    from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates
     from flyaround.gui.window import Window
     from flyaround.simulator.runtime.arrays import ByteArray
 
@@ -31,13 +31,13 @@ STATES = {
 }
 
 
-class EstimatorPanel:
+class EstimatorPanel(Panel):
     """Runs an estimator beside the flight and shows what it thinks."""
 
     name, title, place, shown = "estimator", "Estimator", "left", False
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._methods: tuple[str, ...] = ()
         self._network = "net:"
         self._pictures: dict[str, ByteArray] = {}
@@ -46,7 +46,7 @@ class EstimatorPanel:
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
-        w, estimates = self._w, console.estimates
+        w, estimates = self._w, console.jobs.estimates
         w.switch(console, "estimator.run")
         w.flow(12 * w.imgui.get_font_size(), first=False)
         state = STATES[estimates.state]
@@ -75,7 +75,7 @@ class EstimatorPanel:
             w.text("with the next estimate", style.QUIET)
 
     def _choose(self, console: Console) -> None:
-        w, imgui, estimates = self._w, self._w.imgui, console.estimates
+        w, imgui, estimates = self._w, self._w.imgui, console.jobs.estimates
         self._methods = self._methods or known_methods()
         for k, method in enumerate(self._methods):
             width = imgui.calc_text_size(method).x + 2 * imgui.get_style().frame_padding.x

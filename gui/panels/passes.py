@@ -6,20 +6,16 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.views.camera import shown_passes
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
 
 
-class PassesPanel:
+class PassesPanel(Panel):
     """Times of the passes, medians of five pictures, and what draws."""
 
     name, title, place, shown = "passes", "Passes", "right-low", False
-
-    def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 from flyaround.simulator.scenario.load import list_recipes, list_scenarios, load_scenario
 
 if TYPE_CHECKING:
@@ -21,13 +21,13 @@ CARD = 168.0
 """Width of a card at scale 1."""
 
 
-class ScenarioChooser:
+class ScenarioChooser(Panel):
     """Cards of the built-in scenarios; a click flies one."""
 
     name, title, place, shown = "scenarios", "Scenarios", "left", False
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._wanted = ""
         self._cards: list[tuple[str, str, ByteArray]] = []
 

@@ -11,7 +11,7 @@ from flyaround.gui import style
 from flyaround.gui.commands.camera import SCENARIO
 from flyaround.gui.picture.sensor_terms import BINS, Histogram, SensorTerm, histogram_of, terms_of
 from flyaround.gui.picture.view_settings import changed_sensor
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 from flyaround.simulator.camera.lens.files import list_cameras
 
 if TYPE_CHECKING:
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 BAND_COLOURS = (style.AXIS_COLORS[0], style.AXIS_COLORS[1], style.AXIS_COLORS[2])
 
 
-class SensorPanel:
+class SensorPanel(Panel):
     """Which camera, what its sensor does, and how the levels lie."""
 
     name, title, place, shown = "sensor", "Camera and sensor", "right-low", True
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._of: Picture | None = None
         self._histogram: Histogram | None = None
         self._camera = SCENARIO
