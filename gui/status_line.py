@@ -45,16 +45,12 @@ class StatusLine:
             free = w.width - imgui.calc_text_size(rates).x - 32 * self._w.window.scale
             text, colour = self._message(console)
             if free > 40:
-                w.coloured(colour)
-                imgui.text_unformatted(w.elided(text, free))
-                imgui.pop_style_color()
+                w.one_line(w.elided(text, free), colour)
                 w.tip(text)
             imgui.same_line(
                 imgui.get_window_width() - imgui.calc_text_size(rates).x - 16 * self._w.window.scale
             )
-            w.coloured(style.QUIET)
-            imgui.text_unformatted(rates)
-            imgui.pop_style_color()
+            w.one_line(rates, style.QUIET)
             w.tip(f"how often the window and the pictures are drawn a second; window by {console.window_gl}")
             imgui.end_menu_bar()
         imgui.end()

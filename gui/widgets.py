@@ -49,6 +49,18 @@ class Widgets:
         """Text of this colour until ``imgui.pop_style_color``."""
         self.imgui.push_style_color(self.imgui.Col_.text, self.imgui.ImVec4(*rgba))
 
+    def one_line(self, text: str, rgba: style.Rgba) -> None:
+        """Text of this colour that is not wrapped."""
+        self.coloured(rgba)
+        self.imgui.text_unformatted(text)
+        self.imgui.pop_style_color()
+
+    def columns(self, least: float, fewest: int = 1) -> tuple[int, float]:
+        """Return how many columns of at least this width fit at scale 1, and the width of each."""
+        spacing = self.imgui.get_style().item_spacing.x
+        n = max(fewest, int((self.width + spacing) / (least * self.window.scale + spacing)))
+        return n, (self.width - (n - 1) * spacing) / n
+
     def text(self, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
         """Text that goes on in the next line where the panel ends; ``tip`` is told over it."""
         self.coloured(rgba)
@@ -91,9 +103,7 @@ class Widgets:
         imgui = self.imgui
         figures = " ".join(form.format(v) for v in values)
         imgui.push_font(self.window.figure_font, 0.0)
-        self.coloured(style.QUIET)
-        imgui.text_unformatted(name)
-        imgui.pop_style_color()
+        self.one_line(name, style.QUIET)
         self.tip(tip)
         width = imgui.calc_text_size(figures).x
         if max(imgui.calc_text_size(name).x, imgui.calc_text_size("Rel. °/s").x) + 8 + width <= self.width:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import STATE, Argument, Command
+from flyaround.gui.command_table import STATE, Argument, Command, number
 from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
 
 if TYPE_CHECKING:
@@ -94,13 +94,8 @@ COMMANDS = (
         "added to the scenario's exposure, in powers of two",
         _exposure,
         arguments=(
-            Argument(
-                "stops",
-                "number",
-                "1 exposes twice as long, -1 half as long",
-                least=-MOST_STOPS,
-                most=MOST_STOPS,
-                unit="powers of two",
+            number(
+                "stops", "1 exposes twice as long, -1 half as long", -MOST_STOPS, MOST_STOPS, "powers of two"
             ),
         ),
     ),

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Argument, Command, number
 from flyaround.gui.jobs.mesh_import import MESHES, MeshImport
 from flyaround.gui.picture.video import Film
 from flyaround.simulator.errors import UserError
@@ -104,11 +104,7 @@ COMMANDS = (
         "Size of letters",
         "letters and panels, times as large as at first",
         _font_scale,
-        arguments=(
-            Argument(
-                "scale", "number", "as large as at first", least=LEAST_SCALE, most=MOST_SCALE, unit="times"
-            ),
-        ),
+        arguments=(number("scale", "as large as at first", LEAST_SCALE, MOST_SCALE, "times"),),
     ),
     Command(
         "window.larger-text",

@@ -33,7 +33,7 @@ State = Literal["off", "starting", "waiting for a board", "streaming", "ending"]
 
 KEPT_ROWS = 5000
 RATE_OVER_S = 5.0
-END_PATIENCE_S, KILL_PATIENCE_S = 3.0, 12.0
+END_PATIENCE_S, KILL_PATIENCE_S = 3.0, 15.0
 """After which a session that is to end is interrupted, and killed."""
 BIN_EDGES_MS = tuple(float(e) for e in np.round(np.geomspace(1.0, 10_000.0, 41), 3))
 """Of the latencies' distribution, evenly in the logarithm."""
@@ -301,19 +301,11 @@ class HilSession:
         if self._process is None:
             return
         self.stop()
-        end = self._clock() + END_PATIENCE_S
-        notes: list[SessionNote] = []
-        while self._process.is_alive() and self._clock() < end:
+        while self._process.is_alive():
             # rows that nobody takes must not block its last words
-            self._take(notes)
+            self._take([])
+            self._hasten()
             self._process.join(0.05)
-        if self._process.is_alive() and self._process.pid is not None:
-            with contextlib.suppress(OSError):
-                os.kill(self._process.pid, signal.SIGINT)
-            # its books are closed on the way: on a busy machine that takes
-            self._process.join(KILL_PATIENCE_S)
-        if self._process.is_alive():
-            self._process.kill()
         self._forget_process()
 
     # --- figures

@@ -1,6 +1,6 @@
 """The host's side of a link on the console's flight, in a process of its own: scenes and faults in, events out.
 
-The pipe carries `SceneState`, faults and, to end the session, ``Close`` to the process; each `Event` from it.
+The pipe carries scenes, faults and, at the end, `Close` to the process, and each `Event` from it.
 
 In lockstep: the next picture is of the newest moment of the flight once the board has answered. The process draws it
 whole, as `flyaround hil host` does, and runs the same link, faults and ledger.
@@ -38,7 +38,7 @@ CAMERA_FAULTS: tuple[type, ...] = get_args(CameraFault)
 
 @dataclass(frozen=True)
 class SceneWanted:
-    """From the process: it would draw the newest moment now."""
+    """Request for the newest moment of the flight."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class SessionNote:
 
 
 Event = SceneWanted | Listening | SessionNote | LedgerRow | LedgerSummary | Failed
-"""From the process: those of the host as they are."""
+"""Messages from the process; those of the host's modules are sent unchanged."""
 
 
 def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> None:
@@ -117,7 +117,7 @@ class _Newest:
         with contextlib.suppress(EOFError):
             while not isinstance(message := self._pipe.recv(), SceneState | Close):
                 if isinstance(message, CAMERA_FAULTS):
-                    self._camera_faults.append(message)
+                    self._camera_faults.append(message)  # type: ignore[arg-type]
                     self._changed = True
                 else:
                     self._line_faults.append(message)

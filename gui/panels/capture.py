@@ -80,9 +80,7 @@ class CapturePanel(Panel):
         """A name before the part that comes next, which takes the rest of the line."""
         imgui = self._w.imgui
         imgui.align_text_to_frame_padding()
-        self._w.coloured(style.QUIET)
-        imgui.text_unformatted(text)
-        imgui.pop_style_color()
+        self._w.one_line(text, style.QUIET)
         imgui.same_line(6 * imgui.get_font_size())
         imgui.set_next_item_width(-1)
 
@@ -111,9 +109,7 @@ class CapturePanel(Panel):
         if not job.thumbnails:
             return
         w.section("Last pictures")
-        spacing = imgui.get_style().item_spacing.x
-        columns = max(1, int((w.width + spacing) / (THUMB * w.window.scale + spacing)))
-        width = (w.width - (columns - 1) * spacing) / columns
+        columns, width = w.columns(THUMB)
         for k, thumb in enumerate(reversed(job.thumbnails)):
             if k % columns:
                 imgui.same_line()

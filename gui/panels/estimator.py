@@ -186,9 +186,7 @@ class EstimatorPanel(Panel):
         self._picture(self._stage, w.width)
         w.tip(f"what the stage {self._stage.replace('_', ' ')} made of the picture")
         w.text(f"{self._stage.replace('_', ' ')}; a click on a small one shows it here", style.QUIET)
-        spacing = imgui.get_style().item_spacing.x
-        columns = max(2, int((w.width + spacing) / (THUMB * w.window.scale + spacing)))
-        width = (w.width - (columns - 1) * spacing) / columns
+        columns, width = w.columns(THUMB, 2)
         for k, name in enumerate(self._pictures):
             if k % columns:
                 imgui.same_line()
@@ -197,9 +195,9 @@ class EstimatorPanel(Panel):
             if imgui.is_item_clicked():
                 self._stage = name
             w.tip(name.replace("_", " "))
-            w.coloured(style.ACCENT if name == self._stage else style.QUIET)
-            imgui.text_unformatted(w.elided(name.replace("_", " "), width))
-            imgui.pop_style_color()
+            w.one_line(
+                w.elided(name.replace("_", " "), width), style.ACCENT if name == self._stage else style.QUIET
+            )
             imgui.end_group()
 
     def _picture(self, name: str, width: float) -> None:

@@ -34,9 +34,7 @@ class PassesPanel(Panel):
                 imgui.table_next_row()
                 imgui.table_next_column()
                 colour = style.WARN if name == "picture" else style.INK
-                w.coloured(colour)
-                imgui.text_unformatted(w.elided(name, w.width))
-                imgui.pop_style_color()
+                w.one_line(w.elided(name, w.width), colour)
                 w.tip(
                     "all of them: the whole picture" if name == "picture" else f"pass of the renderer: {name}"
                 )

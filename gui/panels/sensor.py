@@ -78,9 +78,7 @@ class SensorPanel(Panel):
         field = min(7.5 * imgui.get_font_size(), 0.45 * w.width)
         end = imgui.get_cursor_pos_x() + w.width
         imgui.align_text_to_frame_padding()
-        w.coloured(style.WARN if changed else style.INK)
-        imgui.text_unformatted(w.elided(text, w.width - field - 8))
-        imgui.pop_style_color()
+        w.one_line(w.elided(text, w.width - field - 8), style.WARN if changed else style.INK)
         about = f"{text}: {term.effect}\nsensor.set {name} VALUE; Enter takes a new one"
         w.tip(about)
         imgui.same_line(end - field)

@@ -62,9 +62,7 @@ class TourPanel(Panel):
         step = min(max(console.help.tour_step, 0), len(CARDS) - 1)
         about, title, text = CARDS[step]
         self._place(console, about)
-        w.coloured(style.ACCENT)
-        imgui.text_unformatted(f"{step + 1} of {len(CARDS)}   {title}")
-        imgui.pop_style_color()
+        w.one_line(f"{step + 1} of {len(CARDS)}   {title}", style.ACCENT)
         w.text(text)
         imgui.dummy(w.vec(0, 4 * scale))
         if step:
