@@ -51,24 +51,25 @@ class HilSession:
         self._clock = clock
         self._process: multiprocessing.context.SpawnProcess | None = None
         self._pipe: Connection | None = None
-        self._session: FlightSession | None = None
-        self._wanted = False
-        self._sent_t_s: float | None = None
-        self._stop_s: float | None = None
-        self._interrupted = False
         self._board: ChildProgram | None = None
         self._board_wanted: tuple[str, str] | None = None
+        self._reset(None, None)
+
+    def _reset(self, session: FlightSession | None, log_dir: Path | None) -> None:
+        """Forget the session before, with its figures."""
+        self._session, self.log_dir = session, log_dir
+        self._wanted = self._interrupted = False
+        self._sent_t_s: float | None = None
+        self._stop_s: float | None = None
         self._summary: LedgerSummary | None = None
         self._failed: Failed | None = None
-        self.url = ""
-        self.log_dir: Path | None = None
-        self.board_name = ""
+        self.url = self.board_name = ""
         self.rows: deque[LedgerRow] = deque(maxlen=KEPT_ROWS)
+        self._arrived_s: deque[float] = deque(maxlen=KEPT_ROWS)
         self.outcomes: Counter[str] = Counter()
         self.struck: Counter[str] = Counter()
         """Frames that a fault struck, by its kind."""
         self.sent = 0
-        self._arrived_s: deque[float] = deque(maxlen=KEPT_ROWS)
 
     # --- what the operator asks for
 
@@ -111,15 +112,7 @@ class HilSession:
         )
         self._process.start()
         theirs.close()
-        self._session, self._wanted, self._sent_t_s = session, False, None
-        self._stop_s, self._interrupted = None, False
-        self._summary = self._failed = None
-        self.url, self.board_name, self.log_dir = "", "", config.log_dir
-        self.rows.clear()
-        self._arrived_s.clear()
-        self.outcomes.clear()
-        self.struck.clear()
-        self.sent = 0
+        self._reset(session, config.log_dir)
 
     def stop(self) -> None:
         """End it: the board is told, the ledger closed."""
