@@ -10,11 +10,7 @@ from typing import TYPE_CHECKING, Any
 from flyaround.gui import style
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.commands.all import COMMANDS
-from flyaround.gui.commands.capture import keep_capture
-from flyaround.gui.commands.estimator import keep_estimates
-from flyaround.gui.commands.hil import keep_hil
 from flyaround.gui.commands.log import script_header
-from flyaround.gui.commands.people import keep_film, keep_mesh
 from flyaround.gui.console import Console
 from flyaround.gui.gamepad import Gamepad
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
@@ -145,7 +141,6 @@ def run(request: Request) -> dict[str, Any]:
             device_index=request.device_index,
             window_gl=window.gl_renderer,
         )
-        console.on_pass_time += (keep_estimates, keep_hil, keep_capture, keep_film, keep_mesh)
         if script is not None:
             console.play(script)
         try:
@@ -188,11 +183,10 @@ class ConsoleLoop:
         self._request = request
         self._layout_file = layout_file()
         saved = read_layout(self._layout_file)
-        window.font_scale = saved.font_scale
-        console.font_scale = saved.font_scale
+        window.font_scale = console.window.font_scale = saved.font_scale
         style.apply_style(window.imgui, window.scale)
         self._layout = Layout(window, saved)
-        console.about = self._layout.about()
+        console.help.about = self._layout.about()
         console.shown.update(self._layout.first_shown())
         if request.choose:
             console.open_panel("scenarios", shown=True)
@@ -214,7 +208,7 @@ class ConsoleLoop:
         first_picture: float | None = None
         changed = True
         hz = SOFTWARE_HZ if window.software else WINDOW_HZ
-        while window.open and not console.wants_close:
+        while window.open and not console.window.close:
             least_s = max(1 / hz, min(1e-3 * self._window_ms / SHARE, 1 / STILL_HZ))
             # while time runs maps and figures move, whether a picture has come or not
             changed |= not console.session.clock.paused
@@ -266,12 +260,13 @@ class ConsoleLoop:
     def _draw(self) -> None:
         """Draw the window once, and do what its keys ask for."""
         window, console = self._window, self._console
+        requests = console.window
         for path in window.take_dropped():
             console.do("file.open", path)
-        window.font_scale = console.font_scale
+        window.font_scale = requests.font_scale
         self._layout.before_frame(console, window.size)
         # the look that is asked for is this one
-        screenshot, console.wants_screenshot = console.wants_screenshot, None
+        screenshot, requests.screenshot = requests.screenshot, None
         window.capture = screenshot is not None
         with window.frame():
             if window.keys.typing and console.hand.armed:
@@ -286,12 +281,12 @@ class ConsoleLoop:
         window.capture = False
         if screenshot is not None:
             self._keep_look(screenshot)
-        if console.wants_full_screen:
-            console.wants_full_screen = False
+        if requests.full_screen:
+            requests.full_screen = False
             window.toggle_full_screen()
-        if console.clipboard:
-            window.copy(console.clipboard)
-            console.clipboard = ""
+        if requests.clipboard:
+            window.copy(requests.clipboard)
+            requests.clipboard = ""
 
     def _keep_look(self, path: Path) -> None:
         """The look of the window as a file; what is wrong with it is told, and the flight goes on."""

@@ -93,6 +93,19 @@ class Argument:
         return value
 
 
+def number(
+    name: str,
+    about: str,
+    least: float = -math.inf,
+    most: float = math.inf,
+    unit: str = "",
+    *,
+    optional: bool = False,
+) -> Argument:
+    """Return an argument that is a finite number."""
+    return Argument(name, "number", about, least=least, most=most, unit=unit, optional=optional)
+
+
 STATE = Argument("state", "switch", "on or off; left out: the other one", optional=True)
 """The argument of what is switched."""
 

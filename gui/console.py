@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 import logging
+import math
 import shlex
 from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from flyaround.gui.hand_control import STEERING, HandControl
-from flyaround.gui.jobs.capture_job import CaptureJob
-from flyaround.gui.jobs.hil_session import HilSession
+from flyaround.gui.jobs.all import Jobs
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
-from flyaround.gui.picture.estimates import Estimates
 from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN, STILL, SWITCHES
+from flyaround.simulator.piloting.orders import PilotCommand
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from flyaround.gui.command_table import Command, CommandTable, Value
-    from flyaround.gui.jobs.mesh_import import MeshImport
-    from flyaround.gui.picture.feed import Feed, Picture
-    from flyaround.gui.picture.video import Film
+    from flyaround.gui.picture.feed import Feed
     from flyaround.gui.picture.view_settings import Options
     from flyaround.simulator.piloting.orders import Order
     from flyaround.simulator.piloting.session import FlightSession
@@ -35,6 +33,9 @@ log = logging.getLogger(__name__)
 Level = Literal["note", "caution", "warning"]
 KEPT_MESSAGES = 500
 UNARMED = "keys do not fly: arm hand control first (Ctrl+H or Insert)"
+MODIFIERS = {"coarse": COARSE_GAIN, "fine": FINE_GAIN}
+STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
+"""Names of the commands whose keys push or turn."""
 LONGEST_TICK_MS = 250
 """Operator's time beyond this (a stalled window) is not made up for."""
 
@@ -49,6 +50,83 @@ class Message:
     acknowledged: bool = False
     acknowledged_ms: int | None = None
     """When it was, if it was."""
+
+
+class HandControl:
+    """Combines keys, sticks and mouse to the command that is held.
+
+    Attributes
+    ----------
+    armed : bool
+        True while keys fly the chaser. Commands, buttons, scripts, sticks and the key of abort always do.
+    thrust, turn : tuple of float
+        Of the stick or the mouse, each axis from -1 to 1.
+    """
+
+    def __init__(self) -> None:
+        self.armed = False
+        self._held: set[str] = set()
+        self._spent: set[str] = set()
+        self.centre_sticks()
+
+    def hold(self, name: str, *, held: bool) -> None:
+        """Begin or end a switch, or a modifier of the gain."""
+        (self._held.add if held else self._held.discard)(name)
+        self._spent &= self._held
+
+    def let_go(self) -> None:
+        """Ignore sticks, and keys that are held, until they are used again."""
+        self._spent = self._held & set(SWITCHES)
+        self.centre_sticks()
+
+    def centre_sticks(self) -> None:
+        """Ignore sticks until they are moved."""
+        self.thrust = self.turn = STILL
+
+    def command(self) -> PilotCommand:
+        """Return what is demanded now."""
+        acting = self._held - self._spent
+        return PilotCommand(
+            thrust=self.thrust,
+            turn=self.turn,
+            switches=frozenset(acting - set(MODIFIERS)),
+            gain=math.prod(MODIFIERS[name] for name in sorted(acting & set(MODIFIERS))),
+        )
+
+
+@dataclass
+class WindowRequests:
+    """Requests of commands to the window; the loop serves and clears them.
+
+    Parameters
+    ----------
+    screenshot : file for a picture of the window. clipboard : text for the clipboard. front : panel to be raised.
+    """
+
+    close: bool = False
+    full_screen: bool = False
+    first_layout: bool = False
+    screenshot: Path | None = None
+    clipboard: str = ""
+    front: str = ""
+    font_scale: float = 1.0
+
+
+@dataclass
+class Help:
+    """State of the panels' help and of the tour.
+
+    Parameters
+    ----------
+    about : title and description of each panel. panel : the one that the help describes.
+    hovered : the panel under the mouse. rects : left, top, width and height of panels and bars.
+    """
+
+    about: dict[str, tuple[str, str]] = field(default_factory=dict)
+    panel: str = ""
+    hovered: str = ""
+    rects: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
+    tour_step: int = 0
 
 
 @dataclass(eq=False)
@@ -76,56 +154,30 @@ class Console:
     messages: list[Message] = field(default_factory=list)
     opener: ScenarioOpener = field(default_factory=ScenarioOpener)
     draft: ScenarioDraft = field(default_factory=ScenarioDraft)
-    estimates: Estimates = field(default_factory=Estimates)
-    hil: HilSession = field(default_factory=HilSession)
-    capture: CaptureJob = field(default_factory=CaptureJob)
+    jobs: Jobs = field(init=False)
+    help: Help = field(default_factory=Help)
+    window: WindowRequests = field(default_factory=WindowRequests)
     device_index: int | None = None
     """EGL device of what draws."""
     clock_ms: int = 0
     window_hz: float = 0.0
     window_gl: str = ""
-    # what the window is asked for by commands; the loop does it and takes the wish back
-    wants_close: bool = False
-    wants_full_screen: bool = False
-    wants_first_layout: bool = False
     source: str = ""
     """Built-in name or file of the scenario that flies; empty for one that is in no file."""
     saved_truth: str = ""
     """Truth record of the picture that was saved last."""
-    wants_screenshot: Path | None = None
-    font_scale: float = 1.0
-    clipboard: str = ""
-    """Text that is to go to the clipboard."""
-    front: str = ""
-    """The panel that is to come to the front."""
-    hovered: str = ""
-    """The panel under the mouse."""
-    rects: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
-    """Where panels and bars are: left, top, width, height."""
-    about: dict[str, tuple[str, str]] = field(default_factory=dict)
-    """Title and description of each panel."""
-    help_about: str = ""
-    tour_step: int = 0
     history: SettingsHistory = field(default_factory=SettingsHistory)
-    film: Film | None = None
-    filmed: Picture | None = None
-    mesh: MeshImport | None = None
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)
-    on_pass_time: list[Callable[[Console], None]] = field(default_factory=list)
-    """What else is to be kept up to date, once a turn of the loop."""
     _player: Player | None = None
+
+    def __post_init__(self) -> None:
+        self.jobs = Jobs(self.say, self.do)
 
     def close(self) -> None:
         """End what runs beside the window."""
         self.log.close()
-        self.estimates.close()
-        self.hil.close()
-        self.capture.close()
-        if self.film is not None:
-            self.film.close()
-        if self.mesh is not None:
-            self.mesh.close()
+        self.jobs.close()
 
     # --- commands
 
@@ -227,16 +279,12 @@ class Console:
                 return
         self._advance(end)
         self.hold(keys)
-        self._keep_up()
+        self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
     def stand(self) -> None:
         """Keep what runs beside the flight up to date while the flight waits for its first picture."""
         self._take_opened()
-        self._keep_up()
-
-    def _keep_up(self) -> None:
-        for keep in tuple(self.on_pass_time):
-            keep(self)
+        self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
     def _advance(self, t_ms: int) -> None:
         try:
@@ -267,7 +315,7 @@ class Console:
         self.hand.armed = False
         self.hand.centre_sticks()
         # nothing of the flight before may look as if it were of this one
-        self.estimates.forget()
+        self.jobs.estimates.forget()
         self.acknowledge()
         settings = self.options.settings
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
@@ -298,4 +346,4 @@ class Console:
         """Open a panel or view (left out: the other of open and closed), and bring it to the front."""
         self.shown[name] = not self.shown.get(name, False) if shown is None else shown
         if self.shown[name]:
-            self.front = name
+            self.window.front = name

@@ -8,7 +8,6 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -16,9 +15,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 import platformdirs
 
-from flyaround.gui import style
 from flyaround.gui.command_table import STATE, Command
 from flyaround.gui.panels.all import PANELS
+from flyaround.gui.status_line import StatusLine, note_window
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.runtime.files import write_atomic
 
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from flyaround.gui.console import Console
-    from flyaround.gui.panels.all import Panel
+    from flyaround.gui.widgets import Panel
     from flyaround.gui.window import Window
 
 log = logging.getLogger(__name__)
@@ -95,22 +94,12 @@ def panel_commands() -> tuple[Command, ...]:
             p.title,
             f"open or close: {p.title}",
             partial(toggle, p.name),
-            getattr(p, "keys", ()),
+            p.keys,
             arguments=(STATE,),
             state=partial(shown, p.name),
         )
         for p in PANELS
     )
-
-
-@dataclass
-class _Nodes:
-    """Dock nodes by place."""
-
-    by_place: dict[str, int] = field(default_factory=dict)
-
-    def of(self, place: str) -> int:
-        return self.by_place.get(place, self.by_place["centre"])
 
 
 class Layout:
@@ -124,13 +113,13 @@ class Layout:
     def __init__(self, window: Window, saved: SavedLayout) -> None:
         self._window = window
         self._w = Widgets(window)
+        self._status = StatusLine(window)
         self.panels: tuple[Panel, ...] = tuple(p(window) for p in PANELS)
         self._saved = saved
         self._form: Form | None = None
         self._build = False
         self._was_shown: dict[str, bool] = {}
         self._dockspace = 0
-        self._hovered = ""
         self._docked: set[str] = set()
         """Panels that lie on the window's own ground, as of the last frame."""
 
@@ -141,8 +130,8 @@ class Layout:
     def before_frame(self, console: Console, size: tuple[float, float]) -> None:
         """What cannot be done while a frame is laid out: another form's docking is loaded."""
         form: Form = "narrow" if size[0] < NARROW * self._window.scale else "wide"
-        if console.wants_first_layout:
-            console.wants_first_layout = False
+        if console.window.first_layout:
+            console.window.first_layout = False
             self._saved.docking.clear()
             console.shown.update({p.name: p.shown for p in self.panels if p.place != "over"})
             self._form = None
@@ -161,7 +150,7 @@ class Layout:
             self._saved.docking[self._form] = self._window.imgui.save_ini_settings_to_memory()
         over = {p.name for p in self.panels if p.place == "over"}
         self._saved.shown = {n: s for n, s in console.shown.items() if n not in over}
-        self._saved.font_scale = console.font_scale
+        self._saved.font_scale = console.window.font_scale
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(path, msgspec.json.format(msgspec.json.encode(self._saved)))
@@ -173,17 +162,17 @@ class Layout:
         imgui = self._window.imgui
         self._close_menus()
         self._menu(console)
-        self._status(console)
+        self._status.draw(console)
         self._dockspace = imgui.get_id("panels of the console")
         if self._build:
             self._build_docks()
         # the window is cleared to the panels' own ground: a blended plate over all of it costs a software driver 10 ms
         bare = imgui.DockNodeFlags_.auto_hide_tab_bar | imgui.DockNodeFlags_.passthru_central_node
         imgui.dock_space_over_viewport(self._dockspace, None, bare)
-        self._hovered = ""
+        hovered = ""
         for panel in self.panels:
             if console.shown.get(panel.name) and (console.options.panel or panel.place in {"centre", "over"}):
-                self._panel(console, panel)
+                hovered = panel.name if self._panel(console, panel) else hovered
         if self._build:
             # the first of each place is the tab that is up
             self._build = False
@@ -191,7 +180,7 @@ class Layout:
                 first = next((p for p in self.panels if p.place == place and console.shown.get(p.name)), None)
                 if first is not None:
                     imgui.set_window_focus(_window_name(first))
-        console.hovered = self._hovered
+        console.help.hovered = hovered
         self._saved.tour_seen |= bool(self._was_shown.get("tour")) and not console.shown.get("tour")
         self._was_shown = dict(console.shown)
 
@@ -212,9 +201,10 @@ class Layout:
         """Title and description of each panel."""
         return {p.name: (p.title, _description(type(p))) for p in self.panels}
 
-    def _panel(self, console: Console, panel: Panel) -> None:
+    def _panel(self, console: Console, panel: Panel) -> bool:
+        """Draw a panel; return True if the mouse is over it."""
         imgui, w = self._window.imgui, self._w
-        bare = getattr(panel, "bare", False)
+        bare = panel.bare
         flags = imgui.WindowFlags_.no_collapse
         if panel.place == "over":
             screen = imgui.get_main_viewport()
@@ -234,26 +224,26 @@ class Layout:
             imgui.push_style_var(imgui.StyleVar_.window_padding, w.vec(0, 0))
         if over:
             imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
-        if console.front == panel.name:
+        if console.window.front == panel.name:
             imgui.set_next_window_focus()
-            console.front = ""
+            console.window.front = ""
         visible, stays = imgui.begin(_window_name(panel), True, flags)
         if bare or over:
             imgui.pop_style_var(bare + over)
         self._docked.discard(panel.name)
         if imgui.is_window_docked():
             self._docked.add(panel.name)
-        place, size = imgui.get_window_pos(), imgui.get_window_size()
-        console.rects[panel.name] = (place.x, place.y, size.x, size.y)
+        note_window(imgui, console, panel.name)
+        hovered = False
         if visible:
             panel.draw(console)
-            if panel.place != "over" and imgui.is_window_hovered(imgui.HoveredFlags_.child_windows):
-                self._hovered = panel.name
+            hovered = not over and imgui.is_window_hovered(imgui.HoveredFlags_.child_windows)
         imgui.end()
         # an Escape that came together with the key that opened it was for something else
         escaped = over and self._was_shown.get(panel.name) and imgui.is_key_pressed(imgui.Key.escape, False)
         if not stays or escaped:
             console.do(f"panel.{panel.name}", False)
+        return hovered
 
     def _dock_of(self, panel: Panel) -> int:
         """The dock of an open panel of the same place; the middle otherwise."""
@@ -273,17 +263,15 @@ class Layout:
         internal.dock_builder_remove_node(self._dockspace)
         internal.dock_builder_add_node(self._dockspace, internal.DockNodeFlagsPrivate_.dock_space)
         internal.dock_builder_set_node_size(self._dockspace, screen.work_size)
-        nodes = _Nodes({"centre": self._dockspace})
+        nodes = {"centre": self._dockspace}
 
         def split(place: str, of: str, where: Any, share: float) -> None:  # noqa: ANN401 - an imgui value
-            _, nodes.by_place[place], nodes.by_place[of] = internal.dock_builder_split_node_py(
-                nodes.by_place[of], where, share
-            )
+            _, nodes[place], nodes[of] = internal.dock_builder_split_node_py(nodes[of], where, share)
 
         if self._form == "narrow":
             split("bottom", "centre", imgui.Dir.down, 0.45)
             for place in ("right", "right-upper", "right-middle", "right-low", "left"):
-                nodes.by_place[place] = nodes.by_place["bottom"]
+                nodes[place] = nodes["bottom"]
         else:
             split("right", "centre", imgui.Dir.right, RIGHT)
             split("right-upper", "right", imgui.Dir.down, 0.81)
@@ -294,7 +282,9 @@ class Layout:
             split("bottom", "centre", imgui.Dir.down, BOTTOM)
         for panel in self.panels:
             if panel.place != "over":
-                internal.dock_builder_dock_window(_window_name(panel), nodes.of(panel.place))
+                internal.dock_builder_dock_window(
+                    _window_name(panel), nodes.get(panel.place, nodes["centre"])
+                )
         internal.dock_builder_finish(self._dockspace)
 
     def _menu(self, console: Console) -> None:
@@ -302,8 +292,7 @@ class Layout:
         imgui = self._window.imgui
         if not imgui.begin_main_menu_bar():
             return
-        place, size = imgui.get_window_pos(), imgui.get_window_size()
-        console.rects["menu"] = (place.x, place.y, size.x, size.y)
+        note_window(imgui, console, "menu")
         menus = [
             (group.replace("-", " ").capitalize(), rows)
             for group, commands in console.table.groups()
@@ -311,7 +300,7 @@ class Layout:
         ]
         gap = 2 * imgui.get_style().item_spacing.x
         widths = [imgui.calc_text_size(title).x + gap for title, _ in menus]
-        room = size.x - imgui.calc_text_size("More").x - 2 * gap
+        room = imgui.get_window_size().x - imgui.calc_text_size("More").x - 2 * gap
         if sum(widths) > room:
             # the panels' and the help's menus stay in sight; the last of the others fold into one
             first = [k for k, (title, _) in enumerate(menus) if title in FIRST_MENUS]
@@ -338,90 +327,6 @@ class Layout:
                     console.do(c.name)
                 self._w.about(console, c.name)
             imgui.end_menu()
-
-    def _status(self, console: Console) -> None:
-        """The line at the bottom: the newest message, and how often window and pictures are drawn."""
-        imgui, w = self._window.imgui, self._w
-        flags = (
-            imgui.WindowFlags_.no_scrollbar
-            | imgui.WindowFlags_.no_saved_settings
-            | imgui.WindowFlags_.menu_bar
-        )
-        height = imgui.get_frame_height()
-        if (
-            imgui.internal.begin_viewport_side_bar(
-                "status", imgui.get_main_viewport(), imgui.Dir.down, height, flags
-            )
-            and imgui.begin_menu_bar()
-        ):
-            place, size = imgui.get_window_pos(), imgui.get_window_size()
-            console.rects["status"] = (place.x, place.y, size.x, size.y)
-            self._master_caution(console)
-            self._hand_control(console)
-            rates = rates_text(console)
-            free = w.width - imgui.calc_text_size(rates).x - 32 * self._window.scale
-            text, colour = self._message(console)
-            if free > 40:
-                w.coloured(colour)
-                imgui.text_unformatted(w.elided(text, free))
-                imgui.pop_style_color()
-                w.tip(text)
-            imgui.same_line(
-                imgui.get_window_width() - imgui.calc_text_size(rates).x - 16 * self._window.scale
-            )
-            w.coloured(style.QUIET)
-            imgui.text_unformatted(rates)
-            imgui.pop_style_color()
-            w.tip(f"how often the window and the pictures are drawn a second; window by {console.window_gl}")
-            imgui.end_menu_bar()
-        imgui.end()
-
-    def _hand_control(self, console: Console) -> None:
-        """Show whether keys fly the chaser; a click arms or disarms them."""
-        imgui, w = self._window.imgui, self._w
-        on = console.hand.armed
-        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(style.WARN if on else style.EDGE)))
-        w.coloured(style.GROUND if on else style.QUIET)
-        if imgui.small_button("HAND ON##hand" if on else "HAND OFF##hand"):
-            console.do("steer.arm")
-        imgui.pop_style_color(2)
-        w.about(console, "steer.arm")
-
-    def _master_caution(self, console: Console) -> None:
-        """The light of what nobody has acknowledged yet; a click, or F9, does so. It blinks until then."""
-        imgui, w = self._window.imgui, self._w
-        waiting = console.waiting
-        warning = any(m.level == "warning" for m in waiting)
-        colour = style.BAD if warning else style.WARN
-        dark = bool(waiting) and console.clock_ms % 1000 >= 650
-        face = (*colour[:3], 0.35 if dark else 0.95) if waiting else style.EDGE
-        ink = style.GROUND if waiting and not dark else style.QUIET
-        label = f"{'WARNING' if warning else 'CAUTION'} {len(waiting)}" if waiting else "CAUTION"
-        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*face))
-        w.coloured(ink)
-        if imgui.small_button(f"{label}##master") and waiting:
-            console.do("window.acknowledge")
-        imgui.pop_style_color(2)
-        newest = "\n".join(m.text for m in reversed(waiting[-8:]))
-        w.tip(f"{newest}\nclick, or F9: seen" if waiting else "master caution: nothing waits to be seen")
-
-    @staticmethod
-    def _message(console: Console) -> tuple[str, style.Rgba]:
-        """Return the newest message and its colour; how many others wait to be acknowledged stands behind it."""
-        if not console.messages:
-            return "F1: commands and keys", style.QUIET
-        newest = console.messages[-1]
-        others = len(console.waiting) - (newest in console.waiting)
-        more = f" ({others} more; F9: seen)" if others else " (F9: seen)" if newest in console.waiting else ""
-        colours = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}
-        return newest.text + more, style.QUIET if newest.acknowledged else colours[newest.level]
-
-
-def rates_text(console: Console) -> str:
-    """How often the window and each picture view that is looked at are drawn."""
-    views = [f"{name.replace('-', ' ')} {f.frames_s:.0f}" for name, f in console.feeds.items() if f.looked_at]
-    pictures = f"pictures {console.feed.frames_s:.0f}/s"
-    return f"window {console.window_hz:.0f}/s   {', '.join([pictures, *(f'{v}/s' for v in views)])}"
 
 
 def _description(panel: type[Panel]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 from flyaround.gui import hover_text, style
@@ -48,6 +49,18 @@ class Widgets:
         """Text of this colour until ``imgui.pop_style_color``."""
         self.imgui.push_style_color(self.imgui.Col_.text, self.imgui.ImVec4(*rgba))
 
+    def one_line(self, text: str, rgba: style.Rgba) -> None:
+        """Text of this colour that is not wrapped."""
+        self.coloured(rgba)
+        self.imgui.text_unformatted(text)
+        self.imgui.pop_style_color()
+
+    def columns(self, least: float, fewest: int = 1) -> tuple[int, float]:
+        """Return how many columns of at least this width fit at scale 1, and the width of each."""
+        spacing = self.imgui.get_style().item_spacing.x
+        n = max(fewest, int((self.width + spacing) / (least * self.window.scale + spacing)))
+        return n, (self.width - (n - 1) * spacing) / n
+
     def text(self, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
         """Text that goes on in the next line where the panel ends; ``tip`` is told over it."""
         self.coloured(rgba)
@@ -90,9 +103,7 @@ class Widgets:
         imgui = self.imgui
         figures = " ".join(form.format(v) for v in values)
         imgui.push_font(self.window.figure_font, 0.0)
-        self.coloured(style.QUIET)
-        imgui.text_unformatted(name)
-        imgui.pop_style_color()
+        self.one_line(name, style.QUIET)
         self.tip(tip)
         width = imgui.calc_text_size(figures).x
         if max(imgui.calc_text_size(name).x, imgui.calc_text_size("Rel. °/s").x) + 8 + width <= self.width:
@@ -175,3 +186,32 @@ class Widgets:
     def color(self, rgba: style.Rgba) -> int:
         """A colour for a draw list."""
         return int(self.imgui.color_convert_float4_to_u32(self.imgui.ImVec4(*rgba)))
+
+
+class Panel(ABC):
+    """A panel or view of the window.
+
+    ``name`` is of its command (``panel.NAME``), with its ``keys``. ``place`` is the dock at first (``over``: a window
+    of its own in the middle), ``shown`` whether it is open at first, ``bare`` whether it draws up to its edges.
+    """
+
+    name: str
+    title: str
+    place: str
+    shown: bool
+    keys: tuple[str, ...] = ()
+    bare = False
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._imgui = window.imgui
+        self._w = Widgets(window)
+
+    @abstractmethod
+    def draw(self, console: Console) -> None:
+        """Draw into the current Dear ImGui window."""
+
+    def _free(self, least: float) -> tuple[float, float, float, float]:
+        """Return the free rectangle: left, top, width and height, both at least ``least``."""
+        corner, free = self._imgui.get_cursor_screen_pos(), self._imgui.get_content_region_avail()
+        return corner.x, corner.y, max(free.x, least), max(free.y, least)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Argument, Command, number
 from flyaround.gui.picture.sensor_terms import checked_change
 from flyaround.simulator.camera.lens.files import list_cameras, load_camera
 from flyaround.simulator.errors import UserError
@@ -52,7 +52,7 @@ COMMANDS = (
         _set,
         arguments=(
             Argument("name", "word", "of the number"),
-            Argument("value", "number", "its value, in the unit that the panel shows", unit="its unit"),
+            number("value", "its value, in the unit that the panel shows", unit="its unit"),
         ),
     ),
     Command("sensor.reset", "Scenario's sensor", "the scenario's own numbers again", _reset),
@@ -63,9 +63,7 @@ COMMANDS = (
         _gain,
         arguments=(
             Argument("light", "whole", "its number, from 0", least=0, most=1000),
-            Argument(
-                "gain", "number", "as bright as the scenario has it", least=0.0, most=MOST_GAIN, unit="times"
-            ),
+            number("gain", "as bright as the scenario has it", 0.0, MOST_GAIN, "times"),
         ),
     ),
 )

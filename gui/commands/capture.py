@@ -46,7 +46,7 @@ def _start(
 ) -> None:
     given = _what(console, what or THIS)
     place = new_folder(FOLDER, f"set-{Path(given).stem}") if folder in {None, NEW} else Path(str(folder))
-    console.capture.start(
+    console.jobs.capture.start(
         CaptureRequest(
             what=given, frames=frames, folder=place, formats=formats or "native", workers=workers or 1
         )
@@ -55,22 +55,15 @@ def _start(
 
 
 def _stop(console: Console) -> None:
-    console.capture.stop()
+    console.jobs.capture.stop()
 
 
 def _resume(console: Console) -> None:
-    last = console.capture.request
+    last = console.jobs.capture.request
     if last is None:
         raise UserError("there is no capture to go on with: start one")
-    console.capture.start(replace(last, resume=True))
+    console.jobs.capture.start(replace(last, resume=True))
     console.say(f"going on with {last.folder}")
-
-
-def keep_capture(console: Console) -> None:
-    """Look at the capture, and tell its end; once a turn."""
-    told = console.capture.update()
-    if told is not None:
-        console.say(told, "note" if told.startswith(("captured", "the capture was stopped")) else "caution")
 
 
 COMMANDS = (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import STATE, Argument, Command
+from flyaround.gui.command_table import STATE, Argument, Command, number
 from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
 
 if TYPE_CHECKING:
@@ -59,21 +59,13 @@ def _noise(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
     console.options.settings.noise = state
 
 
-def _full_screen(console: Console) -> None:
-    console.wants_full_screen = True
-
-
-def _close(console: Console) -> None:
-    console.wants_close = True
-
-
-def _first_layout(console: Console) -> None:
-    console.wants_first_layout = True
-
-
 def _focus(console: Console) -> None:
-    """The side panels away, or back."""
+    """Hide the side panels, or show them again."""
     console.options.panel = not console.options.panel
+
+
+def _request(name: str, console: Console) -> None:
+    setattr(console.window, name, True)
 
 
 COMMANDS = (
@@ -102,13 +94,8 @@ COMMANDS = (
         "added to the scenario's exposure, in powers of two",
         _exposure,
         arguments=(
-            Argument(
-                "stops",
-                "number",
-                "1 exposes twice as long, -1 half as long",
-                least=-MOST_STOPS,
-                most=MOST_STOPS,
-                unit="powers of two",
+            number(
+                "stops", "1 exposes twice as long, -1 half as long", -MOST_STOPS, MOST_STOPS, "powers of two"
             ),
         ),
     ),
@@ -150,9 +137,12 @@ COMMANDS = (
         "window.panels", "Side panels", "the panels beside the view, or the view alone", _focus, ("tab",)
     ),
     Command(
-        "window.first-layout", "First layout", "all panels back to where they were at first", _first_layout
+        "window.first-layout",
+        "First layout",
+        "all panels back to where they were at first",
+        partial(_request, "first_layout"),
     ),
-    Command("window.full-screen", "Full screen", "full screen", _full_screen, ("f11",)),
+    Command("window.full-screen", "Full screen", "full screen", partial(_request, "full_screen"), ("f11",)),
     Command(
         "window.acknowledge",
         "Acknowledge",
@@ -160,5 +150,5 @@ COMMANDS = (
         lambda console: console.acknowledge(),
         ("f9",),
     ),
-    Command("window.close", "Quit", "close the console", _close, ("ctrl+q",)),
+    Command("window.close", "Quit", "close the console", partial(_request, "close"), ("ctrl+q",)),
 )

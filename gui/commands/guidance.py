@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Argument, Command, number
 from flyaround.gui.commands.steering import order
 from flyaround.simulator.piloting.guidance_orders import (
     ApproachRbar,
@@ -22,12 +22,12 @@ FAR_M = 1e5
 
 
 def _distance(name: str, text: str, *, optional: bool = True) -> Argument:
-    return Argument(name, "number", text, least=0.1, most=FAR_M, optional=optional, unit="m")
+    return number(name, text, 0.1, FAR_M, "m", optional=optional)
 
 
 def _place() -> tuple[Argument, ...]:
     return tuple(
-        Argument(a, "number", text, least=-FAR_M, most=FAR_M, unit="m")
+        number(a, text, -FAR_M, FAR_M, "m")
         for a, text in (
             ("radial", "outward from the Earth"),
             ("along", "along the flight"),
@@ -36,9 +36,7 @@ def _place() -> tuple[Argument, ...]:
     )
 
 
-SPEED = Argument(
-    "speed", "number", "of the approach; 0.1 unless given", least=1e-3, most=10.0, optional=True, unit="m/s"
-)
+SPEED = number("speed", "of the approach; 0.1 unless given", 1e-3, 10.0, "m/s", optional=True)
 
 COMMANDS = (
     Command(
@@ -89,15 +87,7 @@ COMMANDS = (
         order(FlyAround),
         arguments=(
             _distance("radius", "of the circle; left out: where the chaser is"),
-            Argument(
-                "period",
-                "number",
-                "of a turn; 900 unless given",
-                least=60.0,
-                most=1e5,
-                optional=True,
-                unit="s",
-            ),
+            number("period", "of a turn; 900 unless given", 60.0, 1e5, "s", optional=True),
         ),
     ),
     Command(
@@ -131,11 +121,9 @@ COMMANDS = (
         "a change of velocity along LVLH axes at a time; the thrusters begin so much earlier that its middle is there",
         order(lambda *burn: PlanBurn(burn_of(*burn))),
         arguments=(
-            Argument(
-                "t", "number", "since the scenario's start", least=0.0, most=1e6 + LONGEST_AHEAD_S, unit="s"
-            ),
+            number("t", "since the scenario's start", 0.0, 1e6 + LONGEST_AHEAD_S, "s"),
             *(
-                Argument(a, "number", text, least=-LARGEST_M_S, most=LARGEST_M_S, unit="m/s")
+                number(a, text, -LARGEST_M_S, LARGEST_M_S, "m/s")
                 for a, text in (
                     ("radial", "outward from the Earth"),
                     ("along", "along the flight"),
@@ -149,6 +137,6 @@ COMMANDS = (
         "Cancel burns",
         "take back the planned burn nearest to a time; left out: all of them",
         order(CancelBurns),
-        arguments=(Argument("t", "number", "since the scenario's start", optional=True, unit="s"),),
+        arguments=(number("t", "since the scenario's start", unit="s", optional=True),),
     ),
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Argument, Command, number
 from flyaround.gui.jobs.program import new_folder
 from flyaround.hil.host.ledger.run_terms import FlownRecord
 from flyaround.hil.host.link_process.ipc import LinkConfig
@@ -76,33 +76,19 @@ def _start(console: Console, url: str | None = None) -> None:
         target_sha256=target.sha256,
         flown=FlownRecord.of(console.session.plan),
     )
-    console.hil.start(console.session, config, console.device_index)
-
-
-def _stop(console: Console) -> None:
-    console.hil.stop()
+    console.jobs.hil.start(console.session, config, console.device_index)
 
 
 def _board(console: Console, method: str | None = None) -> None:
-    console.hil.start_board(console.session.plan.target.name, method or "svd")
-
-
-def _stop_board(console: Console) -> None:
-    console.hil.stop_board()
+    console.jobs.hil.start_board(console.session.plan.target.name, method or "svd")
 
 
 def _fault(console: Console, kind: str, seconds: float | None = None) -> None:
     fault, text = FAULTS[kind]
     start = console.session.t_s
     length = FAULT_S if seconds is None else seconds
-    console.hil.add_fault(msgspec.structs.replace(fault, start_s=start, end_s=start + length))
+    console.jobs.hil.add_fault(msgspec.structs.replace(fault, start_s=start, end_s=start + length))
     console.say(f"fault {kind} for {length:g} s of the flight: {text}")
-
-
-def keep_hil(console: Console) -> None:
-    """Give the session the newest moment, and tell what it has to say; once a turn."""
-    for note in console.hil.update(console.session):
-        console.say(note.text, "caution" if note.warning else "note")
 
 
 COMMANDS = (
@@ -115,7 +101,12 @@ COMMANDS = (
             Argument("url", "word", "tcp://HOST:PORT or serial:///DEVICE?baud=N to listen on", optional=True),
         ),
     ),
-    Command("hil.stop", "End session", "say goodbye to the board, and close the ledger", _stop),
+    Command(
+        "hil.stop",
+        "End session",
+        "say goodbye to the board, and close the ledger",
+        lambda console: console.jobs.hil.stop(),
+    ),
     Command(
         "hil.board",
         "Start board here",
@@ -123,7 +114,12 @@ COMMANDS = (
         _board,
         arguments=(Argument("method", "word", "its estimator; svd unless given", optional=True),),
     ),
-    Command("hil.board-stop", "Stop board here", "end the board's process of this machine", _stop_board),
+    Command(
+        "hil.board-stop",
+        "Stop board here",
+        "end the board's process of this machine",
+        lambda console: console.jobs.hil.stop_board(),
+    ),
     Command(
         "hil.fault",
         "Fault",
@@ -131,14 +127,13 @@ COMMANDS = (
         _fault,
         arguments=(
             Argument("kind", "word", "which one", tuple(FAULTS)),
-            Argument(
+            number(
                 "seconds",
-                "number",
                 "how long it acts, in time of the flight; 10 unless given",
-                least=0.1,
-                most=3600.0,
+                0.1,
+                3600.0,
+                "s",
                 optional=True,
-                unit="s",
             ),
         ),
     ),

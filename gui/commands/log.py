@@ -45,11 +45,11 @@ def _save(console: Console, path: str | None = None) -> None:
 
 
 def _copy(console: Console) -> None:
-    console.clipboard = script_of(console)
+    console.window.clipboard = script_of(console)
 
 
 def _copy_text(console: Console, text: str) -> None:
-    console.clipboard = text
+    console.window.clipboard = text
 
 
 COMMANDS = (

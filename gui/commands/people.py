@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Argument, Command, number
 from flyaround.gui.jobs.mesh_import import MESHES, MeshImport
-from flyaround.gui.picture.video import Film, eight_bits
+from flyaround.gui.picture.video import Film
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -18,65 +19,45 @@ LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1
 TOUR_STEPS = 7
 
 
-def _undo(console: Console) -> None:
-    console.history.undo(console.options)
-
-
-def _redo(console: Console) -> None:
-    console.history.redo(console.options)
-
-
 def _font_scale(console: Console, scale: float) -> None:
-    console.font_scale = round(scale, 3)
+    console.window.font_scale = round(scale, 3)
 
 
-def _larger(console: Console) -> None:
-    console.font_scale = round(min(console.font_scale + SCALE_STEP, MOST_SCALE), 3)
-
-
-def _smaller(console: Console) -> None:
-    console.font_scale = round(max(console.font_scale - SCALE_STEP, LEAST_SCALE), 3)
+def _step_font_scale(step: float, console: Console) -> None:
+    _font_scale(console, min(max(console.window.font_scale + step, LEAST_SCALE), MOST_SCALE))
 
 
 def _help(console: Console, panel: str | None = None) -> None:
-    console.help_about = panel or console.hovered or "camera"
+    console.help.panel = panel or console.help.hovered or "camera"
     console.open_panel("help", shown=True)
 
 
 def _tour(console: Console) -> None:
-    console.tour_step = 0
+    console.help.tour_step = 0
     console.open_panel("tour", shown=True)
 
 
 def _tour_step(console: Console, step: int) -> None:
-    console.tour_step = min(max(console.tour_step + step, 0), TOUR_STEPS - 1)
-
-
-def _tour_back(console: Console) -> None:
-    _tour_step(console, -1)
-
-
-def _tour_end(console: Console) -> None:
-    console.open_panel("tour", shown=False)
+    console.help.tour_step = min(max(console.help.tour_step + step, 0), TOUR_STEPS - 1)
 
 
 def _screenshot(console: Console, path: str | None = None) -> None:
     where = FOLDER / f"window-{console.clock_ms:09d}ms.png" if path is None else Path(path)
     if where.suffix != ".png":
         raise UserError(f"cannot write '{where.suffix}' pictures ({where}); end its name in .png")
-    console.wants_screenshot = where
+    console.window.screenshot = where
 
 
 def _film(console: Console, path: str | None = None) -> None:
-    if console.film is not None:
-        raise UserError(f"a film is being made already: {console.film.path}")
+    if console.jobs.film is not None:
+        raise UserError(f"a film is being made already: {console.jobs.film.path}")
     name = f"{console.session.plan.scenario.name}-{console.clock_ms:09d}ms.mp4"
-    console.film = Film(FOLDER / name if path is None else Path(path))
-    console.say(f"filming the view into {console.film.path}")
+    console.jobs.film = Film(FOLDER / name if path is None else Path(path))
+    console.say(f"filming the view into {console.jobs.film.path}")
 
 
 def _film_end(console: Console) -> None:
-    film, console.film = console.film, None
+    film, console.jobs.film = console.jobs.film, None
     if film is None:
         raise UserError("no film is being made: begin one with film.start")
     film.close()
@@ -87,70 +68,56 @@ def _film_end(console: Console) -> None:
         console.say(film.trouble, "caution")
 
 
-def keep_film(console: Console) -> None:
-    """The newest picture into the film; once a turn."""
-    film, picture = console.film, console.feed.newest
-    if film is None or picture is None:
-        return
-    if film.trouble is not None:
-        console.film = None
-        film.close()
-        console.say(film.trouble, "caution")
-        return
-    if picture is not console.filmed:
-        console.filmed = picture
-        film.add(console.clock_ms, eight_bits(picture.frame.image, picture.frame.scene.sensor.bits))
-
-
 def _open(console: Console, path: str) -> None:
     where = Path(path)
     kind = where.suffix.lower()
     if kind == ".toml":
         console.do("scenario.open", path)
     elif kind in MESHES:
-        if console.mesh is not None:
-            raise UserError(f"{console.mesh.name} is still being imported")
-        console.mesh = MeshImport(where)
-        console.say(f"importing {where.name} as target {console.mesh.name} ...")
+        if console.jobs.mesh is not None:
+            raise UserError(f"{console.jobs.mesh.name} is still being imported")
+        console.jobs.mesh = MeshImport(where)
+        console.say(f"importing {where.name} as target {console.jobs.mesh.name} ...")
     else:
         raise UserError(
             f"{where.name} is neither a scenario (.toml) nor a mesh ({', '.join(MESHES)}); nothing was opened"
         )
 
 
-def keep_mesh(console: Console) -> None:
-    """Fly the present scenario with a mesh that has been imported; once a turn."""
-    if console.mesh is None or (ended := console.mesh.update()) is None:
-        return
-    console.mesh = None
-    if ended.mistake:
-        console.say(f"{ended.target} was not imported: {ended.mistake}", "caution")
-    else:
-        console.do("scenario.target", ended.target)
-
-
 COMMANDS = (
-    Command("settings.undo", "Undo", "take the last change of settings back", _undo, ("ctrl+z",)),
-    Command("settings.redo", "Redo", "do again what was undone", _redo, ("ctrl+y",)),
+    Command(
+        "settings.undo",
+        "Undo",
+        "take the last change of settings back",
+        lambda console: console.history.undo(console.options),
+        ("ctrl+z",),
+    ),
+    Command(
+        "settings.redo",
+        "Redo",
+        "do again what was undone",
+        lambda console: console.history.redo(console.options),
+        ("ctrl+y",),
+    ),
     Command(
         "window.text-size",
         "Size of letters",
         "letters and panels, times as large as at first",
         _font_scale,
-        arguments=(
-            Argument(
-                "scale", "number", "as large as at first", least=LEAST_SCALE, most=MOST_SCALE, unit="times"
-            ),
-        ),
+        arguments=(number("scale", "as large as at first", LEAST_SCALE, MOST_SCALE, "times"),),
     ),
     Command(
-        "window.larger-text", "Larger letters", "letters and panels a tenth larger", _larger, ("ctrl+equal",)
+        "window.larger-text",
+        "Larger letters",
+        "letters and panels a tenth larger",
+        partial(_step_font_scale, SCALE_STEP),
+        ("ctrl+equal",),
     ),
     Command(
         "window.smaller-text",
         "Smaller letters",
         "letters and panels a tenth smaller",
-        _smaller,
+        partial(_step_font_scale, -SCALE_STEP),
         ("ctrl+minus",),
     ),
     Command(
@@ -163,8 +130,15 @@ COMMANDS = (
     ),
     Command("help.tour", "Tour", "a few cards that point at what there is", _tour),
     Command("help.tour-next", "Next card", "the tour's next card", lambda console: _tour_step(console, 1)),
-    Command("help.tour-back", "Card before", "the tour's card before", _tour_back),
-    Command("help.tour-end", "End of the tour", "no more cards", _tour_end),
+    Command(
+        "help.tour-back", "Card before", "the tour's card before", lambda console: _tour_step(console, -1)
+    ),
+    Command(
+        "help.tour-end",
+        "End of the tour",
+        "no more cards",
+        lambda console: console.open_panel("tour", shown=False),
+    ),
     Command(
         "window.screenshot",
         "Picture of the window",

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import STATE, Argument, Command
+from flyaround.gui.command_table import STATE, Argument, Command, number
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
 from flyaround.simulator.piloting.control_laws import STILL, SWITCHES
 from flyaround.simulator.piloting.orders import Centre, Control, FollowGuidance, Order, Pulse, Stop, TakeOver
@@ -21,9 +21,7 @@ def order(make: Callable[..., Order]) -> Callable[..., None]:
 
 
 def _shares(*names: str) -> tuple[Argument, ...]:
-    return tuple(
-        Argument(name, "number", "of what a key gives", least=-1.0, most=1.0, unit="share") for name in names
-    )
+    return tuple(number(name, "of what a key gives", -1.0, 1.0, "share") for name in names)
 
 
 def _hold(name: str, console: Console, begins: bool) -> None:  # noqa: FBT001 - the form of a held command

@@ -14,16 +14,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.jumps import Event
 
 
-def _step(console: Console) -> None:
-    console.session.step_frame()
-
-
-def _faster(console: Console) -> None:
-    console.session.clock.shift_rate(1)
-
-
-def _slower(console: Console) -> None:
-    console.session.clock.shift_rate(-1)
+def _shift_rate(steps: int, console: Console) -> None:
+    console.session.clock.shift_rate(steps)
 
 
 def _restart(console: Console) -> None:
@@ -51,10 +43,26 @@ COMMANDS = (
         ("space",),
         state=lambda console: console.session.clock.paused,
     ),
-    Command("time.step", "One frame", "one frame, then paused", _step, ("period",)),
-    Command("time.faster", "Faster", "the next rate up", _faster, ("equal", "keypad_add", "right_bracket")),
     Command(
-        "time.slower", "Slower", "the next rate down", _slower, ("minus", "keypad_subtract", "left_bracket")
+        "time.step",
+        "One frame",
+        "one frame, then paused",
+        lambda console: console.session.step_frame(),
+        ("period",),
+    ),
+    Command(
+        "time.faster",
+        "Faster",
+        "the next rate up",
+        partial(_shift_rate, 1),
+        ("equal", "keypad_add", "right_bracket"),
+    ),
+    Command(
+        "time.slower",
+        "Slower",
+        "the next rate down",
+        partial(_shift_rate, -1),
+        ("minus", "keypad_subtract", "left_bracket"),
     ),
     Command(
         "time.rate",

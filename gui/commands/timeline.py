@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Argument, Command, number
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.flown_files import FlownFiles, free_folder
 
@@ -31,14 +32,6 @@ def _seek(console: Console, t_s: float) -> None:
 
 def _skip(seconds: float, console: Console) -> None:
     _seek(console, max(console.session.t_s + seconds, 0.0))
-
-
-def _back(console: Console) -> None:
-    _skip(-SKIP_S, console)
-
-
-def _forward(console: Console) -> None:
-    _skip(SKIP_S, console)
 
 
 def _step_back(console: Console) -> None:
@@ -75,21 +68,13 @@ def _unbookmark(console: Console, t_s: float | None = None) -> None:
     console.session.look_back.timeline.unbookmark(console.session.t_s if t_s is None else t_s)
 
 
-def _neighbour(console: Console, step: int) -> None:
+def _neighbour(step: int, console: Console) -> None:
     here = console.session.t_s
     times = [b.t_s for b in console.session.look_back.timeline.bookmarks]
     ahead = [t for t in times if (t - here) * step > 1e-3]
     if not ahead:
         raise UserError(f"there is no bookmark {'after' if step > 0 else 'before'} this place")
     _seek(console, min(ahead) if step > 0 else max(ahead))
-
-
-def _previous(console: Console) -> None:
-    _neighbour(console, -1)
-
-
-def _next(console: Console) -> None:
-    _neighbour(console, 1)
 
 
 @dataclass(eq=False)
@@ -101,25 +86,25 @@ class Keeping:
     then : what is done with the scenario once it is whole.
     """
 
+    console: Console
     files: FlownFiles
     then: Callable[[Console, str], None]
     _told_s: float = 0.0
 
-    def __call__(self, console: Console) -> None:
-        """Some more of it."""
+    def __call__(self) -> bool:
+        """Write some more; return False at the end."""
         try:
             replay = self.files.go_on(SLICE_S)
         except (UserError, OSError) as error:
-            console.on_pass_time.remove(self)
-            console.say(f"the flight was not kept: {error}", "caution")
-            return
+            self.console.say(f"the flight was not kept: {error}", "caution")
+            return False
         if replay is None:
             if time.monotonic() - self._told_s > 1.0:
                 self._told_s = time.monotonic()
-                console.say(f"keeping the flight: {100 * self.files.share:.0f} %")
-            return
-        console.on_pass_time.remove(self)
-        self.then(console, str(replay))
+                self.console.say(f"keeping the flight: {100 * self.files.share:.0f} %")
+            return True
+        self.then(self.console, str(replay))
+        return False
 
 
 def _tell(console: Console, replay: str) -> None:
@@ -129,7 +114,7 @@ def _tell(console: Console, replay: str) -> None:
 def _keep(console: Console, folder: str | None = None, then: Callable[[Console, str], None] = _tell) -> None:
     name = console.session.plan.scenario.name
     where = free_folder(FOLDER, name) if folder is None else Path(folder)
-    console.on_pass_time.append(Keeping(FlownFiles(console.session, where), then))
+    console.jobs.keeping.append(Keeping(console, FlownFiles(console.session, where), then))
 
 
 def _dataset(console: Console, frames: int = FRAMES) -> None:
@@ -161,11 +146,15 @@ COMMANDS = (
         "Go to a time",
         "go to a place of what was flown, paused",
         _seek,
-        arguments=(Argument("t_s", "number", "since the scenario's start", least=0.0, most=1e9, unit="s"),),
+        arguments=(number("t_s", "since the scenario's start", 0.0, 1e9, "s"),),
     ),
     Command("timeline.step-back", "One step back", "a tenth of a second back", _step_back, ("comma",)),
-    Command("timeline.back", "Back 10 s", "10 s back in what was flown", _back, ("page_up",)),
-    Command("timeline.forward", "On 10 s", "10 s on in what was flown", _forward, ("page_down",)),
+    Command(
+        "timeline.back", "Back 10 s", "10 s back in what was flown", partial(_skip, -SKIP_S), ("page_up",)
+    ),
+    Command(
+        "timeline.forward", "On 10 s", "10 s on in what was flown", partial(_skip, SKIP_S), ("page_down",)
+    ),
     Command("timeline.end", "To the end", "to the end of what was flown", _end, ("end",)),
     Command(
         "timeline.fly-on",
@@ -193,20 +182,12 @@ COMMANDS = (
         "Remove bookmark",
         "take the nearest bookmark away",
         _unbookmark,
-        arguments=(
-            Argument(
-                "t_s",
-                "number",
-                "near this time; left out: near now",
-                least=0.0,
-                most=1e9,
-                optional=True,
-                unit="s",
-            ),
-        ),
+        arguments=(number("t_s", "near this time; left out: near now", 0.0, 1e9, "s", optional=True),),
     ),
-    Command("timeline.previous-bookmark", "Bookmark before", "to the bookmark before", _previous),
-    Command("timeline.next-bookmark", "Bookmark after", "to the bookmark after", _next),
+    Command(
+        "timeline.previous-bookmark", "Bookmark before", "to the bookmark before", partial(_neighbour, -1)
+    ),
+    Command("timeline.next-bookmark", "Bookmark after", "to the bookmark after", partial(_neighbour, 1)),
     Command(
         "timeline.keep",
         "Keep flight",

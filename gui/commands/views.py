@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Argument, Command, number
 from flyaround.gui.picture.orbit_camera import ABOUT, FARTHEST_M, NEAREST_M
 from flyaround.gui.picture.relative_map import LEAST_WIDTH_M, MOST_WIDTH_M
 
@@ -34,7 +34,7 @@ def _turn(console: Console, azimuth_deg: float, elevation_deg: float, distance_m
 
 
 def _metres(name: str, of: str) -> Argument:
-    return Argument(name, "number", of, least=-MOST_WIDTH_M, most=MOST_WIDTH_M, unit="m")
+    return number(name, of, -MOST_WIDTH_M, MOST_WIDTH_M, "m")
 
 
 COMMANDS = (
@@ -49,9 +49,7 @@ COMMANDS = (
         "Map: zoom",
         "the LVLH map so many times as large",
         _zoom,
-        arguments=(
-            Argument("factor", "number", "as large; above 1: nearer", least=0.01, most=100.0, unit="times"),
-        ),
+        arguments=(number("factor", "as large; above 1: nearer", 0.01, 100.0, "times"),),
     ),
     Command(
         "map.place",
@@ -62,7 +60,7 @@ COMMANDS = (
             _metres("along", "middle, along-track"),
             _metres("radial", "middle, radial"),
             _metres("cross", "middle, cross-track"),
-            Argument("width", "number", "across the map", least=LEAST_WIDTH_M, most=MOST_WIDTH_M, unit="m"),
+            number("width", "across the map", LEAST_WIDTH_M, MOST_WIDTH_M, "m"),
         ),
     ),
     Command(
@@ -78,9 +76,9 @@ COMMANDS = (
         "where the free camera is, about the target's LVLH axes",
         _turn,
         arguments=(
-            Argument("azimuth", "number", "0 looks along the flight", least=-360, most=360, unit="deg"),
-            Argument("elevation", "number", "above the orbit", least=-90, most=90, unit="deg"),
-            Argument("distance", "number", "from the centre", least=NEAREST_M, most=FARTHEST_M, unit="m"),
+            number("azimuth", "0 looks along the flight", -360, 360, "deg"),
+            number("elevation", "above the orbit", -90, 90, "deg"),
+            number("distance", "from the centre", NEAREST_M, FARTHEST_M, "m"),
         ),
     ),
     Command(

@@ -8,13 +8,15 @@ import os
 import signal
 import time
 from collections import Counter, deque
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from flyaround.gui.jobs.hil_stream import Ended, ListeningAt, Row, Said, StopStream, Wanted, stream
+from flyaround.gui.jobs.hil_stream import Event, SceneWanted, SessionNote, stream
 from flyaround.gui.jobs.program import ChildProgram
+from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.ledger.summary import LedgerSummary
+from flyaround.hil.host.link_process.ipc import Close, Failed, Listening
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
     from flyaround.hil.host.run import RunConfig
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -32,18 +33,10 @@ State = Literal["off", "starting", "waiting for a board", "streaming", "ending"]
 
 KEPT_ROWS = 5000
 RATE_OVER_S = 5.0
-END_PATIENCE_S, KILL_PATIENCE_S = 3.0, 12.0
+END_PATIENCE_S, KILL_PATIENCE_S = 3.0, 15.0
 """After which a session that is to end is interrupted, and killed."""
 BIN_EDGES_MS = tuple(float(e) for e in np.round(np.geomspace(1.0, 10_000.0, 41), 3))
 """Of the latencies' distribution, evenly in the logarithm."""
-
-
-@dataclass(frozen=True)
-class SessionNote:
-    """Something to be told."""
-
-    text: str
-    warning: bool = False
 
 
 class HilSession:
@@ -58,23 +51,25 @@ class HilSession:
         self._clock = clock
         self._process: multiprocessing.context.SpawnProcess | None = None
         self._pipe: Connection | None = None
-        self._session: FlightSession | None = None
-        self._wanted = False
-        self._sent_t_s: float | None = None
-        self._stop_s: float | None = None
-        self._interrupted = False
         self._board: ChildProgram | None = None
         self._board_wanted: tuple[str, str] | None = None
-        self._ended: Ended | None = None
-        self.url = ""
-        self.log_dir: Path | None = None
-        self.board_name = ""
+        self._reset(None, None)
+
+    def _reset(self, session: FlightSession | None, log_dir: Path | None) -> None:
+        """Forget the session before, with its figures."""
+        self._session, self.log_dir = session, log_dir
+        self._wanted = self._interrupted = False
+        self._sent_t_s: float | None = None
+        self._stop_s: float | None = None
+        self._summary: LedgerSummary | None = None
+        self._failed: Failed | None = None
+        self.url = self.board_name = ""
         self.rows: deque[LedgerRow] = deque(maxlen=KEPT_ROWS)
+        self._arrived_s: deque[float] = deque(maxlen=KEPT_ROWS)
         self.outcomes: Counter[str] = Counter()
         self.struck: Counter[str] = Counter()
         """Frames that a fault struck, by its kind."""
         self.sent = 0
-        self._arrived_s: deque[float] = deque(maxlen=KEPT_ROWS)
 
     # --- what the operator asks for
 
@@ -117,21 +112,14 @@ class HilSession:
         )
         self._process.start()
         theirs.close()
-        self._session, self._wanted, self._sent_t_s = session, False, None
-        self._stop_s, self._interrupted, self._ended = None, False, None
-        self.url, self.board_name, self.log_dir = "", "", config.log_dir
-        self.rows.clear()
-        self._arrived_s.clear()
-        self.outcomes.clear()
-        self.struck.clear()
-        self.sent = 0
+        self._reset(session, config.log_dir)
 
     def stop(self) -> None:
         """End it: the board is told, the ledger closed."""
         if self._process is None or self._stop_s is not None:
             return
         self._stop_s = self._clock()
-        self._send(StopStream())
+        self._send(Close("the session was stopped in the console"))
 
     def add_fault(self, fault: CameraFault | LineFault) -> None:
         """A fault from the next picture on.
@@ -209,30 +197,32 @@ class HilSession:
     def _take(self, notes: list[SessionNote]) -> None:
         try:
             while self._pipe is not None and self._pipe.poll():
-                message = self._pipe.recv()
-                if isinstance(message, Wanted):
-                    self._wanted = True
-                elif isinstance(message, Row):
-                    self._add(message.row)
-                elif isinstance(message, ListeningAt):
-                    self.url = message.url
-                    notes.append(SessionNote(f"a board may connect: flyaround hil board {message.url}"))
-                    if self._board_wanted is not None:
-                        wanted, self._board_wanted = self._board_wanted, None
-                        self.start_board(*wanted)
-                elif isinstance(message, Said):
-                    self._hear(message, notes)
-                elif isinstance(message, Ended):
-                    self._ended = message
+                self._handle(self._pipe.recv(), notes)
         except (EOFError, OSError):
             return
 
-    def _hear(self, said: Said, notes: list[SessionNote]) -> None:
-        if said.text.startswith("board connected"):
-            self.board_name = said.text.partition(": ")[2]
-        elif said.text.startswith("board gone"):
-            self.board_name = ""
-        notes.append(SessionNote(said.text, said.warning and self._stop_s is None))
+    def _handle(self, event: Event, notes: list[SessionNote]) -> None:
+        match event:
+            case SceneWanted():
+                self._wanted = True
+            case LedgerRow():
+                self._add(event)
+            case Listening(url):
+                self.url = url
+                notes.append(SessionNote(f"a board may connect: flyaround hil board {url}"))
+                if self._board_wanted is not None:
+                    wanted, self._board_wanted = self._board_wanted, None
+                    self.start_board(*wanted)
+            case SessionNote(text, warning):
+                if text.startswith("board connected"):
+                    self.board_name = text.partition(": ")[2]
+                elif text.startswith("board gone"):
+                    self.board_name = ""
+                notes.append(SessionNote(text, warning and self._stop_s is None))
+            case LedgerSummary():
+                self._summary = event
+            case Failed():
+                self._failed = event
 
     def _add(self, row: LedgerRow) -> None:
         self.rows.append(row)
@@ -257,14 +247,12 @@ class HilSession:
         exit_code = None if self._process is None else self._process.exitcode
         asked = self._stop_s is not None
         self._forget_process()
-        ended = self._ended
-        if ended is not None and ended.why:
-            return SessionNote(f"the session with the board ended: {ended.why}", warning=True)
-        if ended is None or ended.summary is None:
+        if self._failed is not None:
+            return SessionNote(f"the session with the board ended: {self._failed.sentence}", warning=True)
+        if (s := self._summary) is None:
             return SessionNote(
                 f"the session with the board ended unexpectedly (exit code {exit_code})", warning=True
             )
-        s = ended.summary
         text = f"the session with the board ended: {s.sent} pictures, {s.accepted} accepted, {s.dropped_total} dropped"
         if s.ended == "board_lost":
             text += f"; the board left ({s.board_gone})"
@@ -306,19 +294,11 @@ class HilSession:
         if self._process is None:
             return
         self.stop()
-        end = self._clock() + END_PATIENCE_S
-        notes: list[SessionNote] = []
-        while self._process.is_alive() and self._clock() < end:
+        while self._process.is_alive():
             # rows that nobody takes must not block its last words
-            self._take(notes)
+            self._take([])
+            self._hasten()
             self._process.join(0.05)
-        if self._process.is_alive() and self._process.pid is not None:
-            with contextlib.suppress(OSError):
-                os.kill(self._process.pid, signal.SIGINT)
-            # its books are closed on the way: on a busy machine that takes
-            self._process.join(KILL_PATIENCE_S)
-        if self._process.is_alive():
-            self._process.kill()
         self._forget_process()
 
     # --- figures

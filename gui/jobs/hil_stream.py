@@ -1,4 +1,6 @@
-"""The host's side of a link on the console's flight, in a process of its own: newest moment in, ledger rows out.
+"""The host's side of a link on the console's flight, in a process of its own: scenes and faults in, events out.
+
+The pipe carries scenes, faults and, at the end, `Close` to the process, and each `Event` from it.
 
 In lockstep: the next picture is of the newest moment of the flight once the board has answered. The process draws it
 whole, as `flyaround hil host` does, and runs the same link, faults and ledger.
@@ -17,6 +19,9 @@ from multiprocessing import connection, parent_process
 from typing import TYPE_CHECKING, Any, get_args
 
 from flyaround.hil.host.faults.camera_faults import with_camera_faults
+from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.ledger.summary import LedgerSummary
+from flyaround.hil.host.link_process.ipc import Close, Failed, Listening
 from flyaround.hil.host.run import RunConfig, run_host
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
@@ -28,50 +33,24 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from multiprocessing.connection import Connection
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
-    from flyaround.hil.host.ledger.summary import LedgerSummary
-
 CAMERA_FAULTS: tuple[type, ...] = get_args(CameraFault)
 
 
 @dataclass(frozen=True)
-class StopStream:
-    """To the process: end the session, and close the books."""
+class SceneWanted:
+    """Request for the newest moment of the flight."""
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """From the process: it would draw the newest moment now."""
-
-
-@dataclass(frozen=True)
-class ListeningAt:
-    """From the process: boards may connect."""
-
-    url: str
-
-
-@dataclass(frozen=True)
-class Said:
-    """From the process: what the link has to say."""
+class SessionNote:
+    """A sentence for the operator."""
 
     text: str
-    warning: bool
+    warning: bool = False
 
 
-@dataclass(frozen=True)
-class Row:
-    """From the process: what became of a frame."""
-
-    row: LedgerRow
-
-
-@dataclass(frozen=True)
-class Ended:
-    """From the process: the books are closed; or why there are none."""
-
-    summary: LedgerSummary | None
-    why: str = ""
+Event = SceneWanted | Listening | SessionNote | LedgerRow | LedgerSummary | Failed
+"""Messages from the process; those of the host's modules are sent unchanged."""
 
 
 def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> None:
@@ -83,24 +62,24 @@ def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> Non
     logging.getLogger("flyaround.hil.host").setLevel(logging.INFO)
     newest = _Newest(pipe)
     config = replace(config, new_line_faults=newest.take_line_faults)
-    ends: list[LedgerSummary] = []
-    why = ""
+    ends: list[LedgerSummary | Failed] = []
     try:
         run_host(
             newest.frames(device_index),
             config,
-            on_row=lambda row: pipe.send(Row(row)),
-            on_listening=lambda url, _truth: pipe.send(ListeningAt(url)),
+            on_row=pipe.send,
+            on_listening=lambda *urls: pipe.send(Listening(*urls)),
             on_end=ends.append,
         )
     except (KeyboardInterrupt, BrokenPipeError):
         pass
     except UserError as error:
-        why = str(error)
+        ends.append(Failed(str(error)))
     except Exception as error:  # noqa: BLE001 - the console is told, whatever it was
-        why = f"the session failed ({type(error).__name__}: {error})"
+        ends.append(Failed(f"the session failed ({type(error).__name__}: {error})"))
     with contextlib.suppress(OSError, KeyboardInterrupt):
-        pipe.send(Ended(ends[0] if ends else None, why))
+        for end in ends:
+            pipe.send(end)
 
 
 class _Newest:
@@ -111,8 +90,6 @@ class _Newest:
         self._camera_faults: list[CameraFault] = []
         self._line_faults: list[LineFault] = []
         self._changed = False
-        self._scene: SceneState | None = None
-        self._over = False
 
     def frames(self, device_index: int | None) -> Iterator[Frame]:
         """A frame for each scene that is handed over, numbered from 0, until told to stop."""
@@ -135,26 +112,17 @@ class _Newest:
         return taken
 
     def _next(self) -> SceneState | None:
-        """The newest scene; waits for one that is not drawn yet. None at the end."""
-        self._pipe.send(Wanted())
-        self._scene = None
-        while self._scene is None and not self._over:
-            try:
-                self._take(self._pipe.recv())
-            except EOFError:
-                self._over = True
-        return None if self._over else self._scene
-
-    def _take(self, message: object) -> None:
-        if isinstance(message, SceneState):
-            self._scene = message
-        elif isinstance(message, StopStream):
-            self._over = True
-        elif isinstance(message, CAMERA_FAULTS):
-            self._camera_faults.append(message)  # type: ignore[arg-type]
-            self._changed = True
-        else:
-            self._line_faults.append(message)  # type: ignore[arg-type]
+        """Wait for a scene that is not drawn yet, and keep the faults that come before it; None at the end."""
+        self._pipe.send(SceneWanted())
+        with contextlib.suppress(EOFError):
+            while not isinstance(message := self._pipe.recv(), SceneState | Close):
+                if isinstance(message, CAMERA_FAULTS):
+                    self._camera_faults.append(message)  # type: ignore[arg-type]
+                    self._changed = True
+                else:
+                    self._line_faults.append(message)
+            return message if isinstance(message, SceneState) else None
+        return None
 
 
 def _handed(ready: deque[Frame]) -> Iterator[Frame]:
@@ -173,7 +141,7 @@ class _ToConsole(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Send it; a console that is gone needs no words."""
         with contextlib.suppress(OSError):
-            self._pipe.send(Said(record.getMessage(), record.levelno >= logging.WARNING))
+            self._pipe.send(SessionNote(record.getMessage(), record.levelno >= logging.WARNING))
 
 
 def _leave_with_parent() -> None:

@@ -3,25 +3,15 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
-import tempfile
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from flyaround.simulator.errors import UserError
+from flyaround.gui.jobs.program import ChildProgram
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 MESHES = (".glb", ".gltf", ".obj", ".stl")
-LONGEST_NAME = 40
-
-
-class Imported(NamedTuple):
-    """How it ended: the target's name, or what is wrong."""
-
-    target: str
-    mistake: str
+LONGEST_NAME, LONGEST_MISTAKE = 40, 400
 
 
 class MeshImport:
@@ -33,42 +23,27 @@ class MeshImport:
 
     Raises
     ------
-    UserError
+    OSError
         If the process cannot be started.
     """
 
     def __init__(self, path: Path) -> None:
         self.name = target_name(path.stem)
-        self._told = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the process has ended
-        command = [sys.executable, "-m", "flyaround", "targets", "add", str(path), "--name", self.name]
-        try:
-            self._process = subprocess.Popen(
-                [*command, "--no-sheet", "--replace"],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=self._told,
-            )
-        except OSError as error:
-            self._told.close()
-            raise UserError(f"the import of {path} could not be started: {error}") from error
+        self._program = ChildProgram(
+            ("targets", "add", str(path), "--name", self.name, "--no-sheet", "--replace")
+        )
 
-    def update(self) -> Imported | None:
-        """How it ended, once it has."""
-        code = self._process.poll()
-        if code is None:
+    def update(self) -> str | None:
+        """Return the mistake once the import has ended, empty if there is none; None until then."""
+        if self._program.running:
             return None
-        with self._told:
-            self._told.seek(0)
-            lines = self._told.read(65_536).decode(errors="replace").strip().splitlines()
-        mistake = "" if code == 0 else (lines[-1] if lines else f"it ended with code {code}")
-        return Imported(self.name, mistake[:400])
+        code, words = self._program.exit_code, self._program.last_words()
+        self._program.close()
+        return (words or f"it ended with code {code}")[:LONGEST_MISTAKE] if code else ""
 
     def close(self) -> None:
         """Give it up."""
-        if self._process.poll() is None:
-            self._process.terminate()
-        self._process.wait(timeout=10)
-        self._told.close()
+        self._program.close()
 
 
 def target_name(stem: str) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, Protocol
-
 from flyaround.gui.panels.board_link import BoardLinkPanel
 from flyaround.gui.panels.capture import CapturePanel
 from flyaround.gui.panels.chaser import ChaserPanel
@@ -28,32 +26,7 @@ from flyaround.gui.views.earth_map import EarthMap
 from flyaround.gui.views.labels import DepthView, KeypointsView, PartsView
 from flyaround.gui.views.lvlh_map import LvlhMap
 from flyaround.gui.views.orbit_camera import OrbitCameraView
-
-if TYPE_CHECKING:
-    from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
-
-Place = Literal["centre", "right", "right-upper", "right-middle", "right-low", "left", "bottom", "over"]
-
-
-class Panel(Protocol):
-    """What the layout needs of a panel.
-
-    ``name`` is of its command (``panel.NAME``), ``place`` where it is docked at first (``over``: a window of its own in
-    the middle), ``shown`` whether it is open at first. Further, if it has them: ``keys`` of its
-    command, ``bare`` if it draws up to its edges.
-    """
-
-    name: str
-    title: str
-    place: str
-    shown: bool
-
-    def __init__(self, window: Window) -> None: ...
-
-    def draw(self, console: Console) -> None:
-        """Draw into the current panel."""
-
+from flyaround.gui.widgets import Panel
 
 PANELS: tuple[type[Panel], ...] = (
     CameraView,

@@ -8,9 +8,9 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.commands.hil import FAULT_S, FAULTS, LISTEN
+from flyaround.gui.jobs.estimator_process import known_methods
 from flyaround.gui.jobs.hil_session import BIN_EDGES_MS
-from flyaround.gui.picture.estimates import known_methods
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -25,13 +25,13 @@ SEEN = {
 }
 
 
-class BoardLinkPanel:
+class BoardLinkPanel(Panel):
     """Starts and ends a session, and shows the ledger as it grows."""
 
     name, title, place, shown = "board-link", "Board link", "left", False
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._url = LISTEN
         self._methods: tuple[str, ...] = ()
         self._method = 0
@@ -40,7 +40,7 @@ class BoardLinkPanel:
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
-        w, imgui, hil = self._w, self._w.imgui, console.hil
+        w, imgui, hil = self._w, self._w.imgui, console.jobs.hil
         w.text(hil.state, SEEN.get(hil.state, style.WARN), "what the session with a board is at")
         if hil.board_name:
             w.text(hil.board_name, tip="the board that is connected, as it calls itself")
@@ -131,9 +131,9 @@ class BoardLinkPanel:
         _, self._seconds = imgui.input_double("s##seconds", self._seconds, 0.0, 0.0, "%.3g")
         w.about(console, "hil.fault", argument="seconds")
         w.flow(6 * imgui.get_font_size(), first=False)
-        imgui.begin_disabled(not console.hil.on)
+        imgui.begin_disabled(not console.jobs.hil.on)
         seconds = min(max(self._seconds, 0.1), 3600.0)
         w.button(console, "hil.fault", kinds[self._fault], seconds, label="Inject")
         imgui.end_disabled()
-        for kind, n in console.hil.struck.items():
+        for kind, n in console.jobs.hil.struck.items():
             w.row(kind.replace("_", " "), (n,), "{:d}", "pictures or answers that it struck")

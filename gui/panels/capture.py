@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from flyaround.gui import style
 from flyaround.gui.commands.capture import NEW, THIS
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.scenario.load import list_recipes, list_scenarios
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 THUMB = 120.0
 
 
-class CapturePanel:
+class CapturePanel(Panel):
     """Starts, stops and goes on with a capture."""
 
     name, title, place, shown = "capture", "Capture", "left", False
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._what = 0
         self._names: tuple[str, ...] = ()
         self._frames, self._workers = 20, 1
@@ -34,14 +34,14 @@ class CapturePanel:
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
-        if console.capture.running:
+        if console.jobs.capture.running:
             self._under_way(console)
         else:
             self._form(console)
-        self._thumbnails(console.capture)
+        self._thumbnails(console.jobs.capture)
 
     def _form(self, console: Console) -> None:
-        w, imgui, job = self._w, self._w.imgui, console.capture
+        w, imgui, job = self._w, self._w.imgui, console.jobs.capture
         self._names = self._names or (THIS, *list_scenarios(), *list_recipes())
         self._label("What")
         _, self._what = imgui.combo(
@@ -80,14 +80,12 @@ class CapturePanel:
         """A name before the part that comes next, which takes the rest of the line."""
         imgui = self._w.imgui
         imgui.align_text_to_frame_padding()
-        self._w.coloured(style.QUIET)
-        imgui.text_unformatted(text)
-        imgui.pop_style_color()
+        self._w.one_line(text, style.QUIET)
         imgui.same_line(6 * imgui.get_font_size())
         imgui.set_next_item_width(-1)
 
     def _under_way(self, console: Console) -> None:
-        w, imgui, job = self._w, self._w.imgui, console.capture
+        w, imgui, job = self._w, self._w.imgui, console.jobs.capture
         request = job.request
         if request is None:
             return
@@ -111,9 +109,7 @@ class CapturePanel:
         if not job.thumbnails:
             return
         w.section("Last pictures")
-        spacing = imgui.get_style().item_spacing.x
-        columns = max(1, int((w.width + spacing) / (THUMB * w.window.scale + spacing)))
-        width = (w.width - (columns - 1) * spacing) / columns
+        columns, width = w.columns(THUMB)
         for k, thumb in enumerate(reversed(job.thumbnails)):
             if k % columns:
                 imgui.same_line()

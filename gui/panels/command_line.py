@@ -6,20 +6,16 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.picture.command_line import command_lines
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
 
 
-class CommandLinePanel:
+class CommandLinePanel(Panel):
     """Command lines with a button to copy each."""
 
     name, title, place, shown = "command-line", "As a command line", "bottom", False
-
-    def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""

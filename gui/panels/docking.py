@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.views.docking_hud import ABOUT, DISTANCE, status
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.docking_figures import PRESETS, judge
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
     from flyaround.simulator.piloting.docking_figures import Judged
 
 STATES = {
@@ -22,13 +21,10 @@ STATES = {
 DECIDED = {"open": style.INK, "go": style.WITHIN, "no-go": style.OUTSIDE, "passed": style.QUIET}
 
 
-class DockingPanel:
+class DockingPanel(Panel):
     """The approach to the port, and what decides it."""
 
     name, title, place, shown = "docking", "Docking", "left", False
-
-    def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""

@@ -5,20 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.window import Window
 
 
-class EditorPanel:
+class EditorPanel(Panel):
     """A scenario's TOML with what is wrong with it."""
 
     name, title, place, shown = "editor", "Scenario text", "left", False
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._path = "mine.toml"
 
     def draw(self, console: Console) -> None:

@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.picture.estimates import known_methods
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.jobs.estimator_process import known_methods
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.picture.estimates import ComparedEstimate, Estimates
+    from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates
     from flyaround.gui.window import Window
     from flyaround.simulator.runtime.arrays import ByteArray
 
@@ -31,13 +31,13 @@ STATES = {
 }
 
 
-class EstimatorPanel:
+class EstimatorPanel(Panel):
     """Runs an estimator beside the flight and shows what it thinks."""
 
     name, title, place, shown = "estimator", "Estimator", "left", False
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._methods: tuple[str, ...] = ()
         self._network = "net:"
         self._pictures: dict[str, ByteArray] = {}
@@ -46,7 +46,7 @@ class EstimatorPanel:
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
-        w, estimates = self._w, console.estimates
+        w, estimates = self._w, console.jobs.estimates
         w.switch(console, "estimator.run")
         w.flow(12 * w.imgui.get_font_size(), first=False)
         state = STATES[estimates.state]
@@ -75,7 +75,7 @@ class EstimatorPanel:
             w.text("with the next estimate", style.QUIET)
 
     def _choose(self, console: Console) -> None:
-        w, imgui, estimates = self._w, self._w.imgui, console.estimates
+        w, imgui, estimates = self._w, self._w.imgui, console.jobs.estimates
         self._methods = self._methods or known_methods()
         for k, method in enumerate(self._methods):
             width = imgui.calc_text_size(method).x + 2 * imgui.get_style().frame_padding.x
@@ -186,9 +186,7 @@ class EstimatorPanel:
         self._picture(self._stage, w.width)
         w.tip(f"what the stage {self._stage.replace('_', ' ')} made of the picture")
         w.text(f"{self._stage.replace('_', ' ')}; a click on a small one shows it here", style.QUIET)
-        spacing = imgui.get_style().item_spacing.x
-        columns = max(2, int((w.width + spacing) / (THUMB * w.window.scale + spacing)))
-        width = (w.width - (columns - 1) * spacing) / columns
+        columns, width = w.columns(THUMB, 2)
         for k, name in enumerate(self._pictures):
             if k % columns:
                 imgui.same_line()
@@ -197,9 +195,9 @@ class EstimatorPanel:
             if imgui.is_item_clicked():
                 self._stage = name
             w.tip(name.replace("_", " "))
-            w.coloured(style.ACCENT if name == self._stage else style.QUIET)
-            imgui.text_unformatted(w.elided(name.replace("_", " "), width))
-            imgui.pop_style_color()
+            w.one_line(
+                w.elided(name.replace("_", " "), width), style.ACCENT if name == self._stage else style.QUIET
+            )
             imgui.end_group()
 
     def _picture(self, name: str, width: float) -> None:

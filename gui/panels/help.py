@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.panels.key_list import matches
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
 
 GROUPS = {
     "camera": ("overlay", "picture", "film"),
@@ -27,19 +26,16 @@ GROUPS = {
 """Groups of the commands of a panel that is not called as they are."""
 
 
-class HelpPanel:
+class HelpPanel(Panel):
     """Opened with ? for the panel under the mouse."""
 
     name, title, place, shown = "help", "About this panel", "over", False
 
-    def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
-
     def draw(self, console: Console) -> None:
         """Draw into the current window."""
         w, imgui = self._w, self._w.imgui
-        name = console.help_about or "camera"
-        title, text = console.about.get(name, (name, "There is no such panel."))
+        name = console.help.panel or "camera"
+        title, text = console.help.about.get(name, (name, "There is no such panel."))
         w.section(title)
         w.text(text)
         opens = f"panel.{name}"

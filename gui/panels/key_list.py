@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from flyaround.gui.window import Window
 
 
-class KeyList:
+class KeyList(Panel):
     """The commands by group; a click does one."""
 
     name, title, place, shown = "keys", "Commands and keys", "over", False
     keys = ("f1", "h")
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._wanted = ""
 
     def draw(self, console: Console) -> None:
@@ -63,7 +63,7 @@ class KeyList:
         imgui.end_table()
 
 
-class Palette:
+class Palette(Panel):
     """A command by its first letters, and Enter; arguments after it as in a script."""
 
     name, title, place, shown = "palette", "Do ...", "over", False
@@ -71,7 +71,7 @@ class Palette:
     rows = 9
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._line = ""
 
     def draw(self, console: Console) -> None:

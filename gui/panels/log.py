@@ -5,23 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
 
 SHOWN_LINES = 200
 COLOURS = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}
 
 
-class LogPanel:
+class LogPanel(Panel):
     """Messages, and the commands as a script."""
 
     name, title, place, shown = "log", "Log", "bottom", False
-
-    def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""

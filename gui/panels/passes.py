@@ -6,20 +6,16 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.views.camera import shown_passes
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
 
 
-class PassesPanel:
+class PassesPanel(Panel):
     """Times of the passes, medians of five pictures, and what draws."""
 
     name, title, place, shown = "passes", "Passes", "right-low", False
-
-    def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -38,9 +34,7 @@ class PassesPanel:
                 imgui.table_next_row()
                 imgui.table_next_column()
                 colour = style.WARN if name == "picture" else style.INK
-                w.coloured(colour)
-                imgui.text_unformatted(w.elided(name, w.width))
-                imgui.pop_style_color()
+                w.one_line(w.elided(name, w.width), colour)
                 w.tip(
                     "all of them: the whole picture" if name == "picture" else f"pass of the renderer: {name}"
                 )

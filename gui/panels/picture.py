@@ -8,20 +8,16 @@ from typing import TYPE_CHECKING
 from flyaround.gui import style
 from flyaround.gui.commands.display import MOST_STOPS
 from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
 
 
-class PicturePanel:
+class PicturePanel(Panel):
     """Exposure, colour, noise, detail; save the picture."""
 
     name, title, place, shown = "picture", "Picture", "right-low", True
-
-    def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -54,13 +50,10 @@ class PicturePanel:
         w.switches(console, [f"overlay.{name}" for name, _ in OVERLAYS])
 
 
-class WorldPanel:
+class WorldPanel(Panel):
     """Layers of the world, drawn or left out."""
 
     name, title, place, shown = "world", "World", "right-low", True
-
-    def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""

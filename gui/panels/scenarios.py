@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 from flyaround.simulator.scenario.load import list_recipes, list_scenarios, load_scenario
 
 if TYPE_CHECKING:
@@ -21,13 +21,13 @@ CARD = 168.0
 """Width of a card at scale 1."""
 
 
-class ScenarioChooser:
+class ScenarioChooser(Panel):
     """Cards of the built-in scenarios; a click flies one."""
 
     name, title, place, shown = "scenarios", "Scenarios", "left", False
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._wanted = ""
         self._cards: list[tuple[str, str, ByteArray]] = []
 
@@ -61,9 +61,7 @@ class ScenarioChooser:
             w.button(console, "scenario.open", wanted, label="Open this file", width=w.width)
         if not self._cards:
             self._cards = [(name, *_card(name)) for name in list_scenarios()]
-        spacing = imgui.get_style().item_spacing.x
-        columns = max(1, int((w.width + spacing) / (CARD * w.window.scale + spacing)))
-        width = (w.width - (columns - 1) * spacing) / columns
+        columns, width = w.columns(CARD)
         found = [c for c in self._cards if all(x in f"{c[0]} {c[1]}".lower() for x in wanted.lower().split())]
         if wanted.endswith(".toml"):
             found = self._cards
@@ -83,9 +81,7 @@ class ScenarioChooser:
             console.do("scenario.open", name)
         w.tip(f"{title}\nflyaround sim {name}")
         here = name == console.session.plan.scenario.name
-        w.coloured(style.ACCENT if here else style.INK)
-        imgui.text_unformatted(w.elided(name.removeprefix("tango-"), width))
-        imgui.pop_style_color()
+        w.one_line(w.elided(name.removeprefix("tango-"), width), style.ACCENT if here else style.INK)
         imgui.end_group()
 
 

@@ -11,7 +11,7 @@ from flyaround.gui import style
 from flyaround.gui.commands.camera import SCENARIO
 from flyaround.gui.picture.sensor_terms import BINS, Histogram, SensorTerm, histogram_of, terms_of
 from flyaround.gui.picture.view_settings import changed_sensor
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 from flyaround.simulator.camera.lens.files import list_cameras
 
 if TYPE_CHECKING:
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 BAND_COLOURS = (style.AXIS_COLORS[0], style.AXIS_COLORS[1], style.AXIS_COLORS[2])
 
 
-class SensorPanel:
+class SensorPanel(Panel):
     """Which camera, what its sensor does, and how the levels lie."""
 
     name, title, place, shown = "sensor", "Camera and sensor", "right-low", True
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._of: Picture | None = None
         self._histogram: Histogram | None = None
         self._camera = SCENARIO
@@ -78,9 +78,7 @@ class SensorPanel:
         field = min(7.5 * imgui.get_font_size(), 0.45 * w.width)
         end = imgui.get_cursor_pos_x() + w.width
         imgui.align_text_to_frame_padding()
-        w.coloured(style.WARN if changed else style.INK)
-        imgui.text_unformatted(w.elided(text, w.width - field - 8))
-        imgui.pop_style_color()
+        w.one_line(w.elided(text, w.width - field - 8), style.WARN if changed else style.INK)
         about = f"{text}: {term.effect}\nsensor.set {name} VALUE; Enter takes a new one"
         w.tip(about)
         imgui.same_line(end - field)

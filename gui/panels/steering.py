@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
 from flyaround.simulator.piloting.jumps import EVENTS
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
 
 GUIDANCE = (
     "guidance.hold",
@@ -27,13 +26,10 @@ GUIDANCE = (
 PLUME = "whether the exhaust, 30 deg wide to each side, meets the target's sphere within 20 m"
 
 
-class SteeringPanel:
+class SteeringPanel(Panel):
     """How keys and sticks act, what else may fly the chaser, and its propellant."""
 
     name, title, place, shown = "steering", "Steering", "left", False
-
-    def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""

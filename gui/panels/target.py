@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.camera import MOST_GAIN
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 from flyaround.simulator.targets.library import list_targets
 
 if TYPE_CHECKING:
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from flyaround.gui.window import Window
 
 
-class TargetPanel:
+class TargetPanel(Panel):
     """Which craft, what it is made of, and what lights it."""
 
     name, title, place, shown = "target", "Target and lights", "right-low", True
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._names: tuple[str, ...] = ()
 
     def draw(self, console: Console) -> None:

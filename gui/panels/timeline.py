@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.timeline import clock
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.flight_history import Timeline
 
 
-class TimelinePanel:
+class TimelinePanel(Panel):
     """Drag the slider to look back; Space plays what was flown, steering or Ctrl+Enter flies on from there."""
 
     name, title, place, shown = "timeline", "Timeline", "bottom", False
     keys = ("ctrl+t",)
 
     def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
+        super().__init__(window)
         self._note = ""
 
     def draw(self, console: Console) -> None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
 
 CARDS = (
     (
@@ -51,24 +50,19 @@ CARDS = (
 """Panel (or bar) that a card points at, its title, its text."""
 
 
-class TourPanel:
+class TourPanel(Panel):
     """A card at a time; Escape ends the tour."""
 
     name, title, place, shown = "tour", "Tour", "over", False
-
-    def __init__(self, window: Window) -> None:
-        self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:
         """Draw into the current window."""
         w, imgui = self._w, self._w.imgui
         scale = w.window.scale
-        step = min(max(console.tour_step, 0), len(CARDS) - 1)
+        step = min(max(console.help.tour_step, 0), len(CARDS) - 1)
         about, title, text = CARDS[step]
         self._place(console, about)
-        w.coloured(style.ACCENT)
-        imgui.text_unformatted(f"{step + 1} of {len(CARDS)}   {title}")
-        imgui.pop_style_color()
+        w.one_line(f"{step + 1} of {len(CARDS)}   {title}", style.ACCENT)
         w.text(text)
         imgui.dummy(w.vec(0, 4 * scale))
         if step:
@@ -84,7 +78,7 @@ class TourPanel:
         w, imgui = self._w, self._w.imgui
         scale, screen = w.window.scale, imgui.get_main_viewport()
         width, height = min(340 * scale, 0.9 * screen.size.x), 150 * scale
-        x, y, wide, tall = console.rects.get(about, (0.0, 0.0, screen.size.x, screen.size.y))
+        x, y, wide, tall = console.help.rects.get(about, (0.0, 0.0, screen.size.x, screen.size.y))
         left = x - width - 12 * scale
         if left < 0:
             left = (

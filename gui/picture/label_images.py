@@ -11,13 +11,12 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.picture.relative_map import nice_step
+from flyaround.gui.picture.video import eight_bits
 from flyaround.simulator.labels.part_classes import PART_CLASSES, part_class
 from flyaround.simulator.labels.request import LabelRequest
 from flyaround.simulator.targets.model import PartClass
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from flyaround.gui.style import Rgba
     from flyaround.simulator.frame import Frame
     from flyaround.simulator.labels.truth import KeypointState
@@ -163,11 +162,7 @@ def close_up(frame: Frame) -> tuple[slice, slice]:
 
 def grey(frame: Frame) -> ByteArray:
     """(H, W) the picture in eight bits of one band."""
-    image = frame.image
-    bits = frame.scene.sensor.bits
-    eight: NDArray[np.uint8] = (
-        image.astype(np.uint8) if bits == 8 else (image >> max(bits - 8, 0)).astype(np.uint8)
-    )
+    eight = eight_bits(frame.image, frame.scene.sensor.bits)
     return eight if eight.ndim == 2 else np.asarray(cv2.cvtColor(eight, cv2.COLOR_RGB2GRAY), np.uint8)
 
 

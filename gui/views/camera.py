@@ -14,6 +14,7 @@ from flyaround.gui.views.estimate_overlay import EstimateOverlay
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.views.mouse_steering import MouseSteering
 from flyaround.gui.views.truth_marks import TruthMarks
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -39,15 +40,14 @@ SPEED = "pictures a second, what one costs (render and sensor), and its size in 
 PASSES = "what this pass of the renderer takes, median of five pictures; the bar is its share (F8)"
 
 
-class CameraView:
+class CameraView(Panel):
     """Draws the picture and what is laid over it."""
 
     name, title, place, shown = "camera", "Chaser's camera", "centre", True
     bare = True
 
     def __init__(self, window: Window) -> None:
-        self._window = window
-        self._imgui = window.imgui
+        super().__init__(window)
         self._docking = DockingHud(window)
         self._mouse = MouseSteering(window)
         self._truth = TruthMarks(window)
@@ -58,8 +58,7 @@ class CameraView:
         """Draw into the current view."""
         imgui = self._imgui
         session, feed, options = console.session, console.feed, console.options
-        corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-        place = (corner.x, corner.y, max(free.x, 1.0), max(free.y, 1.0))
+        place = self._free(1.0)
         draw = imgui.get_window_draw_list()
         picture = feed.newest
         if picture is None:
@@ -85,7 +84,7 @@ class CameraView:
         taken, self._plates = tuple(self._plates), []
         self._truth.draw(box, picture, options, paused=session.clock.paused, taken=taken)
         if options.overlays.estimate:
-            self._estimate.draw(draw, box, picture, console.estimates)
+            self._estimate.draw(draw, box, picture, console.jobs.estimates)
         # the docking display has a cross and figures of its own
         if options.overlays.crosshair and not options.overlays.docking:
             self._truth.crosshair(box, picture)

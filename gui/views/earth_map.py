@@ -20,6 +20,7 @@ from flyaround.gui.picture.ground_track import (
     unbroken,
 )
 from flyaround.gui.views.letterbox import Letterbox
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -39,15 +40,14 @@ PAST, SUNLIT, SHADOWED = style.ACCENT, style.YELLOW, (0.62, 0.62, 0.7, 1.0)
 AHEAD = "simulated time until then [min:s], by an orbit under J2 alone, which is right to a second an orbit"
 
 
-class EarthMap:
+class EarthMap(Panel):
     """Where the target is over the ground; the orbit behind and before it; when shadow begins and ends."""
 
     name, title, place, shown = "earth-map", "Earth map", "bottom", False
     bare = True
 
     def __init__(self, window: Window) -> None:
-        self._window = window
-        self._imgui = window.imgui
+        super().__init__(window)
         # decoding maps and propagating an orbit must not hold the window up
         self._aside = ThreadPoolExecutor(1)
         self._maps: dict[str, Future[GroundMap]] = {}
@@ -60,9 +60,8 @@ class EarthMap:
 
     def draw(self, console: Console) -> None:
         """Draw into the current view."""
-        imgui, session = self._imgui, console.session
-        corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-        place = (corner.x, corner.y, max(free.x, 32.0), max(free.y, 32.0))
+        session = console.session
+        place = self._free(32.0)
         canvas = Canvas(self._window)
         canvas.clip(place[:2], place[2:])
         world = session.craft.world

@@ -12,7 +12,7 @@ from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import quat_normalize
 
 if TYPE_CHECKING:
-    from flyaround.gui.picture.estimates import ComparedEstimate, Estimates
+    from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.views.letterbox import Letterbox
     from flyaround.gui.window import Window

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from flyaround.gui.picture.label_images import (
     part_picture,
 )
 from flyaround.gui.views.letterbox import Letterbox
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +40,7 @@ SCALE = "camera z of the target, along the boresight [m]; bright is near"
 NO_TARGET = "the camera sees no target"
 
 
-class _LabelView(ABC):
+class _LabelView(Panel):
     """A view of the feed of labels; each kind makes its picture once for every frame."""
 
     name, title, place, shown = "", "", "left", False
@@ -47,16 +48,13 @@ class _LabelView(ABC):
     legend_tip = ""
 
     def __init__(self, window: Window) -> None:
-        self._window = window
-        self._imgui = window.imgui
+        super().__init__(window)
         self._made_of: Picture | None = None
         self._part = (slice(0, 1), slice(0, 1))
 
     def draw(self, console: Console) -> None:
         """Draw into the current view."""
-        imgui = self._imgui
-        corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-        place = (corner.x, corner.y, max(free.x, 32.0), max(free.y, 32.0))
+        place = self._free(32.0)
         canvas = Canvas(self._window)
         canvas.clip(place[:2], place[2:])
         feed = console.feeds.get(LABEL_VIEWS)

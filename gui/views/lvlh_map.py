@@ -21,7 +21,7 @@ from flyaround.gui.picture.relative_map import (
     target_edges_lvlh_m,
 )
 from flyaround.gui.views.burn_nodes import BurnNodes
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.look_back import lvlh_position
 from flyaround.simulator.piloting.piloted_craft import PREDICTION_S
 from flyaround.simulator.runtime.arrays import Vec3, vec3
@@ -50,7 +50,7 @@ LINES = (
 SUN = "direction of the Sun, as long as it lies in this plane; grey while the target is in shadow"
 
 
-class LvlhMap:
+class LvlhMap(Panel):
     """What was planned, flown and is foretold; keep-out sphere, corridor, burns, Sun.
 
     Wheel: zoom. Drag: move. Right click: plan a burn there, or cancel the one that is there; drag its node or handle.
@@ -59,9 +59,7 @@ class LvlhMap:
     name, title, place, shown = "lvlh-map", "LVLH map", "right-middle", True
 
     def __init__(self, window: Window) -> None:
-        self._window = window
-        self._imgui = window.imgui
-        self._w = Widgets(window)
+        super().__init__(window)
         self._session: FlightSession | None = None
         self._planned = np.zeros((1, 3))
         self._burns = np.zeros((0, 3))
@@ -74,8 +72,7 @@ class LvlhMap:
         """Draw into the current view."""
         imgui, session, look = self._imgui, console.session, console.options.map
         self._remember(session)
-        corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-        rect = (corner.x, corner.y, max(free.x, 40.0), max(free.y, 40.0))
+        rect = self._free(40.0)
         world = session.craft.world
         frame = session.flight.lvlh(session.t_s)
         here = np.array(world.position_lvlh_m)

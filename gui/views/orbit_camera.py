@@ -12,7 +12,7 @@ from flyaround.gui.picture.further import ORBIT_CAMERA
 from flyaround.gui.picture.orbit_camera import ABOUT
 from flyaround.gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chaser_marks
 from flyaround.gui.views.letterbox import Letterbox
-from flyaround.gui.widgets import Widgets
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -25,16 +25,14 @@ SMALL = 14.0
 """Screen units a metre of the target has at least, or it is marked."""
 
 
-class OrbitCameraView:
+class OrbitCameraView(Panel):
     """Target and chaser from outside, by the same renderer; the chaser as axes and frustum of its camera."""
 
     name, title, place, shown = ORBIT_CAMERA, "Orbit camera", "bottom", False
     bare = True
 
     def __init__(self, window: Window) -> None:
-        self._window = window
-        self._imgui = window.imgui
-        self._w = Widgets(window)
+        super().__init__(window)
         self._turning = False
         self._marks: ChaserMarks | None = None
         self._marks_of: Picture | None = None
@@ -43,8 +41,7 @@ class OrbitCameraView:
         """Draw into the current view."""
         imgui = self._imgui
         look = console.options.orbit
-        corner, free = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-        place = (corner.x, corner.y, max(free.x, 32.0), max(free.y, 32.0))
+        place = self._free(32.0)
         look.fill(place[2], place[3])
         imgui.set_next_item_allow_overlap()
         imgui.invisible_button("orbit", self._w.vec(place[2], place[3]))

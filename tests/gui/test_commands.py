@@ -8,8 +8,7 @@ import pytest
 
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.command_table import Argument, Command, CommandTable, line_of
-from flyaround.gui.console import LONGEST_TICK_MS, Console
-from flyaround.gui.hand_control import MODIFIERS, STEERING
+from flyaround.gui.console import LONGEST_TICK_MS, MODIFIERS, STEERING, Console
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.key_list import matches
 from flyaround.gui.picture.feed import Feed

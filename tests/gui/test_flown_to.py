@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from flyaround.gui.app import command_table, options_of
-from flyaround.gui.commands.capture import keep_capture
 from flyaround.gui.console import Console
 from flyaround.gui.panels.timeline import TimelinePanel
 from flyaround.gui.picture.feed import Feed
@@ -34,7 +33,6 @@ def console(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Console
     monkeypatch.chdir(tmp_path)
     session = FlightSession.of(load_scenario("tango-vbar-closed-loop"))
     console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
-    console.on_pass_time.append(keep_capture)
     console.hand.armed = True
     for k in range(40):
         console.pass_time(50, frozenset({"steer.left"} if k < 20 else ()))
@@ -83,7 +81,7 @@ def test_the_button_of_a_data_set_captures_what_was_flown(
     console: Console, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = []
-    monkeypatch.setattr(console.capture, "start", asked.append)
+    monkeypatch.setattr(console.jobs.capture, "start", asked.append)
     press(console, "Data set")
     turn_until(console, lambda: bool(asked))
     assert (asked[0].frames, asked[0].what) == (
@@ -104,14 +102,14 @@ def test_the_button_of_a_data_set_captures_what_was_flown(
 @pytest.mark.slow
 def test_the_data_set_of_what_was_flown_is_right(console: Console, tmp_path: Path) -> None:
     console.do("timeline.dataset", 4)
-    turn_until(console, lambda: bool(console.capture.outcome))
-    assert console.capture.outcome.startswith("captured"), console.capture.outcome
-    assert console.capture.request is not None
+    turn_until(console, lambda: bool(console.jobs.capture.outcome))
+    assert console.jobs.capture.outcome.startswith("captured"), console.jobs.capture.outcome
+    assert console.jobs.capture.request is not None
     done = subprocess.run(
-        [sys.executable, "-m", "flyaround", "check", str(console.capture.request.folder)],
+        [sys.executable, "-m", "flyaround", "check", str(console.jobs.capture.request.folder)],
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert len(list((tmp_path / console.capture.request.folder / "images").glob("*.png"))) >= 4
+    assert len(list((tmp_path / console.jobs.capture.request.folder / "images").glob("*.png"))) >= 4

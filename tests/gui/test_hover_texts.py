@@ -15,8 +15,9 @@ from flyaround.gui.canvas import Canvas
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.console import Console
 from flyaround.gui.jobs.capture_job import Thumbnail
+from flyaround.gui.jobs.estimates import compared
+from flyaround.gui.jobs.estimator_process import Answer
 from flyaround.gui.panels.all import PANELS
-from flyaround.gui.picture.estimates import Answer, compared
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.label_images import LABELS
 from flyaround.gui.picture.telemetry import telemetry_of
@@ -82,17 +83,17 @@ def console(frame: Frame, table: CommandTable) -> Console:
         stages_ms={"propose": 40.0, "refine": 12.0},
         counts={},
     )
-    console.estimates.on = True
+    console.jobs.estimates.on = True
     for k in range(3):
-        console.estimates.newest = compared(picture, "svd", answer, float(k))
-        console.estimates.history.append(console.estimates.newest)
+        console.jobs.estimates.newest = compared(picture, "svd", answer, float(k))
+        console.jobs.estimates.history.append(console.jobs.estimates.newest)
     for k, outcome in enumerate(("accepted", "declined", "dropped:timeout")):
-        console.hil._add(row(k, outcome, 80.0, ("drop",)))
+        console.jobs.hil._add(row(k, outcome, 80.0, ("drop",)))
     figures = session.craft.docking.figures(session.craft.chaser, session.flight)
     session.craft.docking.contacts.append(judge_contact(figures, session.craft.docking.limits, at_port=True))
     console.options.overlays.docking = console.options.overlays.times = True
-    console.capture.thumbnails = [Thumbnail("000000.png", np.zeros((8, 12), np.uint8))]
-    console.capture.outcome = "captured: 3 frames"
+    console.jobs.capture.thumbnails = [Thumbnail("000000.png", np.zeros((8, 12), np.uint8))]
+    console.jobs.capture.outcome = "captured: 3 frames"
     console.draft.edit("tango-space-10m")
     return console
 

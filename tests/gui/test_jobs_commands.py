@@ -9,9 +9,7 @@ import pytest
 
 from flyaround.gui.app import command_table, options_of
 from flyaround.gui.command_table import CommandTable
-from flyaround.gui.commands.capture import keep_capture
-from flyaround.gui.commands.estimator import keep_estimates
-from flyaround.gui.commands.hil import FAULTS, keep_hil
+from flyaround.gui.commands.hil import FAULTS
 from flyaround.gui.console import Console
 from flyaround.gui.jobs.capture_job import CaptureRequest
 from flyaround.gui.picture.feed import Feed
@@ -36,7 +34,7 @@ def console(table: CommandTable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 def asked(console: Console, monkeypatch: pytest.MonkeyPatch) -> list[CaptureRequest]:
     """What captures are asked for; none is started."""
     requests: list[CaptureRequest] = []
-    monkeypatch.setattr(console.capture, "start", requests.append)
+    monkeypatch.setattr(console.jobs.capture, "start", requests.append)
     return requests
 
 
@@ -71,13 +69,13 @@ def test_going_on_needs_a_capture(console: Console) -> None:
     console.do("capture.resume")
     assert "start one" in console.messages[-1].text
     console.do("capture.stop")
-    keep_capture(console)
+    console.pass_time(0)
 
 
 def test_a_session_only_listens_where_it_may(console: Console) -> None:
     console.do("hil.start", "tcp://0.0.0.0:5600")
     assert "key" in console.messages[-1].text
-    assert not console.hil.on
+    assert not console.jobs.hil.on
     console.do("hil.fault", "gain_step")
     assert "start one" in console.messages[-1].text
     console.do("hil.fault", "bogus")
@@ -86,7 +84,7 @@ def test_a_session_only_listens_where_it_may(console: Console) -> None:
     assert "no host listens" in console.messages[-1].text
     console.do("hil.stop")
     console.do("hil.board-stop")
-    keep_hil(console)
+    console.pass_time(0)
     assert all(m.level == "caution" for m in console.messages)
 
 
@@ -94,7 +92,7 @@ def test_every_fault_of_a_button_is_one_of_the_files(
     console: Console, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     struck: list[msgspec.Struct] = []
-    monkeypatch.setattr(console.hil, "add_fault", struck.append)
+    monkeypatch.setattr(console.jobs.hil, "add_fault", struck.append)
     for kind in FAULTS:
         console.do("hil.fault", kind, 3.0)
     assert [f.__struct_config__.tag for f in struck] == list(FAULTS)
@@ -105,11 +103,11 @@ def test_the_estimator_is_switched_by_commands(console: Console) -> None:
     console.do("estimator.method", "svd-thesis")
     console.do("estimator.stages", True)
     console.do("estimator.run", True)
-    assert (console.estimates.on, console.estimates.method) == (True, "svd-thesis")
-    assert console.estimates.stages_wanted
+    assert (console.jobs.estimates.on, console.jobs.estimates.method) == (True, "svd-thesis")
+    assert console.jobs.estimates.stages_wanted
     console.do("estimator.run")
-    assert not console.estimates.on
+    assert not console.jobs.estimates.on
     console.do("estimator.forget")
-    keep_estimates(console)
+    console.pass_time(0)
     assert console.messages == []
     console.close()

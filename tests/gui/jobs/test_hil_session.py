@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flyaround.gui.jobs.hil_session import BIN_EDGES_MS, HilSession, SessionNote
-from flyaround.gui.jobs.hil_stream import Row
+from flyaround.gui.jobs.hil_session import BIN_EDGES_MS, HilSession
+from flyaround.gui.jobs.hil_stream import SessionNote
 from flyaround.hil.host.ledger.frames_csv import LedgerRow
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig
@@ -77,7 +77,7 @@ def test_rows_become_figures(session: FlightSession) -> None:
         row(3, "dropped:timeout", faults=("drop", "delay")),
         row(4, "accepted", 1e6),
     ):
-        hil._add(Row(r).row)
+        hil._handle(r, [])
     assert (hil.sent, hil.accepted, hil.drops) == (5, 2, {"timeout": 2})
     assert hil.struck == {"drop": 2, "delay": 1}
     counts = hil.latency_counts()

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from flyaround.gui.jobs.mesh_import import Imported, MeshImport, target_name
+from flyaround.gui.jobs.mesh_import import MeshImport, target_name
 
 
-def ended(job: MeshImport) -> Imported:
+def ended(job: MeshImport) -> str:
     until = time.monotonic() + 60.0
     while time.monotonic() < until:
-        if (imported := job.update()) is not None:
-            return imported
+        if (mistake := job.update()) is not None:
+            return mistake
         time.sleep(0.05)
     pytest.fail("the import did not end")
 
@@ -27,7 +27,8 @@ def test_names_of_targets() -> None:
 def test_what_is_no_mesh_is_one_sentence(tmp_path: Path) -> None:
     path = tmp_path / "broken.glb"
     path.write_bytes(b"not a mesh")
-    imported = ended(MeshImport(path))
-    assert imported.target == "broken"
-    assert "broken.glb" in imported.mistake
-    assert "Traceback" not in imported.mistake
+    job = MeshImport(path)
+    assert job.name == "broken"
+    mistake = ended(job)
+    assert "broken.glb" in mistake
+    assert "Traceback" not in mistake

@@ -1,20 +1,27 @@
 """What the passes leave out shows nowhere: triangles that look away, tiles that the craft does not touch."""
 
+import ctypes
 from dataclasses import replace
 
 import cv2
+import moderngl
 import numpy as np
 import pytest
 
 from flyaround.simulator.bench.scenes import bench_scenes
 from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.render.craft import resident_targets
 from flyaround.simulator.render.craft import visible_triangles as culling
 from flyaround.simulator.render.craft.viewport_fit import TILE_PX, all_tiles
 from flyaround.simulator.render.gl.depth_buffer import MOST_RANGES
+from flyaround.simulator.render.gl.library import gl_library
+from flyaround.simulator.render.gl.mipmaps import VERSION, mipmap_chain, mipmapped_texture, release_mipmapped
 from flyaround.simulator.render.globe.globe_view import globe_view
+from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.render.software import quad_packing, software_path
 from flyaround.simulator.render.software.tiles import earth_tiles
 from flyaround.simulator.render.view import build_view
+from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere
 from flyaround.simulator.targets.library import load_target
@@ -158,3 +165,42 @@ def test_the_bench_times_frames_without_waits_and_passes_apart(draw_kit):
     # each pass is waited for: their times add up to the drawing of the same frames
     assert own == pytest.approx(passes["render"], rel=0.2)
     assert cost.frame_ms_p50 == pytest.approx(cost.render_ms_p50 + cost.sensor_ms_p50, rel=0.1)
+
+
+def test_levels_of_a_kept_map_are_means_of_four_texels(renderer, tmp_path, monkeypatch):
+    monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
+    made = np.random.default_rng(1).integers(0, 256, (38, 100, 4), np.uint8)
+    image = cached_array("map", lambda: made)
+    texture = mipmapped_texture(renderer.device.context, mipmap_chain(image, globe=False))
+    renderer.device.check("uploading levels")
+    assert {path.name for path in tmp_path.iterdir()} == {"map.npy", f"map-levels-v{VERSION}.npy"}
+    texture.use(0)
+    library = gl_library()
+    for level, (w, h) in ((1, (50, 19)), (6, (1, 1))):
+        found = np.zeros((h, w, 4), np.uint8)
+        library.glGetTexImage(0x0DE1, level, 0x1908, 0x1401, ctypes.c_void_p(found.ctypes.data))
+        means = cv2.resize(made.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+        # each level is rounded anew
+        assert np.abs(found - means).max() <= (1 if level == 1 else 6)
+    assert renderer.device.context.error == "GL_NO_ERROR"
+    release_mipmapped(texture)
+
+
+def test_few_targets_stay_on_the_gpu_and_come_back_the_same(draw_kit, monkeypatch):
+    made, upload = [], resident_targets.upload
+    monkeypatch.setattr(resident_targets, "MOST_LOADED", 2)
+    monkeypatch.setattr(resident_targets, "upload", lambda *a: made.append(upload(*a)) or made[-1])
+    targets = [
+        draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), half)], [draw_kit.white()])
+        for half in (0.2, 0.3, 0.4)
+    ]
+    with Renderer() as own:
+        drawn = [
+            own.render(draw_kit.scene(targets[k]), targets[k], labels=True).radiance
+            for k in (0, 1, 0, 2, 0, 1)
+        ]
+        gone = [isinstance(mesh.vertices.mglo, moderngl.InvalidObject) for mesh in made]
+    assert gone == [False, True, True, False]
+    assert np.array_equal(drawn[0], drawn[4])
+    assert np.array_equal(drawn[1], drawn[5])
+    assert drawn[0].sum() < drawn[1].sum() < drawn[3].sum()

@@ -13,15 +13,8 @@ from typing import Self
 import numpy as np
 import pytest
 
-from flyaround.gui.picture.estimates import (
-    MOST_DEATHS,
-    Answer,
-    ComparedEstimate,
-    EstimateRequest,
-    Estimates,
-    compared,
-    known_methods,
-)
+from flyaround.gui.jobs.estimates import MOST_DEATHS, ComparedEstimate, Estimates, compared
+from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest, known_methods
 from flyaround.gui.picture.feed import Picture
 from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.view_settings import reduced_camera

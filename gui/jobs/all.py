@@ -1,0 +1,98 @@
+"""Everything that runs beside the flight, kept up once a turn of the loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from flyaround.gui.jobs.capture_job import CaptureJob
+from flyaround.gui.jobs.estimates import Estimates
+from flyaround.gui.jobs.hil_session import HilSession
+from flyaround.gui.picture.video import eight_bits
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flyaround.gui.jobs.mesh_import import MeshImport
+    from flyaround.gui.picture.feed import Picture
+    from flyaround.gui.picture.video import Film
+    from flyaround.simulator.piloting.session import FlightSession
+
+
+@dataclass(eq=False)
+class Jobs:
+    """The estimator, the session with a board, the capture, the film, the mesh import and flights being written.
+
+    Parameters
+    ----------
+    say : reports a text, and its level unless it is a note. do : runs a command.
+    """
+
+    say: Callable[..., None]
+    do: Callable[..., None]
+    estimates: Estimates = field(default_factory=Estimates)
+    hil: HilSession = field(default_factory=HilSession)
+    capture: CaptureJob = field(default_factory=CaptureJob)
+    film: Film | None = None
+    mesh: MeshImport | None = None
+    keeping: list[Callable[[], bool]] = field(default_factory=list)
+    """Flights that are being written; each returns False at its end."""
+    _filmed: Picture | None = None
+
+    def update(self, session: FlightSession, picture: Picture | None, t_ms: int) -> None:
+        """Hand each job the newest state of the flight, and report its news.
+
+        Parameters
+        ----------
+        picture : the newest of the chaser's camera. t_ms : operator's time.
+        """
+        self._update_estimates(picture)
+        for note in self.hil.update(session):
+            self.say(note.text, "caution" if note.warning else "note")
+        if (outcome := self.capture.update()) is not None:
+            expected = outcome.startswith(("captured", "the capture was stopped"))
+            self.say(outcome, "note" if expected else "caution")
+        if self.film is not None and picture is not None:
+            self._update_film(self.film, picture, t_ms)
+        self._update_mesh()
+        for keep in tuple(self.keeping):
+            if not keep():
+                self.keeping.remove(keep)
+
+    def _update_estimates(self, picture: Picture | None) -> None:
+        estimates = self.estimates
+        if estimates.update(picture):
+            accepted = [e for e in estimates.history if e.answer.accepted and e.E_R_deg is not None]
+            if len(accepted) == 1 and accepted[0] is estimates.newest:
+                first = accepted[0]
+                self.say(
+                    f"{first.method}: first accepted pose, {first.E_R_deg:.2f} deg and "
+                    f"{1e3 * (first.E_T_m or 0.0):.0f} mm off at {first.range_m:.1f} m"
+                )
+        for trouble in estimates.take_troubles():
+            self.say(trouble, "caution")
+
+    def _update_film(self, film: Film, picture: Picture, t_ms: int) -> None:
+        if film.trouble is not None:
+            self.film = None
+            film.close()
+            self.say(film.trouble, "caution")
+        elif picture is not self._filmed:
+            self._filmed = picture
+            film.add(t_ms, eight_bits(picture.frame.image, picture.frame.scene.sensor.bits))
+
+    def _update_mesh(self) -> None:
+        """Fly the present scenario with a mesh that has been imported."""
+        if self.mesh is None or (mistake := self.mesh.update()) is None:
+            return
+        target, self.mesh = self.mesh.name, None
+        if mistake:
+            self.say(f"{target} was not imported: {mistake}", "caution")
+        else:
+            self.do("scenario.target", target)
+
+    def close(self) -> None:
+        """End all of them."""
+        for job in (self.estimates, self.hil, self.capture, self.film, self.mesh):
+            if job is not None:
+                job.close()

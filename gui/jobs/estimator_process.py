@@ -1,0 +1,151 @@
+"""The process of the console's estimator: its requests and answers, and the estimators that it keeps."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.plugins import plugins
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.runtime.arrays import ByteArray, Quat, Vec3
+    from flyaround.simulator.scene.state import TargetRef
+
+STAGE_QUALITY = 88
+KEPT_ESTIMATORS = 4
+NICENESS = 5
+"""Window and pictures go first where there are few processors."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EstimateRequest:
+    """One picture to be estimated.
+
+    Parameters
+    ----------
+    t_s : mid-exposure, for a method that follows the target. stages : whether pictures of the stages are wanted.
+    """
+
+    method: str
+    camera: Camera
+    target: TargetRef
+    image: NDArray[np.unsignedinteger]
+    t_s: float
+    stages: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Answer:
+    """What the process says of a picture; ``stages`` holds a JPEG file of each stage by name."""
+
+    accepted: bool
+    reason: str
+    q_camera_from_target_wxyz: Quat | None
+    t_camera_from_target_m: Vec3 | None
+    confidence: float
+    stages_ms: dict[str, float]
+    counts: dict[str, int]
+    making_ms: float = 0.0
+    stages: dict[str, ByteArray] = field(default_factory=dict)
+
+
+class EstimatesByProcess:
+    """What the process holds: a few estimators, made when a method, a camera or a craft is first asked for."""
+
+    info = "ready"
+
+    def __init__(self) -> None:
+        self._made: dict[tuple[str, Camera, TargetRef], Any] = {}
+
+    def __enter__(self) -> Self:
+        with contextlib.suppress(OSError):
+            os.nice(NICENESS)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._made.clear()
+
+    def estimator(self, request: EstimateRequest) -> Any:  # noqa: ANN401 - any of them
+        """The estimator of a request.
+
+        Raises
+        ------
+        UserError
+            If there is no such method.
+        """
+        import msgspec  # noqa: PLC0415 - what only this process needs
+
+        from flyaround.hil.board.errors import BoardModelError  # noqa: PLC0415
+        from flyaround.hil.board.svd import CameraIntrinsics  # noqa: PLC0415
+        from flyaround.hil.evaluate.added_estimators import any_estimator, check_any_method  # noqa: PLC0415
+        from flyaround.hil.evaluate.method_choice import MethodChoice, board_model  # noqa: PLC0415
+
+        key = (request.method, request.camera, request.target)
+        if key not in self._made:
+            try:
+                check_any_method(request.method)
+                made = any_estimator(
+                    board_model(request.target.drawn()),
+                    CameraIntrinsics.from_dict(msgspec.to_builtins(request.camera)),
+                    MethodChoice(request.method),
+                )
+            except BoardModelError as error:
+                raise UserError(f"the estimator cannot be made: {error}") from error
+            while len(self._made) >= KEPT_ESTIMATORS:
+                self._made.pop(next(iter(self._made)))
+            self._made[key] = made
+        return self._made[key]
+
+
+def estimate_picture(held: EstimatesByProcess, request: EstimateRequest) -> Answer:
+    """Estimate the pose in a picture, in the estimator's process."""
+    from flyaround.hil.board.svd.debug.stage_pictures import stage_pictures  # noqa: PLC0415 - what only this process needs
+    from flyaround.hil.evaluate.estimate import checked_picture  # noqa: PLC0415
+
+    start = time.perf_counter()
+    estimator = held.estimator(request)
+    making_ms = 1e3 * (time.perf_counter() - start)
+    image = checked_picture(request.image, request.camera, "the picture")
+    trace: dict[str, Any] | None = {"every_stage": True} if request.stages else None
+    result = estimator.estimate(image, trace, request.t_s)
+    stages = {}
+    if trace is not None:
+        pictures = stage_pictures(image, trace, result, estimator.model, estimator.camera)
+        stages = {name: _jpeg(picture) for name, picture in pictures.items()}
+    q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
+    return Answer(
+        accepted=bool(result.accepted),
+        reason=str(result.reason),
+        q_camera_from_target_wxyz=None if q is None else (float(q[0]), float(q[1]), float(q[2]), float(q[3])),
+        t_camera_from_target_m=None if t is None else (float(t[0]), float(t[1]), float(t[2])),
+        confidence=float(result.confidence),
+        stages_ms={k: float(v) for k, v in result.stages_ms.items()},
+        counts={k: int(v) for k, v in getattr(result, "counts", {}).items()},
+        making_ms=making_ms,
+        stages=stages,
+    )
+
+
+def _jpeg(picture: ByteArray) -> ByteArray:
+    import cv2  # noqa: PLC0415 - what only this process needs
+
+    ok, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, STAGE_QUALITY])
+    if not ok:
+        raise RuntimeError("a stage's picture could not be encoded")
+    return np.asarray(data, np.uint8).reshape(-1)
+
+
+def known_methods() -> tuple[str, ...]:
+    """Names that need no file: the built-in methods, and those of other packages."""
+    from flyaround.hil.board.svd import METHODS  # noqa: PLC0415 - loads OpenCV, and most flights have no estimator
+
+    return (*METHODS, *sorted(plugins("estimator")))

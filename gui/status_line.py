@@ -1,0 +1,109 @@
+"""The line at the bottom of the window: master caution, hand control, newest message, rates."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from flyaround.gui import style
+from flyaround.gui.widgets import Widgets
+
+if TYPE_CHECKING:
+    from flyaround.gui.console import Console
+    from flyaround.gui.window import Window
+
+
+class StatusLine:
+    """The status line of one window.
+
+    Parameters
+    ----------
+    window : drawn in.
+    """
+
+    def __init__(self, window: Window) -> None:
+        self._w = Widgets(window)
+
+    def draw(self, console: Console) -> None:
+        """Draw into the current frame."""
+        imgui, w = self._w.window.imgui, self._w
+        flags = (
+            imgui.WindowFlags_.no_scrollbar
+            | imgui.WindowFlags_.no_saved_settings
+            | imgui.WindowFlags_.menu_bar
+        )
+        height = imgui.get_frame_height()
+        if (
+            imgui.internal.begin_viewport_side_bar(
+                "status", imgui.get_main_viewport(), imgui.Dir.down, height, flags
+            )
+            and imgui.begin_menu_bar()
+        ):
+            note_window(imgui, console, "status")
+            self._master_caution(console)
+            self._hand_control(console)
+            rates = rates_text(console)
+            free = w.width - imgui.calc_text_size(rates).x - 32 * self._w.window.scale
+            text, colour = self._message(console)
+            if free > 40:
+                w.one_line(w.elided(text, free), colour)
+                w.tip(text)
+            imgui.same_line(
+                imgui.get_window_width() - imgui.calc_text_size(rates).x - 16 * self._w.window.scale
+            )
+            w.one_line(rates, style.QUIET)
+            w.tip(f"how often the window and the pictures are drawn a second; window by {console.window_gl}")
+            imgui.end_menu_bar()
+        imgui.end()
+
+    def _hand_control(self, console: Console) -> None:
+        """Show whether keys fly the chaser; a click arms or disarms them."""
+        imgui, w = self._w.window.imgui, self._w
+        on = console.hand.armed
+        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(style.WARN if on else style.EDGE)))
+        w.coloured(style.GROUND if on else style.QUIET)
+        if imgui.small_button("HAND ON##hand" if on else "HAND OFF##hand"):
+            console.do("steer.arm")
+        imgui.pop_style_color(2)
+        w.about(console, "steer.arm")
+
+    def _master_caution(self, console: Console) -> None:
+        """The light of what nobody has acknowledged yet; a click, or F9, does so. It blinks until then."""
+        imgui, w = self._w.window.imgui, self._w
+        waiting = console.waiting
+        warning = any(m.level == "warning" for m in waiting)
+        colour = style.BAD if warning else style.WARN
+        dark = bool(waiting) and console.clock_ms % 1000 >= 650
+        face = (*colour[:3], 0.35 if dark else 0.95) if waiting else style.EDGE
+        ink = style.GROUND if waiting and not dark else style.QUIET
+        label = f"{'WARNING' if warning else 'CAUTION'} {len(waiting)}" if waiting else "CAUTION"
+        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*face))
+        w.coloured(ink)
+        if imgui.small_button(f"{label}##master") and waiting:
+            console.do("window.acknowledge")
+        imgui.pop_style_color(2)
+        newest = "\n".join(m.text for m in reversed(waiting[-8:]))
+        w.tip(f"{newest}\nclick, or F9: seen" if waiting else "master caution: nothing waits to be seen")
+
+    @staticmethod
+    def _message(console: Console) -> tuple[str, style.Rgba]:
+        """Return the newest message and its colour; how many others wait to be acknowledged stands behind it."""
+        if not console.messages:
+            return "F1: commands and keys", style.QUIET
+        newest = console.messages[-1]
+        others = len(console.waiting) - (newest in console.waiting)
+        more = f" ({others} more; F9: seen)" if others else " (F9: seen)" if newest in console.waiting else ""
+        colours = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}
+        return newest.text + more, style.QUIET if newest.acknowledged else colours[newest.level]
+
+
+def rates_text(console: Console) -> str:
+    """How often the window and each picture view that is looked at are drawn."""
+    views = [f"{name.replace('-', ' ')} {f.frames_s:.0f}" for name, f in console.feeds.items() if f.looked_at]
+    pictures = f"pictures {console.feed.frames_s:.0f}/s"
+    return f"window {console.window_hz:.0f}/s   {', '.join([pictures, *(f'{v}/s' for v in views)])}"
+
+
+def note_window(imgui: Any, console: Console, name: str) -> None:  # noqa: ANN401 - a foreign module
+    """Keep where the current window lies, for the tour."""
+    place, size = imgui.get_window_pos(), imgui.get_window_size()
+    console.help.rects[name] = (place.x, place.y, size.x, size.y)
