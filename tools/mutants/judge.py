@@ -119,7 +119,6 @@ class Copy:
         environment = os.environ | {
             "FLYAROUND_CACHE_DIR": str(self.folder / "cache"),
             "PYTHONPATH": str(self.tree),
-            "PYTHONPYCACHEPREFIX": str(self.folder / "compiled"),
             "TMPDIR": str(self.folder / "temporary"),
         }
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
