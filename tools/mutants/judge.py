@@ -76,7 +76,7 @@ class Copy:
     Parameters
     ----------
     folder : Path
-        Holds ``tree``, ``cache``, ``compiled`` and ``temporary``.
+        Holds ``tree``, ``cache`` and ``temporary``.
     cache : Path
         Warm cache that each run starts from.
     """
