@@ -144,7 +144,7 @@ def test_a_render_process_that_is_stopped_is_started_again(display: str, tmp_pat
     sitting.wait_for("first picture")
     time.sleep(3.0)
     os.kill(drawing_process(sitting.process.pid), signal.SIGSTOP)
-    assert "is started again" in sitting.wait_for("has not answered")
+    assert "is started again" in sitting.wait_for("has done nothing")
     state, _ = sitting.end()
     assert state["drawing_restarts"] == 1
     # the flight went on, and was recorded all along
