@@ -96,8 +96,9 @@ def test_frames_are_on_the_disk_within_a_time(tmp_path):
         batches.add(_frame(0))
         time.sleep(0.06)
         batches.add(_frame(1))
-        until = time.monotonic() + 20
-        while not (tmp_path / MANIFEST_NAME).exists() and time.monotonic() < until:
+        # the first `add` after the wait sends the batch to the thread that writes
+        until = time.monotonic() + 60
+        while not (tmp_path / "images/000001.json").exists() and time.monotonic() < until:
             time.sleep(0.01)
         assert sorted(read_manifest(FolderStore(tmp_path))) == [0, 1]
 
