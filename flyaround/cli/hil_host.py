@@ -24,7 +24,7 @@ from flyaround.hil.host.closed_loop_run import (
     write_summary,
 )
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun, interval_s
-from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.run_terms import FlownRecord, terms_without_board, write_terms
 from flyaround.hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary
 from flyaround.hil.host.link_process.host_link import choose_pixel_format
@@ -442,7 +442,7 @@ def _stream(
     done = 0
     with progress_bar("frames to the board", quiet=as_json) as progress:
 
-        def count(_row: LedgerRow) -> None:
+        def count(_row: FrameRecord) -> None:
             nonlocal done
             done += 1
             progress(done, flight.n_frames)
