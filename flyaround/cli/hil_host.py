@@ -176,6 +176,13 @@ def host(
             help="TOML file of faults of the camera and the line, instead of the scenario's (docs/formats/faults.md)."
         ),
     ] = None,
+    send_sun: Annotated[
+        bool,
+        typer.Option(
+            "--send-sun",
+            help="Send the direction to the Sun with each frame, as a chaser knows it from its star tracker.",
+        ),
+    ] = False,
     time_code: Annotated[
         bool,
         typer.Option(
@@ -309,6 +316,7 @@ def host(
         connect_timeout_s=wait_s or timeout_s or CONNECT_S,
         deadline_s=deadline_s,
         latency_s=latency_s,
+        send_sun=send_sun,
     )
     flight = FlightRun(plan, config, options)
     if log is not None:

@@ -153,9 +153,12 @@ class BoardSink:
 
     def record_board(self, gl_renderer: str) -> None:
         """Add the board that came, and the driver that drew, to the terms."""
+        if self.config.send_sun and self.link.board is not None and not self.link.board.takes_fields:
+            logger.warning("this board takes no optional fields: the Sun's direction is not sent to it")
         if self.config.log_dir is not None and self._terms is not None:
             versions, board = Versions.here(gl_renderer), self._board()
-            terms = msgspec.structs.replace(self._terms, versions=versions, board=board)
+            sun_sent = self.config.send_sun and self.link.board is not None and self.link.board.takes_fields
+            terms = msgspec.structs.replace(self._terms, versions=versions, board=board, sun_sent=sun_sent)
             write_terms(self.config.log_dir, terms)
 
     def _board(self) -> Board | None:
@@ -240,6 +243,7 @@ class BoardSink:
             truth=None if self.config.link.truth == "off" else _told_truth(frame),
             camera_frame=frame.number if frame.camera_frame is None else frame.camera_frame,
             readout=_readout(frame),
+            sun_camera=frame.scene.sun_direction_camera if self.config.send_sun else None,
         )
         self.link.submit(frame.image, job)
         self._tell(lambda recorder: recorder.frame(frame))

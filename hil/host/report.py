@@ -138,6 +138,8 @@ def _record(terms: RunTerms | None, s: LedgerSummary) -> Markup:
     if board is not None:
         model = f"model {board.model or 'unnamed'} {board.model_sha256}".rstrip()
         lines.append(("board", f"{board.name}, method {board.method}, {model}"))
+    if terms.sun_sent:
+        lines.append(("given to the board", "direction to the Sun, with each frame"))
     if terms.command:
         lines.append(("command", shlex.join(terms.command)))
     text = element(

@@ -38,6 +38,7 @@ class RunConfig:
     decide_every_s : realtime, a closed loop: the next frame is asked for no earlier than so long after this one's
         exposure, with all poses that have come by then in.
     flown : what the record of the run says of it.
+    send_sun : the direction to the Sun in the camera frame goes with each frame, to boards that take it.
     new_line_faults : asked before each frame for faults of the line that begin now, where the link lets them be added.
     """
 
@@ -53,4 +54,5 @@ class RunConfig:
     closed_loop: Callable[[], ClosedLoopFigures | None] | None = None
     decide_every_s: float | None = None
     flown: FlownRecord | None = None
+    send_sun: bool = False
     new_line_faults: Callable[[], Iterable[LineFault]] = tuple

@@ -228,6 +228,7 @@ class BoardSession:
                 ack.encoding.name.lower(),
                 ack.window,
                 hello.model_sha256,
+                ack.takes_fields,
             )
 
     def _take_clock_reply(self, reply: TimeSyncReply, at_ns: int, link: Link) -> None:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.hil.link.packets.messages import HelloAck
+    from flyaround.simulator.runtime.arrays import Vec3
     from flyaround.simulator.scenario.faults import LineFault
 
 Compression = Literal["auto", "raw", "zstd", "png"]
@@ -95,6 +96,8 @@ class FrameJob:
         The camera's own frame counter.
     readout : Readout
         Part of the detector that was read.
+    sun_camera : (3,) tuple, optional
+        Unit vector to the Sun in the camera frame, for boards that take fields.
     slot, shape, dtype : int, tuple of int, str
         Place and layout of the pixels, set when they are handed over.
     """
@@ -104,6 +107,7 @@ class FrameJob:
     truth: dict[str, Any] | None = None
     camera_frame: int = 0
     readout: Readout = Readout()
+    sun_camera: Vec3 | None = None
     slot: int = 0
     shape: tuple[int, ...] = ()
     dtype: str = ""
@@ -154,6 +158,7 @@ class BoardUp:
     encoding: str
     window: int
     model_sha256: str = ""
+    takes_fields: bool = False
 
 
 @dataclass(frozen=True)

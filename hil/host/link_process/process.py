@@ -275,6 +275,7 @@ class LinkServer:
                     job.readout.roi_px,
                     job.camera_frame,
                     *self._in_utc(record.exposure_ns),
+                    job.sun_camera if ack.takes_fields else None,
                 )
             )
             for chunk in chunks(record.frame_id, data, ack.chunk_bytes):
