@@ -206,7 +206,7 @@ def host(
         Path | None,
         typer.Option(
             help="With --closed-loop: metrics.json of evaluate, whose errors the filter takes the board's poses to have"
-            " (default: those of svd)."
+            " (default: those of hybrid)."
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed (default: the scenario's).")] = None,

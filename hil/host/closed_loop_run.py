@@ -124,7 +124,7 @@ class BoardLoop:
         Parameters
         ----------
         link : in lockstep, of the poses; None: each is there after the usual latency.
-        noise : of the board's poses; None: that of the estimator ``svd``.
+        noise : of the board's poses; None: that of the estimator ``hybrid``.
 
         Raises
         ------

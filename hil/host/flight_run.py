@@ -37,7 +37,7 @@ class FlightOptions:
     closed_loop : fly on the poses, so told; None follows the plan.
     pose_link : of a closed loop in lockstep: when poses count as there; None: at their usual age, and later where
         the line's faults delay them.
-    pose_noise : of a closed loop, errors that the board's poses are taken to have; None: those of ``svd``.
+    pose_noise : of a closed loop, errors that the board's poses are taken to have; None: those of ``hybrid``.
     source : a folder whose pictures are sent instead of drawn ones.
     source_text, command : the scenario's file and the words on the command line, for the record of the run.
     time_code : drawn into a corner. workers, device_index : of the drawing.

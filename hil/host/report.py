@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from flyaround.hil.board.method_names import name_in_file
 from flyaround.hil.host.closed_loop_plots import plot_closed_loop
 from flyaround.hil.host.closed_loop_run import STEPS_CSV, read_steps
 from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
@@ -158,11 +159,15 @@ def _named_faults(terms: RunTerms) -> str:
 
 def _read(path: Path) -> LedgerSummary:
     try:
-        return msgspec.json.decode(read_regular(path, MOST_BYTES), type=LedgerSummary)
+        summary = msgspec.json.decode(read_regular(path, MOST_BYTES), type=LedgerSummary)
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): make it readable") from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(f"{path} is not a ledger summary of this version: {error}") from error
+    if summary.board is None:
+        return summary
+    board = msgspec.structs.replace(summary.board, method=name_in_file(summary.board.method, path))
+    return msgspec.structs.replace(summary, board=board)
 
 
 def _text(value: float | None, unit: str, digits: int = 3) -> str:

@@ -175,7 +175,7 @@ def write_run(folder: Path, name: str) -> Path:
     for row in rows():
         writer.add(row)
     writer.close()
-    board = Board(name=name, model="tango", method="svd", encoding="raw", window=2)
+    board = Board(name=name, model="tango", method="hybrid", encoding="raw", window=2)
     told = summarise(
         rows(),
         started_utc="",
@@ -210,9 +210,9 @@ def test_a_board_with_a_long_name_still_tells_its_versions(monkeypatch: pytest.M
     monkeypatch.setattr(
         platform, "node", lambda: "a-machine-with-the-longest-name-that-anybody-has-given-one-so-far"
     )
-    monkeypatch.setattr("flyaround.hil.board.svd.native.library.describe_library", lambda: "native")
+    monkeypatch.setattr("flyaround.hil.board.hybrid.native.library.describe_library", lambda: "native")
     monkeypatch.setattr(platform, "machine", lambda: "aarch64")
-    said = Hello.decode(describe_board("tango", "", "svd", compiled=True).encode()).board
+    said = Hello.decode(describe_board("tango", "", "hybrid", compiled=True).encode()).board
     assert len(said) == Hello.BOARD_BYTES
     assert said.startswith("a-machine")
     assert said.endswith(", native")

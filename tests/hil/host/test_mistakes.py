@@ -114,7 +114,7 @@ def test_a_stranger_does_not_change_why_and_since_when_the_board_is_gone():
     with HostLink(LINK) as link:
         link._take(BoardDown("it was no board"))
         assert link.down_reason == "it was no board"  # all that is known before the first
-        link._take(BoardUp("peer", "board", "tango", "svd", "raw", 2))
+        link._take(BoardUp("peer", "board", "tango", "hybrid", "raw", 2))
         link._take(BoardDown("its cable was pulled"))
         since = link.down_since_s
         link._take(BoardDown("it said nothing that the link protocol knows"))
