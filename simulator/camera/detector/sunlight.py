@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.constants import c, h
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -13,8 +14,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.optics import Optics
     from flyaround.simulator.camera.detector.sensor import Detector
     from flyaround.simulator.runtime.arrays import FloatArray
-
-PLANCK_J_S, LIGHT_M_S = 6.62607015e-34, 299_792_458.0
 
 MONO_BAND_NM = (450.0, 750.0)
 """Limits of the panchromatic band."""
@@ -71,7 +70,7 @@ def _electrons_per_joule(
         spectrum = _SPECTRUM_W_M2_NM[((wavelength_nm - _SPECTRUM_START_NM) // _SPECTRUM_STEP_NM).astype(int)]
         response = sample_curve(efficiency_curve, wavelength_nm, number)
         through = share * sample_curve(share_curve, wavelength_nm, 1.0)
-        photons = spectrum * wavelength_nm * 1e-9 / (PLANCK_J_S * LIGHT_M_S)
+        photons = spectrum * wavelength_nm * 1e-9 / (h * c)
         out.append(float(photons @ (response * through) / spectrum.sum()))
     return tuple(out)
 
