@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flyaround.simulator.camera.detector.sunlight import Curve
+    from flyaround.simulator.camera.detector.response import Curve
 
 _Share = Annotated[float, Meta(ge=0, le=1)]
 _CurvePoint = tuple[Annotated[float, within(OPTICS["wavelength_m"], 1e9)], _Share]

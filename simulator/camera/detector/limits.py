@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.response import limits_nm, sample_curve
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor
-from flyaround.simulator.camera.detector.sunlight import limits_nm, sample_curve
 from flyaround.simulator.runtime.sections import bounds_of
 
 if TYPE_CHECKING:
-    from flyaround.simulator.camera.detector.sunlight import Curve
+    from flyaround.simulator.camera.detector.response import Curve
 
 LARGEST_KERNEL = 63
 KERNEL_SUM_ERROR = 1e-3

@@ -1,4 +1,4 @@
-"""Sunlight in the camera's bands, and electrons per joule of it: spectrum, glass and quantum efficiency."""
+"""A detector's response to sunlight in the camera's bands: spectrum, glass, quantum efficiency, white balance."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from scipy.constants import c, h
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike
+
     from flyaround.simulator.camera.detector.optics import Optics
-    from flyaround.simulator.camera.detector.sensor import Detector
+    from flyaround.simulator.camera.detector.sensor import Detector, Sensor
     from flyaround.simulator.runtime.arrays import FloatArray
 
 MONO_BAND_NM = (450.0, 750.0)
@@ -83,3 +85,31 @@ def sample_curve(
         return np.full(len(wavelength_nm), otherwise)
     at_m, share = np.array(curve).T
     return np.asarray(np.interp(wavelength_nm * 1e-9, at_m, share, left=0.0, right=0.0))
+
+
+def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, bands: int) -> FloatArray:
+    """Electrons that one W m-2 sr-1 in each band makes in an image pixel on the axis [e / (W m-2 sr-1)].
+
+    Irradiance behind an aplanatic lens: pi / (4 N^2) of the radiance; Born & Wolf (1999), section 4.8.
+    """
+    d = sensor.detector
+    if d is None:
+        raise ValueError("a noise recipe on a 0..1 image has no electrons")
+    energy = np.pi / (4 * optics.f_number**2) * sensor.pixel_pitch_x_m * sensor.pixel_pitch_y_m * exposure_s
+    return energy * electrons_per_joule(d, optics, bands)
+
+
+def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatArray:
+    """Factors on the digital numbers of a detector's bands that make a white plate in sunlight grey (n,), least 1.
+
+    Parameters
+    ----------
+    sunlight : (n,) one over the Sun's irradiance in each band, up to a constant.
+    """
+    if sensor.detector is None:
+        raise ValueError("a noise recipe on a 0..1 image has no electrons")
+    wanted = np.asarray(sunlight, float)
+    electrons = electrons_per_joule(sensor.detector, optics, wanted.size)
+    seen = electrons > 0  # what sees nothing cannot be balanced
+    gain = np.divide(wanted, electrons, out=np.full(wanted.size, np.inf), where=seen)
+    return np.where(seen, gain / gain.min(), 1.0)
