@@ -12,12 +12,12 @@ from rich.table import Column, Table
 
 from flyaround.cli.terminal import progress_bar, say, terminal
 from flyaround.hil.board.errors import BoardModelError
-from flyaround.hil.board.methods import ALL_METHODS
-from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
-from flyaround.hil.board.svd.debug.stage_pictures import write_stage_pictures
-from flyaround.hil.board.svd.methods import PUBLISHED
-from flyaround.hil.board.svd.native.library import describe_library
-from flyaround.hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS
+from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
+from flyaround.hil.board.hybrid.debug.stage_pictures import write_stage_pictures
+from flyaround.hil.board.hybrid.native.library import describe_library
+from flyaround.hil.board.method_names import ALL_METHODS, HYBRID
+from flyaround.hil.board.methods import PUBLISHED
+from flyaround.hil.board.svd.settings import SOLVERS, STREAMS
 from flyaround.hil.evaluate.added_estimators import any_estimator, check_any_method
 from flyaround.hil.evaluate.dataset_evaluation import evaluate_dataset
 from flyaround.hil.evaluate.estimate import checked_picture
@@ -46,12 +46,6 @@ Streams = Annotated[
 ]
 
 
-Steps = Annotated[
-    str | None,
-    typer.Option(help=f"Steps from svd-2018 or svd-thesis towards svd, with commas: {', '.join(STEPS)}."),
-]
-
-
 def estimate(
     images: Annotated[
         list[Path],
@@ -59,10 +53,9 @@ def estimate(
     ],
     target: Annotated[str, typer.Option(help="Target name.")] = "tango",
     camera: Annotated[str, typer.Option(help="CAMERA.json, or the name of a built-in camera.")] = "speed",
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(ALL_METHODS)}.")] = "svd",
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(ALL_METHODS)}.")] = HYBRID,
     solver: Solver = None,
     streams: Streams = None,
-    steps: Steps = None,
     debug: Annotated[
         Path | None,
         typer.Option(help="New or empty folder for a picture of every stage, a folder for each image."),
@@ -79,9 +72,7 @@ def estimate(
         estimator = any_estimator(
             board_model(load_target(target)),
             CameraIntrinsics.from_dict(msgspec.to_builtins(intrinsics)),
-            MethodChoice(
-                method, solver, None if names is None else tuple(names), tuple(split_names(steps) or ())
-            ),
+            MethodChoice(method, solver, None if names is None else tuple(names)),
         )
     except BoardModelError as error:
         raise UserError(str(error)) from error
@@ -150,12 +141,11 @@ def evaluate(
     methods: Annotated[
         list[str] | None,
         typer.Option(
-            "--method", help=f"One of {', '.join(ALL_METHODS)} (default svd); repeat it to compare."
+            "--method", help=f"One of {', '.join(ALL_METHODS)} (default hybrid); repeat it to compare."
         ),
     ] = None,
     solver: Solver = None,
     streams: Streams = None,
-    steps: Steps = None,
     model: Annotated[
         Path | None,
         typer.Option(help="Board model file given to the estimator, instead of the target's own."),
@@ -167,21 +157,21 @@ def evaluate(
     as_json: Annotated[bool, typer.Option("--json", help="Print metrics.json.")] = False,
 ) -> None:
     """Estimate every frame of a data set and compare with its truth: metrics.json, frames.csv, index.html."""
-    chosen = list(dict.fromkeys(methods or ["svd"]))
+    chosen = list(dict.fromkeys(methods or [HYBRID]))
     for method in chosen:
         check_method(method)
     names = split_names(streams)
     choices = tuple(
-        MethodChoice(m, solver, tuple(names) if names is not None else None, tuple(split_names(steps) or ()))
+        MethodChoice(m, solver, tuple(names) if names is not None else None)
         if m in PUBLISHED
         else MethodChoice(m)
         for m in chosen
     )
     if len({c.label for c in choices}) < len(choices):
         raise UserError("two networks in --method have files of one name; rename one")
-    if (solver or streams or steps) and not any(m in PUBLISHED for m in chosen):
+    if (solver or streams) and not any(m in PUBLISHED for m in chosen):
         raise UserError(
-            f"--solver, --streams and --steps belong to {' and '.join(PUBLISHED)}; leave them out for {chosen[0]}"
+            f"--solver and --streams belong to {' and '.join(PUBLISHED)}; leave them out for {chosen[0]}"
         )
     try:
         given = None if model is None else BoardModel.read(model)

@@ -102,7 +102,7 @@ class EstimatorPanel(Panel):
             "Confidence",
             (answer.confidence,),
             "{:.3f}",
-            "how sure the estimator is, 0 to 1; svd accepts from 0.9 on",
+            "how sure the estimator is, 0 to 1; hybrid accepts from 0.9 on",
         )
         if e.E_R_deg is not None and e.E_T_m is not None:
             w.row(
