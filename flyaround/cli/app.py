@@ -119,12 +119,10 @@ class LazyCommand(TyperCommand):
         module, _, name = self._home.partition(":")
         thing = getattr(import_module(f"flyaround.cli.{module}"), name)
         if isinstance(thing, typer.Typer):
-            command = get_group(thing)
-        else:
-            one = typer.Typer(add_completion=False)
-            one.command(self.name)(thing)
-            command = get_command(one)
-        return with_literal_help(command).make_context(*call, **options)
+            return with_literal_help(get_group(thing)).make_context(*call, **options)
+        one = typer.Typer(add_completion=False)
+        one.command(self.name)(thing)
+        return with_literal_help(get_command(one)).make_context(*call, **options)
 
 
 class Commands(TyperGroup):
@@ -133,9 +131,13 @@ class Commands(TyperGroup):
     def __init__(self, **options: Any) -> None:  # noqa: ANN401 - click's own
         super().__init__(**options)
         with_literal_help(self)
-        hil_commands = {name: LazyCommand(name, home, HIL_ABOUT[name]) for name, home in HIL_COMMANDS.items()}
+        hil_commands: dict[str, Any] = {
+            name: LazyCommand(name, home, HIL_ABOUT[name]) for name, home in HIL_COMMANDS.items()
+        }
         hil = TyperGroup(name="hil", help=HIL_HELP, no_args_is_help=True, commands=hil_commands)
-        commands = {name: LazyCommand(name, home, ABOUT[name]) for name, home in COMMANDS.items()}
+        commands: dict[str, Any] = {
+            name: LazyCommand(name, home, ABOUT[name]) for name, home in COMMANDS.items()
+        }
         targets = commands.pop("targets")
         self.commands = {**commands, "hil": hil, "targets": targets}
 
