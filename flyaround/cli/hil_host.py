@@ -24,7 +24,7 @@ from flyaround.hil.host.closed_loop_run import (
     write_summary,
 )
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun, interval_s
-from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.run_terms import FlownRecord, terms_without_board, write_terms
 from flyaround.hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary
 from flyaround.hil.host.link_process.host_link import choose_pixel_format
@@ -176,6 +176,13 @@ def host(
             help="TOML file of faults of the camera and the line, instead of the scenario's (docs/formats/faults.md)."
         ),
     ] = None,
+    send_sun: Annotated[
+        bool,
+        typer.Option(
+            "--send-sun",
+            help="Send the direction to the Sun with each frame, as a chaser knows it from its star tracker.",
+        ),
+    ] = False,
     time_code: Annotated[
         bool,
         typer.Option(
@@ -309,6 +316,7 @@ def host(
         connect_timeout_s=wait_s or timeout_s or CONNECT_S,
         deadline_s=deadline_s,
         latency_s=latency_s,
+        send_sun=send_sun,
     )
     flight = FlightRun(plan, config, options)
     if log is not None:
@@ -442,7 +450,7 @@ def _stream(
     done = 0
     with progress_bar("frames to the board", quiet=as_json) as progress:
 
-        def count(_row: LedgerRow) -> None:
+        def count(_row: FrameRecord) -> None:
             nonlocal done
             done += 1
             progress(done, flight.n_frames)

@@ -92,6 +92,7 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
         model_name=model_name,
         model_sha256=model_sha256,
         method=method,
+        takes_fields=True,
         # a long name of the machine leaves room for the rest
         board=platform.node()[: max(Hello.BOARD_BYTES - len(runs_on), 0)] + runs_on,
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from flyaround.hil.board.method_names import name_in_file
-from flyaround.hil.evaluate.pose_errors import FrameRecord
+from flyaround.hil.evaluate.pose_errors import FrameScore
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.table_text import table_text
 
@@ -30,7 +30,7 @@ class EvaluatedFrame(msgspec.Struct, frozen=True, kw_only=True):
 
     frame: int
     method: str
-    record: FrameRecord
+    record: FrameScore
     reason: str
     failure: str
     confidence: float
@@ -102,7 +102,7 @@ def frames_csv(rows: Iterable[EvaluatedFrame]) -> bytes:
     """The table of all rows."""
     text = io.StringIO()
     axes = [f"shift_{a}_m" for a in "xyz"] + [f"turn_{a}_deg" for a in "xyz"]
-    plain = [n for n in FrameRecord.__struct_fields__ if n not in ("shift_camera_m", "turn_camera_deg")]
+    plain = [n for n in FrameScore.__struct_fields__ if n not in ("shift_camera_m", "turn_camera_deg")]
     names = ["frame", "method", *plain, *axes, "reason", "failure", "confidence", "total_ms"]
     writer = csv.DictWriter(text, fieldnames=names, lineterminator="\n")
     writer.writeheader()

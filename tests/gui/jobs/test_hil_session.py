@@ -14,7 +14,7 @@ import pytest
 
 from flyaround.gui.jobs.hil_session import BIN_EDGES_MS, HilSession
 from flyaround.gui.jobs.hil_stream import SessionNote
-from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig
 from flyaround.simulator.errors import UserError
@@ -56,8 +56,10 @@ class Turns:
             time.sleep(0.02)
 
 
-def row(frame_id: int, outcome: str, e2e_ms: float | None = None, faults: tuple[str, ...] = ()) -> LedgerRow:
-    return LedgerRow(
+def row(
+    frame_id: int, outcome: str, e2e_ms: float | None = None, faults: tuple[str, ...] = ()
+) -> FrameRecord:
+    return FrameRecord(
         frame_id=frame_id,
         epoch_utc="",
         t_s=0.1 * frame_id,

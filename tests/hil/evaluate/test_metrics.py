@@ -18,7 +18,7 @@ from flyaround.hil.evaluate.metrics import (
     summarise,
     wilson_interval,
 )
-from flyaround.hil.evaluate.pose_errors import FrameRecord, frame_errors, frame_record
+from flyaround.hil.evaluate.pose_errors import FrameScore, frame_errors, frame_record
 
 
 def about_z(deg: float) -> list[float]:
@@ -62,9 +62,9 @@ def test_wilson_agrees_with_published_values() -> None:
 
 def record(
     range_m: float, deg: float | None, share: float | None, *, ok: bool, feasible: bool = True
-) -> FrameRecord:
+) -> FrameScore:
     E_T = None if share is None else share * range_m
-    return FrameRecord(
+    return FrameScore(
         range_m=range_m, E_T_m=E_T, e_t=share, E_R_deg=deg, accepted=ok, feasible=feasible, frame_class="x"
     )
 
