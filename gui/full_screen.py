@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Self
 
-from flyaround.gui.window import NO_DISPLAY, import_parts
+from flyaround.gui.surface import import_parts
+from flyaround.gui.window import NO_DISPLAY
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:

@@ -20,6 +20,12 @@ def sim(
         typer.Argument(help="Built-in name or TOML file; left out: tango-flyaround, and a chooser of all."),
     ] = None,
     size: Annotated[str, typer.Option(help="Size of the window, WIDTHxHEIGHT.")] = "1280x800",
+    off_screen: Annotated[
+        bool,
+        typer.Option(
+            "--off-screen", help="Draw the window where nobody sees it; needs no display. For scripts."
+        ),
+    ] = False,
     seed: Annotated[
         int | None, typer.Option("--seed", help="Seed of the noise (default: the scenario's).")
     ] = None,
@@ -62,6 +68,7 @@ def sim(
             scenario=name,
             choose=scenario is None,
             size=_size(size),
+            off_screen=off_screen,
             seed=seed,
             device_index=gpu,
             seconds=seconds,

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scenario_text import GOOD, write
 
-from flyaround.simulator.camera.detector.electrons import detect, electrons_per_radiance, white_balance
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.detector.readout import detect
+from flyaround.simulator.camera.detector.response import electrons_per_radiance, white_balance
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor, noiseless
 from flyaround.simulator.camera.sections import DetectorSection
 from flyaround.simulator.errors import UserError

@@ -1,4 +1,4 @@
-"""Sunlight in the camera's bands, and electrons per joule of it: spectrum, glass and quantum efficiency."""
+"""A detector's response to sunlight in the camera's bands: spectrum, glass, quantum efficiency, white balance."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.constants import c, h
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flyaround.simulator.camera.detector.optics import Optics
-    from flyaround.simulator.camera.detector.sensor import Detector
-    from flyaround.simulator.runtime.arrays import FloatArray
+    from numpy.typing import ArrayLike
 
-PLANCK_J_S, LIGHT_M_S = 6.62607015e-34, 299_792_458.0
+    from flyaround.simulator.camera.detector.optics import Optics
+    from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 MONO_BAND_NM = (450.0, 750.0)
 """Limits of the panchromatic band."""
@@ -71,7 +72,7 @@ def _electrons_per_joule(
         spectrum = _SPECTRUM_W_M2_NM[((wavelength_nm - _SPECTRUM_START_NM) // _SPECTRUM_STEP_NM).astype(int)]
         response = sample_curve(efficiency_curve, wavelength_nm, number)
         through = share * sample_curve(share_curve, wavelength_nm, 1.0)
-        photons = spectrum * wavelength_nm * 1e-9 / (PLANCK_J_S * LIGHT_M_S)
+        photons = spectrum * wavelength_nm * 1e-9 / (h * c)
         out.append(float(photons @ (response * through) / spectrum.sum()))
     return tuple(out)
 
@@ -84,3 +85,31 @@ def sample_curve(
         return np.full(len(wavelength_nm), otherwise)
     at_m, share = np.array(curve).T
     return np.asarray(np.interp(wavelength_nm * 1e-9, at_m, share, left=0.0, right=0.0))
+
+
+def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, bands: int) -> FloatArray:
+    """Electrons that one W m-2 sr-1 in each band makes in an image pixel on the axis [e / (W m-2 sr-1)].
+
+    Irradiance behind an aplanatic lens: pi / (4 N^2) of the radiance; Born & Wolf (1999), section 4.8.
+    """
+    d = sensor.detector
+    if d is None:
+        raise ValueError("a noise recipe on a 0..1 image has no electrons")
+    energy = np.pi / (4 * optics.f_number**2) * sensor.pixel_pitch_x_m * sensor.pixel_pitch_y_m * exposure_s
+    return energy * electrons_per_joule(d, optics, bands)
+
+
+def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatArray:
+    """Factors on the digital numbers of a detector's bands that make a white plate in sunlight grey (n,), least 1.
+
+    Parameters
+    ----------
+    sunlight : (n,) one over the Sun's irradiance in each band, up to a constant.
+    """
+    if sensor.detector is None:
+        raise ValueError("a noise recipe on a 0..1 image has no electrons")
+    wanted = np.asarray(sunlight, float)
+    electrons = electrons_per_joule(sensor.detector, optics, wanted.size)
+    seen = electrons > 0  # what sees nothing cannot be balanced
+    gain = np.divide(wanted, electrons, out=np.full(wanted.size, np.inf), where=seen)
+    return np.where(seen, gain / gain.min(), 1.0)
