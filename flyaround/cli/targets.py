@@ -65,7 +65,7 @@ def overview(
 
 
 def add(
-    file: Annotated[Path, typer.Argument(help="A mesh: .glb, .gltf, .obj or .stl.")],
+    file: Annotated[Path, typer.Argument(help="A mesh: .glb .gltf .obj .stl, with the extra meshes also .ply .off .dae .3mf .step.")],
     name: Annotated[str | None, typer.Option(help="Name of the target (default: the file's).")] = None,
     scale: Annotated[float | None, typer.Option(help="Factor from the file's unit to metres.")] = None,
     units: Annotated[str | None, typer.Option(help="The file's unit: mm, cm, m or in.")] = None,
