@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.cli.hil_host import listening_text, summary_text
+from flyaround.cli.hil_words import listening_text, summary_text
 from flyaround.hil.host.board_command import board_url
 from flyaround.hil.host.ledger.frames_csv import COLUMNS, LedgerRow, LedgerWriter, pose_errors, read_ledger
 from flyaround.hil.host.ledger.run_terms import RUN_JSON, RunTerms
