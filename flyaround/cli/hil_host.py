@@ -10,7 +10,7 @@ import msgspec
 import typer
 
 from flyaround.cli.command_line import command_line
-from flyaround.cli.hil_camera import SCHEME, camera
+from flyaround.cli.hil_camera import SCHEME, serve_camera
 from flyaround.cli.hil_words import listening_text, summary_text
 from flyaround.cli.run_options import with_run_options
 from flyaround.cli.scenario_argument import load_flown
@@ -38,6 +38,7 @@ from flyaround.hil.host.serial_time import serial_advice
 from flyaround.hil.host.truth_policy import check_access
 from flyaround.hil.link.security import read_key
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
+from flyaround.runs.camera import CameraRun
 from flyaround.runs.document import given_fields, write_run
 from flyaround.runs.host import CONNECT_S, POSE_S, HostRun, Recording
 from flyaround.simulator.errors import UserError
@@ -185,7 +186,7 @@ def _be_camera(run: HostRun) -> None:
             f"{listen} serves a camera, and {', '.join(given)} {'is' if len(given) == 1 else 'are'} about a board's"
             f" link: leave out; flyaround hil camera {run.scenario} --interface {interface} has options of its own"
         )
-    camera(run.scenario, interface, seed=run.seed, gpu=run.pictures.gpu)
+    serve_camera(CameraRun(scenario=run.scenario, interface=interface, seed=run.seed, gpu=run.pictures.gpu))
 
 
 def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:

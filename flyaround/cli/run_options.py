@@ -22,11 +22,16 @@ if TYPE_CHECKING:
 _R = TypeVar("_R", bound=Run)
 
 
-def with_run_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command with the options of its argument ``run``, a document, then its own, then ``--run FILE``."""
+def with_run_options(command: Callable[..., None], kind: type[Run] | None = None) -> Callable[..., None]:
+    """Return a command with the options of its argument ``run``, a document, then its own, then ``--run FILE``.
+
+    Parameters
+    ----------
+    kind : of the run; the argument's annotation unless given.
+    """
     signature = inspect.signature(command, eval_str=True)
     own = [p.replace(kind=p.KEYWORD_ONLY) for p in signature.parameters.values() if p.name != "run"]
-    kind: type[Run] = signature.parameters["run"].annotation
+    kind = signature.parameters["run"].annotation if kind is None else kind
     fields = {field.name: field for field in run_fields(kind)}
 
     def called(**given: Any) -> None:  # noqa: ANN401 - the options'
@@ -89,7 +94,7 @@ def _parameter(field: RunField) -> inspect.Parameter:
     """Return the parameter that Typer makes a field's option of, with the bounds of its type."""
     declared = copy.copy(field.declared)
     if isinstance(declared, OptionInfo):
-        declared.rich_help_panel = field.panel
+        declared.rich_help_panel = declared.rich_help_panel or field.panel
     kind = next(t for t in _alternatives(field.kind) if not isinstance(t, mi.NoneType))
     if isinstance(kind, mi.IntType | mi.FloatType):
         declared.min, declared.max = kind.ge, kind.le
