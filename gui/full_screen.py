@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Self
 
-from flyaround.gui.window import NO_DISPLAY, import_parts
+import moderngl
+
+from flyaround.gui.surface import import_parts
+from flyaround.gui.window import NO_DISPLAY
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -40,8 +43,6 @@ class FullScreen:
 
     def __init__(self, monitor: int = 0) -> None:
         _, self._glfw = import_parts()
-        import moderngl  # noqa: PLC0415 - after the optional parts were found
-
         glfw = self._glfw
         glfw.ERROR_REPORTING = False
         if not glfw.init():

@@ -11,12 +11,11 @@ from abc import ABC, abstractmethod
 from collections import deque
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, Self, TypeVar, cast, overload
+from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar, overload
 
 from flyaround.simulator.frame import Frame, take_frame
 from flyaround.simulator.labels.request import LabelRequest
 from flyaround.simulator.runtime.threads import share_processors
-from flyaround.simulator.runtime.worker import ProcessDiedError, ProgressWatch
 from flyaround.simulator.runtime.worker_pool import WorkerPool
 
 if TYPE_CHECKING:
@@ -31,12 +30,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
     FrameLabels = bool | LabelRequest | Callable[[int], LabelRequest]
-
-MOST_DEATHS = 3
-"""Times that drawing processes may die one after the other without a frame between, where they are started again."""
-
-UNMEASURED = 15.0
-"""Factor on the time-out where the system does not tell the processor time of another process."""
 
 Taken = TypeVar("Taken")
 Taken_contra = TypeVar("Taken_contra", contravariant=True)
@@ -62,10 +55,6 @@ class FrameRequest:
     scene: SceneState
     labels: bool | LabelRequest = True
     timed: bool | None = None
-
-
-class FramesLostError(Exception):
-    """What was asked for will not come, and can be asked for again; says why in one sentence."""
 
 
 class FrameProducer(ABC, Generic[Taken]):
@@ -110,7 +99,7 @@ class FrameProducer(ABC, Generic[Taken]):
         ------
         UserError
             What the renderer raised as a user's mistake.
-        FramesLostError
+        JobsLostError
             If what draws died and was started again: all that was under way is lost.
         RuntimeError
             If nothing is under way, or something else went wrong.
@@ -230,102 +219,17 @@ class OpenRenderer:
         return Renderer(device_index=self.device_index, prefetched=prefetched)
 
 
-class _FramesElsewhere(FrameProducer[Taken]):
+class _FramesElsewhere(WorkerPool[Taken], FrameProducer[Taken]):
     """Frames drawn in processes of their own, some ahead of the caller; `open_frames` says what the rest means."""
 
-    def __init__(
-        self,
-        stage: Callable[[Frame], Taken],
-        opener: OpenRenderer,
-        *,
-        ahead: int,
-        restarts: bool,
-        answer_within_s: float | None,
-    ) -> None:
-        self._stage, self._opener, self._ahead, self._restarts = stage, opener, ahead, restarts
-        self._answer_within_s = answer_within_s
-        self._deaths = 0
-        self._pool = self._start()
-
-    def _start(self) -> WorkerPool[Taken]:
-        self._progress = ProgressWatch()
-        return WorkerPool(
-            draw_request,
-            self._opener.processes,
-            open_resource=self._opener,
-            capacity=self._ahead,
-            name="render process",
+    def __init__(self, stage: Callable[[Frame], Taken], opener: OpenRenderer, **options: Any) -> None:  # noqa: ANN401 - the pool's own
+        super().__init__(
+            draw_request, opener.processes, open_resource=opener, name="drawing process", **options
         )
+        self._stage = stage
 
-    @property
-    def info(self) -> GlInfo:
-        return cast("GlInfo", self._pool.info)
-
-    @property
-    def pids(self) -> tuple[int | None, ...]:
-        return self._pool.pids
-
-    @property
-    def has_room(self) -> bool:
-        return self._pool.has_room
-
-    @property
-    def in_flight(self) -> int:
-        return self._pool.in_flight
-
-    def submit(self, request: FrameRequest) -> bool:
-        if not self._pool.has_room:
-            return False
-        if not self._pool.in_flight:
-            self._progress.restart()
-        try:
-            self._pool.submit(request, self._stage)
-        except ProcessDiedError as error:
-            self._restart(error)
-        return True
-
-    def ready(self) -> bool:
-        try:
-            if self._pool.ready():
-                return True
-        except ProcessDiedError as error:
-            self._restart(error)
-        self._end_hanging()
-        return False
-
-    def _end_hanging(self) -> None:
-        """Restart processes that neither answer nor work, where that is asked for."""
-        if self._answer_within_s is None or not self._pool.in_flight:
-            return
-        worked_s = self._pool.processor_time_s()
-        idle_s = self._progress.idle_s(worked_s)
-        if idle_s > self._answer_within_s * (1.0 if worked_s else UNMEASURED):
-            self._pool.kill()
-            self._restart(None, f"has done nothing for {idle_s:.0f} s")
-
-    def result(self) -> Taken:
-        try:
-            taken = self._pool.result()
-        except ProcessDiedError as error:
-            self._restart(error)
-        self._deaths = 0
-        self._progress.restart()
-        return taken
-
-    def _restart(self, error: ProcessDiedError | None, what: str = "") -> NoReturn:
-        """Start other processes in place of those of which one died, unless they die again and again."""
-        self._deaths += 1
-        what = what if error is None else f"died (exit code {error.exit_code})"
-        if not self._restarts or self._deaths >= MOST_DEATHS:
-            raise error or RuntimeError(f"the drawing process {what}")
-        self._pool.close()
-        self._pool = self._start()
-        raise FramesLostError(
-            f"the drawing process {what} and is started again; the flight goes on"
-        ) from error
-
-    def close(self) -> None:
-        self._pool.close()
+    def submit(self, request: FrameRequest) -> bool:  # type: ignore[override] # a job is a request
+        return super().submit(request, self._stage)
 
 
 def draw_request(
@@ -375,7 +279,7 @@ def open_frames(
             device_index=device_index, first=first, processes=processes, gives_way=gives_way
         )
         with _FramesElsewhere(
-            stage, opener, ahead=ahead, restarts=restarts, answer_within_s=answer_within_s
+            stage, opener, capacity=ahead, restarts=restarts, answer_within_s=answer_within_s
         ) as elsewhere:
             yield elsewhere
         return

@@ -13,7 +13,8 @@ from rich.table import Table
 
 from flyaround.cli.run_options import with_run_options
 from flyaround.cli.terminal import progress_bar, say, terminal
-from flyaround.hil.board.svd import CameraIntrinsics, make_estimator
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.methods import make_estimator
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.runs.document import write_run
 from flyaround.runs.estimation import CompareRun
@@ -69,9 +70,7 @@ def compare(
 def _estimated(target: Target, reference: Reference) -> PoseEstimate | None:
     """The estimator's pose; one that it declines is not sure."""
     camera = CameraIntrinsics.from_dict(msgspec.to_builtins(reference.camera))
-    result = make_estimator(board_model(target), camera, "svd", None, None, ()).estimate(
-        reference.image, None
-    )
+    result = make_estimator(board_model(target), camera).estimate(reference.image, None)
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     return (
         None if q is None or t is None else PoseEstimate(Pose.of("camera", "target", q, t), result.accepted)

@@ -35,6 +35,7 @@ def sim(
             scenario=name,
             choose=run.scenario is None,
             size=_size(run.size),
+            off_screen=run.off_screen,
             seed=run.seed,
             device_index=run.gpu,
             seconds=run.seconds,

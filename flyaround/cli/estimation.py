@@ -13,10 +13,11 @@ from rich.table import Column, Table
 from flyaround.cli.run_options import with_run_options
 from flyaround.cli.terminal import progress_bar, say, terminal
 from flyaround.hil.board.errors import BoardModelError
-from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, Estimator
-from flyaround.hil.board.svd.debug.stage_pictures import write_stage_pictures
-from flyaround.hil.board.svd.methods import PUBLISHED
-from flyaround.hil.board.svd.native.library import describe_library
+from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics, Estimator
+from flyaround.hil.board.hybrid.debug.stage_pictures import write_stage_pictures
+from flyaround.hil.board.hybrid.native.library import describe_library
+from flyaround.hil.board.method_names import HYBRID
+from flyaround.hil.board.methods import PUBLISHED
 from flyaround.hil.evaluate.added_estimators import any_estimator, check_any_method
 from flyaround.hil.evaluate.dataset_evaluation import evaluate_dataset
 from flyaround.hil.evaluate.estimate import checked_picture
@@ -69,12 +70,7 @@ def estimate(
 def _choice(method: str, published: Published) -> MethodChoice:
     """A method with the parts of the published ones that are asked for."""
     streams = split_names(published.streams)
-    return MethodChoice(
-        method,
-        published.solver,
-        None if streams is None else tuple(streams),
-        tuple(split_names(published.steps) or ()),
-    )
+    return MethodChoice(method, published.solver, None if streams is None else tuple(streams))
 
 
 def _estimated(estimator: Estimator, path: Path, intrinsics: Camera, place: Path | None) -> dict[str, Any]:
@@ -169,7 +165,7 @@ def _choices(run: EvaluateRun) -> tuple[MethodChoice, ...]:
     UserError
         If there is no such method, two have one name, or parts of the published ones are asked of others.
     """
-    chosen = list(dict.fromkeys(run.methods or ("svd",)))
+    chosen = list(dict.fromkeys(run.methods or (HYBRID,)))
     for method in chosen:
         check_method(method)
     choices = tuple(_choice(m, run.published if m in PUBLISHED else Published()) for m in chosen)
@@ -177,7 +173,7 @@ def _choices(run: EvaluateRun) -> tuple[MethodChoice, ...]:
         raise UserError("two networks in --method have files of one name; rename one")
     if any(msgspec.structs.astuple(run.published)) and not any(m in PUBLISHED for m in chosen):
         raise UserError(
-            f"--solver, --streams and --steps belong to {' and '.join(PUBLISHED)}; leave them out for {chosen[0]}"
+            f"--solver and --streams belong to {' and '.join(PUBLISHED)}; leave them out for {chosen[0]}"
         )
     return choices
 

@@ -1,4 +1,4 @@
-"""hil: the group of commands, and those of the bundle, the key and the report."""
+"""hil bundle, key, report and audit: files of the loop, made and read without a board."""
 
 from __future__ import annotations
 
@@ -11,12 +11,6 @@ from typing import Annotated
 
 import typer
 
-from flyaround.cli.display import display, display_calibrate, display_match
-from flyaround.cli.hil_board import board
-from flyaround.cli.hil_camera import camera
-from flyaround.cli.hil_campaign import campaign, delay_map
-from flyaround.cli.hil_forecast import forecast
-from flyaround.cli.hil_host import host
 from flyaround.cli.terminal import say
 from flyaround.hil.host.audit import MOST_TOLD, audit_pictures, pictures_of
 from flyaround.hil.host.bundle import write_bundle
@@ -92,31 +86,3 @@ def audit(
                 say(f"{len(names)} {what}: {', '.join(str(name) for name in names[:MOST_TOLD])}{more}")
     if not found.passed:
         raise typer.Exit(1)
-
-
-HELP = """\
-Hardware in the loop: a flight's pictures go to a board, and its poses come back.
-
-The closed loop, which flies on these poses: hil host SCENARIO --closed-loop. How far ahead it sees: hil forecast.
-
-Many runs against requirements: hil campaign. The delay map of an approach: hil delay-map.
-
-The camera endpoint, for software that grabs from real cameras: hil camera.
-
-The emulated board, which needs no desk: make board-qemu, where the source code is (docs/hil_boards.md).
-"""
-
-app = typer.Typer(name="hil", help=HELP, no_args_is_help=True)
-app.command()(host)
-app.command()(board)
-app.command()(camera)
-app.command()(bundle)
-app.command()(report)
-app.command()(audit)
-app.command()(campaign)
-app.command("delay-map")(delay_map)
-app.command()(forecast)
-app.command("key")(make_key)
-app.command()(display)
-app.command("display-calibrate")(display_calibrate)
-app.command("display-match")(display_match)

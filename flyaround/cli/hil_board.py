@@ -15,13 +15,13 @@ from flyaround.cli.run_options import with_run_options
 from flyaround.cli.terminal import say
 from flyaround.hil.board.agent import EstimatorFactory, describe_board, svd_factory
 from flyaround.hil.board.answering import BoardEstimator
+from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.gige.camera import SCHEME
 from flyaround.hil.board.gige.camera_board import run_camera_board
 from flyaround.hil.board.gige.options import camera_board_options, check_options
 from flyaround.hil.board.options import make_agent
 from flyaround.hil.board.service import ExitCode
 from flyaround.hil.board.serving import NoSessionError, exit_at_once, exit_code, serve_sessions
-from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
 from flyaround.hil.board_model.write import write_board_model
 from flyaround.hil.evaluate.added_estimators import any_estimator
 from flyaround.hil.evaluate.method_choice import MethodChoice

@@ -23,7 +23,7 @@ from flyaround.hil.host.closed_loop_run import (
     write_summary,
 )
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun, interval_s
-from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.run_terms import FlownRecord, terms_without_board, write_terms
 from flyaround.hil.host.ledger.summary import LedgerSummary
 from flyaround.hil.host.link_process.host_link import choose_pixel_format
@@ -100,6 +100,7 @@ def _stream(run: HostRun, *, as_json: bool) -> None:
         connect_timeout_s=run.timing.wait_s or run.timing.timeout_s or CONNECT_S,
         deadline_s=run.timing.deadline_s,
         latency_s=run.timing.latency_s,
+        send_sun=run.pictures.send_sun,
     )
     flight = FlightRun(plan, config, _flight_options(run, plan))
     if log is not None:
@@ -245,7 +246,7 @@ def _send(
     done = 0
     with progress_bar("frames to the board", quiet=as_json) as progress:
 
-        def count(_row: LedgerRow) -> None:
+        def count(_row: FrameRecord) -> None:
             nonlocal done
             done += 1
             progress(done, flight.n_frames)

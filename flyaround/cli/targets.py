@@ -122,7 +122,7 @@ def _read_classes(path: Path, target: Target) -> dict[str, PartClass]:
 
 def _expected_of_the_estimator(target: Target) -> str:
     """What to expect of the estimator on a craft that it was not made for; empty where it has a learned proposal."""
-    from flyaround.hil.board.svd.propose.learned.learned_proposal import shipped_network  # noqa: PLC0415 - slow to import, needed here alone
+    from flyaround.hil.board.hybrid.propose.learned.learned_proposal import shipped_network  # noqa: PLC0415 - slow to import, needed here alone
 
     if shipped_network(target.name) is not None:
         return ""

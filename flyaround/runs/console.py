@@ -18,6 +18,13 @@ class ConsoleRun(Run, frozen=True, kw_only=True, tag="flyaround.run.sim"):
         typer.Argument(help="Built-in name or TOML file; left out: tango-flyaround, and a chooser of all."),
     ] = None
     size: Annotated[str, typer.Option(help="Size of the window, WIDTHxHEIGHT.")] = "1280x800"
+    off_screen: Annotated[
+        bool,
+        typer.Option(
+            "--off-screen", help="Draw the window where nobody sees it; needs no display. For scripts."
+        ),
+        HOW,
+    ] = False
     seed: Annotated[int | None, typer.Option(help="Seed of the noise (default: the scenario's).")] = None
     overlays: Annotated[
         str, typer.Option(help="Overlays to start with: keypoints,names,box,axes,wireframe,times.")

@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 from msgspec import Meta
 
-from flyaround.hil.board.methods import ALL_METHODS
-from flyaround.hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS
+from flyaround.hil.board.method_names import ALL_METHODS, HYBRID
+from flyaround.hil.board.svd.settings import SOLVERS, STREAMS
 from flyaround.hil.train.residual_network import ARCHITECTURES
 from flyaround.runs.document import HOW, Run
 from flyaround.runs.fields import AnySeed, Count, File
@@ -32,10 +32,6 @@ class Published(Section, frozen=True, kw_only=True):
             help=f"Feature streams of svd-2018 and svd-thesis, with commas: {', '.join(STREAMS)} (default: wge,sh)."
         ),
     ] = None
-    steps: Annotated[
-        str | None,
-        typer.Option(help=f"Steps from svd-2018 or svd-thesis towards svd, with commas: {', '.join(STEPS)}."),
-    ] = None
 
 
 class EstimateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.estimate"):
@@ -47,7 +43,7 @@ class EstimateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.estimate"):
     ]
     target: Annotated[str, typer.Option(help="Target name.")] = "tango"
     camera: Annotated[str, typer.Option(help="CAMERA.json, or the name of a built-in camera.")] = "speed"
-    method: Annotated[str, typer.Option(help=f"One of {Methods}.")] = "svd"
+    method: Annotated[str, typer.Option(help=f"One of {Methods}.")] = HYBRID
     debug: Annotated[
         File | None,
         typer.Option(help="New or empty folder for a picture of every stage, a folder for each image."),
@@ -65,7 +61,7 @@ class EvaluateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.evaluate"):
     ] = "report"
     methods: Annotated[
         tuple[str, ...],
-        typer.Option("--method", help=f"One of {Methods} (default svd); repeat it to compare."),
+        typer.Option("--method", help=f"One of {Methods} (default hybrid); repeat it to compare."),
     ] = ()
     model: Annotated[
         File | None,

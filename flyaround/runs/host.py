@@ -83,6 +83,13 @@ class SentPictures(Section, frozen=True, kw_only=True):
             help="Send the pictures of this folder or data set, in a loop, at the flight's times: nothing is drawn.",
         ),
     ] = None
+    send_sun: Annotated[
+        bool,
+        typer.Option(
+            "--send-sun",
+            help="Send the direction to the Sun with each frame, as a chaser knows it from its star tracker.",
+        ),
+    ] = False
     time_code: Annotated[
         bool,
         typer.Option(
@@ -193,7 +200,7 @@ class ClosedLoop(Section, frozen=True, kw_only=True):
         File | None,
         typer.Option(
             help="With --closed-loop: metrics.json of evaluate, whose errors the filter takes the board's poses to have"
-            " (default: those of svd)."
+            " (default: those of hybrid)."
         ),
     ] = None
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Protocol
 from flyaround.gui.picture.telemetry import Telemetry, telemetry_of
 from flyaround.gui.picture.view_settings import apply_view_settings
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.loop import FrameRequest, FramesLostError
+from flyaround.simulator.loop import FrameRequest
+from flyaround.simulator.runtime.worker_pool import JobsLostError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -48,7 +49,7 @@ class PictureFailedError(Exception):
 
 
 class FramesOnRequest(Protocol):
-    """What the feed needs of a frame producer. Its methods may raise `FramesLostError` and `PictureFailedError`."""
+    """What the feed needs of a frame producer. Its methods may raise `JobsLostError` and `PictureFailedError`."""
 
     def submit(self, request: FrameRequest) -> bool:
         """Ask for a frame; False when enough are under way."""
@@ -192,7 +193,7 @@ class Feed:
         try:
             self._collect()
             self._ask(session, settings, timed=timed)
-        except FramesLostError as error:
+        except JobsLostError as error:
             self._ask_again(error)
         except PictureFailedError as error:
             if self._kind.needed and not self.finished:
@@ -226,7 +227,7 @@ class Feed:
         trouble, self._trouble = self._trouble, None
         return trouble
 
-    def _ask_again(self, error: FramesLostError) -> None:
+    def _ask_again(self, error: JobsLostError) -> None:
         """Forget what will not come; a picture that was to be saved is asked for again."""
         self.restarts += 1
         if self._kind.needed:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui.picture.feed import PictureFailedError, last_line
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.loop import FramesLostError
 from flyaround.simulator.runtime.worker import ProcessDiedError
+from flyaround.simulator.runtime.worker_pool import JobsLostError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -67,7 +67,7 @@ class Turns:
             return False
         try:
             taken = self._producer.submit(request)
-        except FramesLostError as error:
+        except JobsLostError as error:
             self._lose(error)
             return False
         if taken:
@@ -93,7 +93,7 @@ class Turns:
                 channel.cost_ms = ms
                 channel.inbox.append(frame)
                 self._drawn = True
-        except FramesLostError as error:
+        except JobsLostError as error:
             self._lose(error)
         except ProcessDiedError:
             raise
@@ -103,7 +103,7 @@ class Turns:
                 raise
             self._under_way.popleft().inbox.append(PictureFailedError(last_line(error)))
 
-    def _lose(self, error: FramesLostError) -> None:
+    def _lose(self, error: JobsLostError) -> None:
         """Every view is told: what it had asked for will not come."""
         self._under_way.clear()
         for channel in self._channels:
@@ -127,7 +127,7 @@ class Channel:
         self.asked_s: float | None = None
         """When it asked last and was refused."""
         self.inbox: deque[Frame | PictureFailedError] = deque()
-        self.lost: FramesLostError | None = None
+        self.lost: JobsLostError | None = None
 
     def charge(self, ms: float) -> None:
         """Note time that its pictures took."""
@@ -146,7 +146,7 @@ class Channel:
 
         Raises
         ------
-        FramesLostError
+        JobsLostError
             If those under way will not come.
         PictureFailedError
             If the oldest of them could not be made; what comes after it, the next call gives.

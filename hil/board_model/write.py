@@ -41,12 +41,6 @@ LARGE = 1.2e-3
 # Decimals of the planes in the file.
 PLANE_DIGITS = 6
 
-# Of `packed(outlines_of(target))`: raise it when the same target gives another record (here or in contours.py).
-OUTLINES_VERSION = 1
-
-# Of `make_faces`: raise it when the same parts give another record (here, in bsp_tree.py, in outer_faces.py).
-FACES_VERSION = 1
-
 
 def write_board_model(target: Target, path: Path) -> None:
     """Write what a board needs of ``target`` (docs/formats/target.md).
@@ -105,7 +99,8 @@ def packed(o: OccludingContours) -> OutlinesRecord:
 
 def cached_outlines(target: Target) -> OutlinesRecord:
     """The target's outlines: computed once, then read from the user's cache by the target's hash."""
-    path = cache_folder("board-models") / f"{entry_name('outlines', OUTLINES_VERSION, target.sha256)}.json"
+    key = entry_name("outlines", (packed, outlines_of), target.sha256)
+    path = cache_folder("board-models") / f"{key}.json"
     data = read_checked(path)
     if data is not None:
         with contextlib.suppress(msgspec.DecodeError):
@@ -151,7 +146,8 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
 def cached_faces(target: Target) -> FacesRecord | None:
     """The target's faces: computed once, then read from the user's cache by the target's hash."""
     levels = _levels(target)
-    key = entry_name("faces", FACES_VERSION, target.sha256, [level.sha256 for level in levels])
+    makers = (make_faces, outer_triangles, build_tree)
+    key = entry_name("faces", makers, target.sha256, [level.sha256 for level in levels])
     path = cache_folder("board-models") / f"{key}.json"
     data = read_checked(path)
     if data is not None:

@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 
 from flyaround.hil.board.errors import BoardModelError
-from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.added_estimators import any_estimator
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
@@ -25,7 +26,7 @@ from flyaround.simulator.targets.model import Target
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flyaround.hil.board.svd import Estimator, PoseResult
+    from flyaround.hil.board.estimation import Estimator, PoseResult
 
 _MOST_IN_USE = 4  # estimators that one process keeps: some seconds to make, tens of megabytes each
 
@@ -35,7 +36,7 @@ def estimate(
     camera: Camera | str | Path,
     target: Target | str | Path = "tango",
     *,
-    method: str = "svd",
+    method: str = HYBRID,
 ) -> PoseResult:
     """The pose of a target in one picture, as `flyaround estimate` gives it.
 
@@ -46,7 +47,7 @@ def estimate(
     image : (H, W) or (H, W, 3) uint8 or uint16 of the camera's size, or the file of one. Colour is taken in grey.
     camera : that took it: a camera, the name of a built-in one, or a file.
     target : the craft in it: a target, a name of `list_targets`, or a target file.
-    method : ``svd``, or another of ``flyaround.hil.board.methods.ALL_METHODS``;
+    method : ``hybrid``, or another of ``flyaround.hil.board.method_names.ALL_METHODS``;
         ``net:FILE`` is a network of `flyaround train`.
 
     Returns

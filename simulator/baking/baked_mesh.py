@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from flyaround.simulator.baking.chart_cuts import cut_charts
 from flyaround.simulator.baking.charts import Charts, make_charts
 from flyaround.simulator.baking.mesh_edges import MeshEdges, find_edges
 from flyaround.simulator.geometry.convex_shells import BOX, Boxes, ConvexShell, convex_bodies, find_shells
+from flyaround.simulator.geometry.plane_grid import PlaneGrid
+from flyaround.simulator.geometry.topology import edge_table
 from flyaround.simulator.geometry.triangles import face_planes
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
@@ -26,9 +29,6 @@ if TYPE_CHECKING:
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
 MOST_KEPT = 1_000_000  # triangles: a finer mesh is a gigabyte on the disk, and worked out anew
-# Of `_make`, and of the fields of what it gives: raise it when the same target gives another geometry, whichever file
-# the change is in (charts, hulls, occluders, edges, closed shells, packing).
-VERSION = 2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -118,13 +118,16 @@ def geometry_of(
         return pack(_make(merged, parts, numbers, texel), *_PACKED)
 
     if len(merged.triangles) > MOST_KEPT:
-        return _unpacked(made())
+        return unpack_geometry(made())
     own = [part.positions_m for part in parts]  # they may be merged in another order
-    key = entry_name("geometry", VERSION, texel, merged.vertices, merged.triangles, merged.uv, own)
-    return _unpacked(cached_array(key, made))
+    made_by = (_make, make_charts, cut_charts, find_edges, find_shells, part_is_closed, pack)
+    makers = (*made_by, PlaneGrid, edge_table, face_planes)
+    key = entry_name("geometry", makers, texel, merged.vertices, merged.triangles, merged.uv, own)
+    return unpack_geometry(cached_array(key, made))
 
 
-def _unpacked(packed: ByteArray) -> Geometry:
+def unpack_geometry(packed: ByteArray) -> Geometry:
+    """Return the geometry of a cache entry."""
     return unpack(packed, *_PACKED)
 
 

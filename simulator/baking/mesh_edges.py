@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 SMOOTH_COSINE = np.cos(np.radians(5.0))  # shading normals that differ by less across an edge hide it
 FLAT_COSINE = 1 - 1e-6  # faces of one plane (0.08 degrees) never part at a silhouette
 _PLACE_M = 1e-6  # corners nearer than this are one
-GAPS_VERSION = 1  # of `_nearest_creases`: raise it when the same edges give other distances
 _FARTHEST = 0.004  # of the mesh's extent: what lies farther apart is not looked for
 _PLACES = 3, 12  # along an edge that are looked around from: at least, at most
 _APART = 0.02  # of the mesh's extent, between those of a long edge
@@ -167,7 +166,9 @@ def edge_gaps(edges: MeshEdges) -> Float32Array:
     second that of the second face. Infinite where there are none, or none near.
     """
     return np.asarray(
-        cached_array(entry_name("edge-gaps", GAPS_VERSION, *_content(edges)), lambda: _nearest_creases(edges))
+        cached_array(
+            entry_name("edge-gaps", (_nearest_creases,), *_content(edges)), lambda: _nearest_creases(edges)
+        )
     )
 
 

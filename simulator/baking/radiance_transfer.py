@@ -34,10 +34,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 
 _T = TypeVar("_T", bound=np.generic)
-VISIBILITY_VERSION = (
-    14  # of `_traced_visibility`: raise it when the same mesh sees otherwise, on the same processor
-)
-VERSION = 14  # of `solve_radiosity`: raise it when what is seen gives another light
 DIRECTIONS = 128  # that are looked along, and that the Sun's light is known from
 LARGEST_SLOPE = 0.8  # of b, in the eight bits that hold it; a hemisphere has 0.75
 BOUNCES = 4
@@ -90,7 +86,7 @@ def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH)
     """
     charts = mesh.charts
     sight = _visibility_entry(mesh, patch)
-    key = entry_name("transfer", VERSION, sight, np.round(reflectance, 6))
+    key = entry_name("transfer", (solve_radiosity,), sight, np.round(reflectance, 6))
     materials = np.rint(_vertices(mesh)["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
 
     def bake() -> tuple[np.typing.NDArray[np.generic], np.typing.NDArray[np.generic]]:
@@ -140,9 +136,8 @@ def _vertices(mesh: BakedMesh) -> np.typing.NDArray[np.void]:
 
 def _visibility_entry(mesh: BakedMesh, patch: int) -> str:
     vertices = _vertices(mesh).tobytes()
-    return entry_name(
-        "visibility", VISIBILITY_VERSION, DIRECTIONS, patch, vertices, mesh.triangles, mesh.charts.uv
-    )
+    makers = (visibility_to_ship, trace_visibility, make_ray_caster, spherical_fibonacci)
+    return entry_name("visibility", makers, DIRECTIONS, patch, vertices, mesh.triangles, mesh.charts.uv)
 
 
 def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:

@@ -15,6 +15,7 @@ from flyaround.simulator.scene.illumination.atmosphere import (
     ground_irradiance,
     optical_depth_to_top,
 )
+from flyaround.simulator.scene.illumination.bands import bands_of
 from flyaround.simulator.scene.illumination.multiple_scattering import multiple_scattering
 from flyaround.simulator.world.bodies.earth import EARTH
 
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 RADII, COSINES = 64, 128  # of the transmittance table
 GROUND_SAMPLES = 512
 GROUND_MU_MIN = -0.3  # no light reaches the ground when the Sun is lower than this
-# Of the three tables: raise it when the same bands and thickness give another (also for what earth_atmosphere holds).
-VERSION = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +50,11 @@ class AirTables:
 def air_tables(bands: Bands, thickness_m: float | None = None, body: Body = EARTH) -> AirTables:
     """Return a body's tables for the camera's bands and a height of the air's top, the body's own unless given."""
     air = body_atmosphere(body, bands, thickness_m)
-    # those of the Earth are shipped under names that hold nothing more
-    also = () if body is EARTH else (repr(body.air), body.radius_m, body.albedo)
+    makers = (transmittance_table, multiple_scattering, body_atmosphere, bands_of)
 
     def key(table: str) -> str:
-        return entry_name(f"air-{table}-{bands}", VERSION, bands, float(air.thickness_m), *also)
+        own = repr(body.air), body.radius_m, body.albedo
+        return entry_name(f"air-{table}-{bands}", makers, bands, float(air.thickness_m), *own)
 
     multiple = cached_array(
         key("multiple"), lambda: multiple_scattering(air, body.albedo).psi.astype(np.float32)

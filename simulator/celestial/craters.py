@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 SIZE = 1024
 SLOPE_MAX = 0.9  # the slope channels hold plus and minus this
 _SEED = 1969
-VERSION = 1  # of `make_craters`: raise it when the same size gives another tile
 _SMALLEST_PX = 4.0  # diameter
 BROAD_LARGEST_PX, FINE_LARGEST_PX = 190.0, 45.0  # a tile often seen must have nothing that is known again
 _COVER = 0.08  # N(> D) D^2: near the equilibrium of small craters (Gault 1970, Radio Science 5, 273)
@@ -23,7 +22,9 @@ _COVER = 0.08  # N(> D) D^2: near the equilibrium of small craters (Gault 1970, 
 
 def crater_texture(largest_px: float) -> ByteArray:
     """(SIZE, SIZE, 4): slope along u and v, brightness, unused; from the cache."""
-    return cached_array(entry_name("craters", VERSION, float(largest_px)), lambda: make_craters(largest_px))
+    return cached_array(
+        entry_name("craters", (make_craters,), float(largest_px)), lambda: make_craters(largest_px)
+    )
 
 
 def make_craters(largest_px: float) -> ByteArray:

@@ -21,13 +21,12 @@ _BROAD, _FINE = 512, 1024  # texels of the two fields: one over the whole tile, 
 _BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
 _OPEN = 0.66  # share of the land without woods
 _SEED = 20040800
-VERSION = 1  # of `make_detail`: raise it when it gives another tile
 _STRIP, _ROWS = 1 << 14, 32  # values that are looked up at a time; rows of a tile that are coded at a time
 
 
 def detail_texture() -> ByteArray:
     """(SIZE, SIZE, 4) of the clouds' puffs, their slope along u and v, and the land's patches; from the cache."""
-    return cached_array(entry_name("detail-noise", VERSION), make_detail)
+    return cached_array(entry_name("detail-noise", (make_detail,)), make_detail)
 
 
 def make_detail() -> ByteArray:

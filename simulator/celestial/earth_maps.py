@@ -28,7 +28,6 @@ DAY, CLOUDS = "day_2004-08_8064x4032.jpg", "clouds_8064x4032.jpg"
 NIGHT, COAST = "night_8064x4032.jpg", "coast_sdf_8640x4320.png"
 TERRAIN = "terrain_detail_1024.png"
 TERRAIN_SLOPE_MAX = 0.9  # its slope channels hold plus and minus this
-VERSION = 11  # of the packing below: raise it when the same files give other maps
 
 # Blue Marble is a picture, not a measurement: a power law on its 8 bits brings desert, forest and snow to their
 # broadband reflectances (0.35, 0.03-0.05, 0.6-0.7; Liang 2001, Narrowband to broadband conversions). No leaf and no
@@ -54,7 +53,9 @@ def packed_maps(bands: int) -> list[ByteArray]:
 
 def maps_entry() -> str:
     """Cache entry of the packed maps; what is made from them names it among its inputs."""
-    return entry_name("maps", VERSION, [(name, asset_size(name)) for name in (DAY, CLOUDS, NIGHT, COAST)])
+    return entry_name(
+        "maps", (_pack_colour,), [(name, asset_size(name)) for name in (DAY, CLOUDS, NIGHT, COAST)]
+    )
 
 
 def asset_size(name: str) -> int:

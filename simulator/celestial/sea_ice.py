@@ -52,7 +52,6 @@ EXTENT_SOUTH = (5.0, 3.1, 4.0, 7.0, 10.4, 13.6, 16.2, 17.8, 18.5, 18.1, 16.0, 10
 # fmt: on
 _FARTHEST_DEG = 40.0  # there is no ice nearer to the equator
 _SEED = 1893
-VERSION = 1  # of `_make_ice_noise`: raise it when the same pole gets other noise
 _POLAR_SINE = 0.94  # of the latitude (70 degrees): nearer to the poles a degree of longitude is narrow
 
 
@@ -126,7 +125,7 @@ def _edge_latitude(points: tuple[tuple[float, float], ...], longitude: FloatArra
 @lru_cache(maxsize=2)
 def _ice_noise(pole: int) -> Float32Array:
     """(3, rows, WIDTH) from the pole outwards: the edge's tongues, of deviation 1, the pack's leads, 0..1, tongues."""
-    return cached_array(entry_name("ice", VERSION, pole), lambda: _make_ice_noise(pole))
+    return cached_array(entry_name("ice", (_make_ice_noise,), pole), lambda: _make_ice_noise(pole))
 
 
 def _make_ice_noise(pole: int) -> Float32Array:

@@ -36,7 +36,6 @@ OCTAVES = 4.0  # the gain's channels hold plus and minus this many octaves
 SLOPE_MAX = 0.25  # the channels of the slopes hold plus and minus this
 ROUGH_M = 400.0  # standard deviation of the height over 30 km where the land is as rough as can be
 _MAP_MONTH = 8  # of the fine map
-VERSION = 4  # of the gains and the ground's slopes: raise it when the same maps give another
 # middle of each month there is a map of [day of the year]
 ANCHORS: dict[int, float] = {1: 15.0, 3: 74.0, 5: 135.0, 7: 196.0, 8: 227.0, 10: 288.0}
 _STRIP_ROWS = 16
@@ -76,7 +75,9 @@ def month_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
 
 def _key(month: int, bands: int) -> str:
     names = [_name(month), _name(_MAP_MONTH)]
-    return entry_name(f"season-{month:02d}", VERSION, bands, [asset_size(n) for n in names], maps_entry())
+    return entry_name(
+        f"season-{month:02d}", (_make_gains,), bands, [asset_size(n) for n in names], maps_entry()
+    )
 
 
 def _name(month: int) -> str:
@@ -117,7 +118,8 @@ def _gain(month: list[FloatArray], august: list[FloatArray], land: ByteArray) ->
 
 def ground_slopes() -> ByteArray:
     """(2016, 4032, 4): slope to the east, slope to the north, roughness, 255."""
-    return cached_array(entry_name("terrain-slopes", VERSION, asset_size(HEIGHT_MAP)), _make_ground_slopes)
+    key = entry_name("terrain-slopes", (_make_ground_slopes, decode_map), asset_size(HEIGHT_MAP))
+    return cached_array(key, _make_ground_slopes)
 
 
 def _make_ground_slopes() -> ByteArray:

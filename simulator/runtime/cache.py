@@ -1,9 +1,7 @@
 """The user's cache folder, how its entries are named, and its files, each with a checksum behind its contents.
 
-An entry is named by what it is, the version of the function that makes it, and a hash of what it is made from
-(`entry_name`). The version is a number beside that function, raised by hand whenever its output changes; comments,
-names and places of code do not matter. `tests/simulator/runtime/test_cache_versions.py` holds outputs against the
-versions.
+An entry is named by what it is and a hash of its inputs and of the source code that makes it (`entry_name`), so that
+nothing is read that older code has made. Any edit of that source counts, be it a comment.
 
 A file is its contents and 40 bytes more: `MAGIC`, the length of the contents and their XXH3 of 128 bits,
 little-endian. Programs that read the contents alone (NumPy, readers of glTF) do not mind what follows. The checksum
@@ -19,8 +17,10 @@ import logging
 import mmap
 import os
 import struct
+import sys
 import tempfile
 import time
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +29,7 @@ import platformdirs
 import xxhash
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from typing import IO
 
 MAGIC = b"flyaround cache1"
@@ -48,14 +48,18 @@ def cache_folder(part: str = "") -> Path:
     return (Path(chosen) if chosen else Path(platformdirs.user_cache_dir("flyaround"))) / part
 
 
-def entry_name(name: str, version: int, *inputs: object) -> str:
-    """File name of a cache entry, without suffix: ``name-vVERSION-HASH``.
+def entry_name(name: str, makers: Sequence[Callable[..., object]], *inputs: object) -> str:
+    """Return the file name of a cache entry, without suffix: ``name-HASH``.
 
     Parameters
     ----------
-    name : what is kept. version : of the function that makes it; raise it when the same inputs give another output.
-    inputs : what it is made from: numbers, texts, bytes, arrays, dataclasses, and tuples or lists of them. Floats that
-        are computed should be rounded: processors differ in their last bits.
+    name : str
+        Kind of the entry.
+    makers : sequence of callables
+        The function that makes the entry, and one of each other module on which its output depends: the source code of
+        their modules is hashed.
+    *inputs : numbers, texts, bytes, arrays, dataclasses, and tuples or lists of them
+        Arguments of the maker. Floats that are computed should be rounded: processors differ in their last bits.
 
     Raises
     ------
@@ -63,9 +67,16 @@ def entry_name(name: str, version: int, *inputs: object) -> str:
         If an input is of another type.
     """
     digest = hashlib.sha256()
+    for maker in makers:
+        digest.update(_source_digest(maker.__module__))
     for one in inputs:
         _hash_input(digest, one)
-    return f"{name}-v{version}-{digest.hexdigest()[:20]}"
+    return f"{name}-{digest.hexdigest()[:20]}"
+
+
+@cache
+def _source_digest(module: str) -> bytes:
+    return hashlib.sha256(Path(sys.modules[module].__file__ or "").read_bytes()).digest()
 
 
 def _hash_input(digest: hashlib._Hash, value: object) -> None:

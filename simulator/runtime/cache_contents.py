@@ -67,7 +67,7 @@ def cache_kinds() -> list[CacheKind]:
     sizes: dict[str, int] = defaultdict(int)
     for path, stat in _files():
         inside = path.relative_to(cache_folder()).parts
-        kind = inside[0] if len(inside) > 1 else re.split(r"-v\d", path.stem)[0]
+        kind = inside[0] if len(inside) > 1 else re.split(r"-[0-9a-f]{20}", path.stem)[0]
         files[kind] += 1
         sizes[kind] += stat.st_size
     return sorted((CacheKind(k, files[k], sizes[k]) for k in files), key=lambda kind: -kind.size_bytes)

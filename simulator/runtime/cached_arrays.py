@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import io
 import logging
-import sys
-import time
 import weakref
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
@@ -26,18 +24,16 @@ from flyaround.simulator.runtime.cache import (
     store_checked,
 )
 from flyaround.simulator.runtime.cache_contents import trim_cache
+from flyaround.simulator.runtime.folder_lock import locked_file
 from flyaround.simulator.runtime.prebuilt import is_prebuilt, prebuilt_array
-
-if sys.platform != "win32":
-    import fcntl
 
 if TYPE_CHECKING:
     import mmap
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-_LONGEST_WAIT_S, _LOOK_AGAIN_S = 120.0, 0.02  # for another that makes the same; it may have been stopped
+_LONGEST_WAIT_S = 120.0  # for another that makes the same; it may have been stopped
 _LONGEST_HEAD = 1 << 16  # of an array of NumPy's format 1.0
 _T = TypeVar("_T", bound=np.generic)
 _Array = np.typing.NDArray[np.generic]
@@ -61,7 +57,10 @@ def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]
     kept: list[NDArray[_T]] | None = _read(paths, logging.DEBUG)
     if kept is not None:
         return kept
-    with _alone(paths[0].with_suffix(".lock")):
+    with ExitStack() as held:
+        with suppress(OSError):  # without a lock two make the same bytes
+            paths[0].parent.mkdir(parents=True, exist_ok=True)
+            held.enter_context(locked_file(paths[0].with_suffix(".lock"), _LONGEST_WAIT_S))
         kept = _read(paths, logging.WARNING)
         if kept is not None:
             return kept
@@ -140,40 +139,3 @@ def _stored(path: Path, array: NDArray[_T]) -> NDArray[_T]:
     except (OSError, ValueError) as error:
         log.warning("cache file %s cannot be read (%s)", path, error)
     return array
-
-
-@contextmanager
-def _alone(path: Path) -> Iterator[None]:
-    """While nobody else makes what a lock file stands for.
-
-    The system frees the lock of a program that ends. Without locks, as on some network disks, two make the same bytes.
-    """
-    with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        file = path.open("ab", buffering=0)
-    except OSError:  # `_stored` says so
-        yield
-        return
-    with file:
-        until = time.monotonic() + _LONGEST_WAIT_S
-        while not _lock(file) and time.monotonic() < until:
-            time.sleep(_LOOK_AGAIN_S)
-        try:
-            yield
-        finally:
-            with suppress(OSError):  # who waits has this file open still, and finds what was made
-                path.unlink()
-
-
-def _lock(file: IO[bytes]) -> bool:
-    """Whether the file is this program's and thread's now; also where it cannot be locked at all."""
-    if sys.platform == "win32":
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True
-    return True

@@ -6,8 +6,10 @@ import os
 import signal
 import threading
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import active_children, connection, get_context, parent_process
+from multiprocessing import active_children, get_context
 from typing import TYPE_CHECKING, TypeVar
+
+from flyaround.simulator.runtime.worker import leave_with_parent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence
@@ -62,13 +64,6 @@ def run_tasks(
 def _start_process(start: Callable[..., object] | None, arguments: tuple[object, ...]) -> None:
     """Ctrl-C is for the process that started this one, which ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_leave_with_parent, daemon=True).start()
+    threading.Thread(target=leave_with_parent, daemon=True).start()
     if start is not None:
         start(*arguments)
-
-
-def _leave_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        connection.wait([parent.sentinel])
-        os._exit(1)

@@ -307,7 +307,7 @@ def _serve(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # whatever it is at, it ends at once: what it holds is the system's to take back
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_leave_with_parent, name="watch parent", daemon=True).start()
+    threading.Thread(target=leave_with_parent, name="watch parent", daemon=True).start()
     keep_freed_memory()
     *of_jobs, of_info = carriers
     try:
@@ -330,7 +330,7 @@ def _serve(
         _report(pipe, error)
 
 
-def _leave_with_parent() -> None:
+def leave_with_parent() -> None:
     """End once the parent has: one that was killed tells nobody, and a job or a start-up may take long."""
     parent = multiprocessing.parent_process()
     if parent is None:

@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+from functools import partial
+from typing import TYPE_CHECKING, Any, Generic, NoReturn, Self, TypeVar
 
-from flyaround.simulator.runtime.worker import WorkerProcess, WorkerResource
+from flyaround.simulator.runtime.worker import ProcessDiedError, ProgressWatch, WorkerProcess, WorkerResource
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable
     from contextlib import AbstractContextManager
 
+MOST_DEATHS = 3
+"""Times that processes may die one after the other without a result between, where they are started again."""
+
+UNMEASURED = 15.0
+"""Factor on the time-out where the system does not tell the processor time of another process."""
+
 T = TypeVar("T")
+
+
+class JobsLostError(Exception):
+    """The results under way will not come, and their jobs can be submitted again."""
 
 
 class WorkerPool(Generic[T]):
@@ -24,6 +35,9 @@ class WorkerPool(Generic[T]):
     work, open_resource, name : as of `WorkerProcess`.
     count : processes.
     capacity : jobs of each process that may be under way or waiting to be collected.
+    restarts : processes of which one dies are followed by others.
+    answer_within_s : processes that use no processor time for so long while a result is due are ended. None waits for
+        ever.
     """
 
     def __init__(
@@ -34,17 +48,22 @@ class WorkerPool(Generic[T]):
         open_resource: Callable[[], AbstractContextManager[WorkerResource]],
         capacity: int = 2,
         name: str = "worker process",
+        restarts: bool = False,
+        answer_within_s: float | None = None,
     ) -> None:
         if count < 1:
             raise ValueError(f"at least one process must work, got {count}")
+        self._make = partial(WorkerProcess, work, open_resource=open_resource, capacity=capacity, name=name)
+        self._count, self._name = count, name
+        self._restarts, self._answer_within_s = restarts, answer_within_s
+        self._deaths = 0
+        self._start()
+
+    def _start(self) -> None:
         self._asked = self._given = 0
+        self._progress = ProgressWatch()
         with ExitStack() as stack:
-            self._processes = [
-                stack.enter_context(
-                    WorkerProcess(work, open_resource=open_resource, capacity=capacity, name=name)
-                )
-                for _ in range(count)
-            ]
+            self._processes = [stack.enter_context(self._make()) for _ in range(self._count)]
             self._open = stack.pop_all()
 
     @property
@@ -56,10 +75,6 @@ class WorkerPool(Generic[T]):
     def pids(self) -> tuple[int | None, ...]:
         """The processes' numbers."""
         return tuple(process.pid for process in self._processes)
-
-    def processor_time_s(self) -> float:
-        """Return the processor time that all processes have used [s]; 0 where the system does not say."""
-        return sum(process.processor_time_s() for process in self._processes)
 
     @property
     def in_flight(self) -> int:
@@ -73,22 +88,53 @@ class WorkerPool(Generic[T]):
 
     def _next_to(self, job: int) -> WorkerProcess[T]:
         """The process that does a job, counted from the first: each in turn."""
-        return self._processes[job % len(self._processes)]
+        return self._processes[job % self._count]
 
-    def submit(self, *arguments: object, **options: object) -> None:
-        """Queue one job for the process whose turn it is.
+    def submit(self, *arguments: object, **options: object) -> bool:
+        """Queue one job for the process whose turn it is; False if that one has no room: collect a result first.
 
         Raises
         ------
-        RuntimeError
-            If that one has no room: collect a result first.
+        JobsLostError
+            If a process died and others were started.
         """
-        self._next_to(self._asked).submit(*arguments, **options)
+        if not self.has_room:
+            return False
+        if not self.in_flight:
+            self._progress.restart()
+        try:
+            self._next_to(self._asked).submit(*arguments, **options)
+        except ProcessDiedError as error:
+            self._restart(error)
         self._asked += 1
+        return True
 
-    def ready(self, timeout_s: float = 0.0) -> bool:
-        """Whether ``result`` would return (or raise) at once; waits up to ``timeout_s``."""
-        return self._next_to(self._given).ready(timeout_s)
+    def ready(self) -> bool:
+        """Whether ``result`` would return (or raise) without waiting.
+
+        Raises
+        ------
+        JobsLostError
+            If a process died or hung and others were started.
+        """
+        try:
+            if self._next_to(self._given).ready():
+                return True
+        except ProcessDiedError as error:
+            self._restart(error)
+        self._end_hanging()
+        return False
+
+    def _end_hanging(self) -> None:
+        """Restart processes that neither answer nor work, where that is asked for."""
+        if self._answer_within_s is None or not self.in_flight:
+            return
+        worked_s = sum(process.processor_time_s() for process in self._processes)
+        idle_s = self._progress.idle_s(worked_s)
+        if idle_s > self._answer_within_s * (1.0 if worked_s else UNMEASURED):
+            for process in self._processes:
+                process.kill()
+            self._restart(None, f"has done nothing for {idle_s:.0f} s")
 
     def result(self) -> T:
         """The oldest job's result; waits for it.
@@ -97,36 +143,32 @@ class WorkerPool(Generic[T]):
         ------
         RuntimeError
             If nothing was submitted.
+        JobsLostError
+            If a process died and others were started.
         """
         process = self._next_to(self._given)
         if process.in_flight:
             self._given += 1  # a job that failed is answered too
-        return process.result()
+        try:
+            value = process.result()
+        except ProcessDiedError as error:
+            self._restart(error)
+        self._deaths = 0
+        self._progress.restart()
+        return value
 
-    def map(self, jobs: Iterable[tuple[tuple[object, ...], Mapping[str, object]]]) -> Iterator[T]:
-        """Results of many jobs (arguments, options) in order; the n-th is done by process n modulo their number.
-
-        Raises
-        ------
-        RuntimeError
-            If results of a map that was broken off are still to come: they would be taken for this one's.
-        """
-        if self.in_flight > 0:
-            raise RuntimeError("jobs of a map that was broken off are under way; open other processes")
-        for arguments, options in jobs:
-            if not self.has_room:
-                yield self.result()
-            self.submit(*arguments, **options)
-        while self.in_flight > 0:
-            yield self.result()
-
-    def kill(self) -> None:
-        """End the processes at once, whatever they are at."""
-        for process in self._processes:
-            process.kill()
+    def _restart(self, error: ProcessDiedError | None, what: str = "") -> NoReturn:
+        """Start other processes in place of those of which one died, unless they die again and again."""
+        self._deaths += 1
+        what = f"the {self._name} " + (what if error is None else f"died (exit code {error.exit_code})")
+        if not self._restarts or self._deaths >= MOST_DEATHS:
+            raise error or RuntimeError(what)
+        self.close()
+        self._start()
+        raise JobsLostError(f"{what} and is started again; the flight goes on") from error
 
     def close(self) -> None:
-        """End the processes."""
+        """End the processes; jobs under way are given up."""
         self._open.close()
 
     def __enter__(self) -> Self:

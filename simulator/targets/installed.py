@@ -12,6 +12,7 @@ import platformdirs
 
 from flyaround.simulator.errors import UserError, write_error
 from flyaround.simulator.targets.glb.read import load_glb
+from flyaround.simulator.targets.glb.write import write_glb
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,8 +72,6 @@ def install(target: Target) -> Path:
     UserError
         If the folder cannot be written.
     """
-    from flyaround.simulator.targets.glb.write import write_glb  # noqa: PLC0415 - slow to import, needed here alone
-
     path = user_file(target.name)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -13,7 +13,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import click
 import cv2
 import numpy as np
 import pytest
@@ -29,11 +28,11 @@ from flyaround.simulator.bench.scenes import BenchMachine, SceneCost
 CONTRACT: dict[str, Any] = json.loads(Path(__file__).with_name("contract.json").read_text())
 
 
-def _find_command(path: str) -> click.Command:
+def _find_command(path: str) -> Any:
     command: Any = typer.main.get_command(app)
     for name in path.split():
-        command = command.get_command(click.Context(command), name)
-        assert command is not None, f"there is no command 'flyaround {path}'"
+        assert name in command.commands, f"there is no command 'flyaround {path}'"
+        command = command.commands[name].make_context(name, [], resilient_parsing=True).command
     return command
 
 

@@ -2,23 +2,63 @@
 
 from __future__ import annotations
 
-import importlib
 import subprocess
 import sys
+from typing import Any
 
+import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
 import flyaround
-from flyaround.cli.app import COMMANDS, GROUPS, app
+from flyaround.cli.app import app
 
 
-def test_help_names_every_command_and_each_is_there() -> None:
-    page = CliRunner().invoke(app, ["--help"]).output
-    for name, module in COMMANDS.items():
-        assert name in page
-        assert callable(getattr(importlib.import_module(f"flyaround.cli.{module}"), name))
-    assert all(name in page for name in GROUPS)
-    assert CliRunner().invoke(app, ["hil", "board", "--help"]).exit_code == 0
+def _commands(group: Any, *path: str) -> dict[tuple[str, ...], Any]:
+    """Every command below a group: what its page lists, and under an own key what is called."""
+    commands = {}
+    for name, listed in group.commands.items():
+        command = listed.make_context(name, [], resilient_parsing=True).command
+        commands |= {(*path, name): (listed, command), **_commands_of(command, *path, name)}
+    return commands
+
+
+def _commands_of(command: Any, *path: str) -> dict[tuple[str, ...], Any]:
+    return _commands(command, *path) if hasattr(command, "commands") else {}
+
+
+def test_help_lists_each_command_by_the_first_paragraph_of_its_own_help() -> None:
+    commands = _commands(get_command(app))
+    assert len(commands) > 35
+    for path, (listed, command) in commands.items():
+        assert command.help.partition("\n\n")[0] == listed.help.partition("\n\n")[0], path
+    page = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200"}).output
+    assert all(path[0] in page for path in commands)
+
+
+@pytest.mark.parametrize("words", [["--help"], ["hil", "--help"], ["--version"], []])
+def test_the_list_of_commands_imports_none_of_them(words: list[str]) -> None:
+    code = (
+        "import sys, flyaround.__main__ as m; m.run(sys.argv[1:]); "
+        "slow = ('numpy', 'scipy', 'cv2', 'moderngl', 'msgspec', 'matplotlib', 'flyaround.hil.host'); "
+        "print([m for m in slow if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
+    assert done.stdout.strip().splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"), [("ca", "capture"), ("hil dis", "display-match"), ("hil host --li", "--listen")]
+)
+def test_the_shell_completes_commands_and_options(typed: str, offered: str) -> None:
+    count = str(len(typed.split()))
+    environment = {
+        "_FLYAROUND_COMPLETE": "complete_bash",
+        "COMP_WORDS": f"flyaround {typed}",
+        "COMP_CWORD": count,
+    }
+    page = CliRunner().invoke(app, [], prog_name="flyaround", env=environment).output
+    assert offered in page.split()
 
 
 def test_the_help_of_the_loop_names_its_parts() -> None:
@@ -36,7 +76,8 @@ def test_a_misspelt_command_is_answered_with_the_nearest() -> None:
 def test_drawing_does_not_import_the_estimator_or_plots_or_what_writes_target_files() -> None:
     code = (
         "import sys; from flyaround.__main__ import run; run(['render', 'no-such-scenario', '-t', '3']); "
-        "slow = ('flyaround.hil.board.svd', 'flyaround.hil.host', 'matplotlib', 'trimesh', 'pygltflib', 'pydantic'); "
+        "slow = ('flyaround.hil.board.svd', 'flyaround.hil.board.hybrid', 'flyaround.hil.host', "
+        "'matplotlib', 'trimesh', 'pygltflib', 'pydantic'); "
         "print([m for m in slow if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -28,13 +28,13 @@ WORDS = {
     "convert": "out/set --format coco --split 8:1:1",
     "estimate": "out/set/images/000000.png out/set/images/000001.png --target tango --camera speed"
     " --method svd-thesis --solver mle --streams wge,sh",
-    "evaluate": "out/set --method svd --method svd-thesis --workers 2",
+    "evaluate": "out/set --method hybrid --method svd-thesis --workers 2",
     "train": "out/set --steps 4000 --network small --width 128 --seed 3",
     "compare": "--reference pictures-of-others -n 8 --target tango --camera speed",
     "bench": "-n 5 --scene tango-space-10m --scene tango-earth-10m",
     "hil host": "tango-flyaround --listen tcp://127.0.0.1:5600 --truth off --max-misses 0 --every 2 --time-code"
     " --mode realtime --latency 0.05 --deadline 1.5",
-    "hil board": "tcp://127.0.0.1:5600 --target tango --method svd --watchdog 5 --reconnect",
+    "hil board": "tcp://127.0.0.1:5600 --target tango --method hybrid --watchdog 5 --reconnect",
     "hil camera": "tango-limb --interface lo --allow 127.0.0.1 --allow 127.0.0.2 --loop 60 --rate 20",
     "hil campaign": "examples/campaign.toml --workers 2",
     "hil delay-map": "tango-vbar-closed-loop --latency 0.3,2,4 --jitter 0,1 --drops 0,0.3 --flights 10",

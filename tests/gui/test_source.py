@@ -10,8 +10,9 @@ from dataclasses import replace
 import pytest
 
 from flyaround.simulator.frame import Frame
-from flyaround.simulator.loop import MOST_DEATHS, FrameProducer, FrameRequest, FramesLostError, open_frames
+from flyaround.simulator.loop import FrameProducer, FrameRequest, open_frames
 from flyaround.simulator.runtime.worker import ProcessDiedError
+from flyaround.simulator.runtime.worker_pool import MOST_DEATHS, JobsLostError
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 
@@ -48,7 +49,7 @@ def test_pictures_go_on_when_the_process_is_killed() -> None:
         dead = source.pids
         assert source.submit(request)
         kill(source)
-        with pytest.raises(FramesLostError, match=r"died \(exit code -9\) and is started again"):
+        with pytest.raises(JobsLostError, match=r"died \(exit code -9\) and is started again"):
             next_picture(source)
         assert source.pids != dead
         assert source.submit(request)
@@ -67,7 +68,7 @@ def test_pictures_go_on_when_the_process_hangs() -> None:
         os.waitid(os.P_PID, dead, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
         assert source.submit(request)
         began = time.monotonic()
-        with pytest.raises(FramesLostError, match="has done nothing for 5 s and is started again"):
+        with pytest.raises(JobsLostError, match="has done nothing for 5 s and is started again"):
             next_picture(source)
         assert time.monotonic() - began < TIMEOUT_S
         assert source.pids != (dead,)
@@ -81,6 +82,6 @@ def test_a_process_that_dies_again_and_again_is_given_up() -> None:
         for death in range(MOST_DEATHS):
             assert source.submit(request)
             kill(source)
-            expected = ProcessDiedError if death == MOST_DEATHS - 1 else FramesLostError
+            expected = ProcessDiedError if death == MOST_DEATHS - 1 else JobsLostError
             with pytest.raises(expected):
                 next_picture(source)

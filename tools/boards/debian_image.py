@@ -26,9 +26,6 @@ from tools.boards.initramfs import DRIVERS, INIT, write_initramfs
 
 log = logging.getLogger(__name__)
 
-# raised whenever what is below makes another image of the same inputs
-VERSION = 2
-
 SUITE, PYTHON = "bookworm", "3.11"
 PACKAGES = (
     "systemd-sysv",
@@ -127,7 +124,7 @@ def image_name() -> str:
     """Name of the image in the cache: another recipe or other versions of NumPy and OpenCV have another."""
     return entry_name(
         "board-qemu",
-        VERSION,
+        (board_image, write_initramfs),
         SUITE,
         PACKAGES,
         _pinned(),

@@ -22,15 +22,15 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from flyaround.hil.board.svd import CameraIntrinsics
-from flyaround.hil.board.svd.decide.confidence import ACCEPT_AT, LAMPS_BIAS, Evidence, confidence, decide
-from flyaround.hil.board.svd.decide.near_minima import check_near_minima
-from flyaround.hil.board.svd.estimator import CLEAR, LIKELY, PREPARE, REFINE, ROUNDS, SELECT, PoseEstimator
-from flyaround.hil.board.svd.hypotheses.ambiguity import same_end
-from flyaround.hil.board.svd.hypotheses.hypothesis import PoseFit
-from flyaround.hil.board.svd.image.observation import Observation
-from flyaround.hil.board.svd.refine.settling import settle
-from flyaround.hil.board.svd.stages import run
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.hybrid.decide.confidence import ACCEPT_AT, LAMPS_BIAS, Evidence, confidence, decide
+from flyaround.hil.board.hybrid.decide.near_minima import check_near_minima
+from flyaround.hil.board.hybrid.estimator import CLEAR, LIKELY, PREPARE, REFINE, ROUNDS, SELECT, PoseEstimator
+from flyaround.hil.board.hybrid.hypotheses.ambiguity import same_end
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.refine.settling import settle
+from flyaround.hil.board.hybrid.stages import run
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
@@ -43,7 +43,7 @@ from tools.studies.published_methods import wrong_model
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flyaround.hil.board.svd.stages import Search
+    from flyaround.hil.board.hybrid.stages import Search
 
 Array = np.ndarray[Any, Any]
 

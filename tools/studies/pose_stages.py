@@ -1,4 +1,4 @@
-"""Which stage of `svd` loses a pose: each picture of a data set, judged stage by stage with the truth at hand.
+"""Which stage of `hybrid` loses a pose: each picture of a data set, judged stage by stage with the truth at hand.
 
     python -m tools.studies.pose_stages SET            # a table in Markdown, a line a picture
     python -m tools.studies.pose_stages SET --limit 10
@@ -27,19 +27,19 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from flyaround.hil.board.svd import CameraIntrinsics
-from flyaround.hil.board.svd.estimator import PREPARE, ROUNDS, PoseEstimator
-from flyaround.hil.board.svd.geometry import quaternion as quat
-from flyaround.hil.board.svd.hypotheses.edge_support import support
-from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
-from flyaround.hil.board.svd.image.edge_field import edge_field
-from flyaround.hil.board.svd.image.observation import Observation
-from flyaround.hil.board.svd.image.region import Region
-from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
-from flyaround.hil.board.svd.refine.close import CLOSE_PX
-from flyaround.hil.board.svd.refine.final import refine_to_end
-from flyaround.hil.board.svd.refine.parallel import draw, draw_shadows
-from flyaround.hil.board.svd.stages import run
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.hybrid.estimator import PREPARE, ROUNDS, PoseEstimator
+from flyaround.hil.board.hybrid.hypotheses.edge_support import support
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit, Source
+from flyaround.hil.board.hybrid.image.edge_field import edge_field
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.hybrid.refine.close import CLOSE_PX
+from flyaround.hil.board.hybrid.refine.final import refine_to_end
+from flyaround.hil.board.hybrid.refine.parallel import draw, draw_shadows
+from flyaround.hil.board.hybrid.stages import run
+from flyaround.hil.board.svd.region_of_interest import Region
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
@@ -51,8 +51,8 @@ from flyaround.simulator.targets.library import load_target
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flyaround.hil.board.svd.propose.learned.learned_proposal import LearnedProposal
-    from flyaround.hil.board.svd.stages import Search
+    from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LearnedProposal
+    from flyaround.hil.board.hybrid.stages import Search
 
 Array = np.ndarray[Any, Any]
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
-from flyaround.simulator.loop import FrameRequest, FramesLostError, open_frames, run_frames
+from flyaround.simulator.loop import FrameRequest, open_frames, run_frames
+from flyaround.simulator.runtime.worker_pool import JobsLostError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,7 +69,7 @@ class DrawnPictures:
             if time.monotonic() > until_s:
                 return
             scene = self._plan.scene_of(self._plan.flight.state(float(t_s)), 0)
-            with contextlib.suppress(FramesLostError):
+            with contextlib.suppress(JobsLostError):
                 self._producer.submit(FrameRequest(scene=scene, labels=False))
                 self._producer.result()
 
@@ -79,7 +80,7 @@ class DrawnPictures:
         try:
             self._producer.submit(FrameRequest(scene=scene, labels=False))
             return TakenPicture(self._producer.result(), scene)
-        except FramesLostError:
+        except JobsLostError:
             return None
 
 

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.render.gl.library import gl_library
+from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array, entry_of
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 _TEXTURE_2D, _UNSIGNED_BYTE, _UNPACK_ALIGNMENT = 0x0DE1, 0x1401, 0x0CF5
 _FORMATS = {1: (0x8229, 0x1903), 4: (0x8058, 0x1908)}  # R8 and RED, RGBA8 and RGBA
 _OWN_NAME = "name made here"
-VERSION = 2  # of `_smaller`: raise it when the same image gives other levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,8 @@ def mipmap_chain(image: ByteArray, *, globe: bool) -> MipmapChain:
     name = entry_of(image)
     if name is None:
         return MipmapChain(image, _smaller(image, globe=globe))
-    return MipmapChain(image, cached_array(f"{name}-levels-v{VERSION}", lambda: _smaller(image, globe=globe)))
+    key = entry_name(f"{name}-levels", (_smaller,), globe)
+    return MipmapChain(image, cached_array(key, lambda: _smaller(image, globe=globe)))
 
 
 def mipmapped_texture(context: moderngl.Context, levels: MipmapChain) -> moderngl.Texture:

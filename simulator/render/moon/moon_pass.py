@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 MAP = "albedo_4096x2048.jpg"
 MAP_SCALE = 2.5  # of the map's 8 bits, in means of the near side
-MAP_VERSION = 4  # of `moon_map`: raise it when the same file gives another map
 TEXEL_KM = 2.665  # of the map, at the equator
 BROAD_KM, FINE_KM = 403.0, 63.0  # periods of the two tiles of craters
 _PHASES = 512
@@ -69,7 +68,7 @@ def moon_map() -> ByteArray:
         mean = float((image * weight).sum() / weight.sum())
         return np.asarray(np.clip(image / (mean * MAP_SCALE) * 255 + 0.5, 0, 255), np.uint8)
 
-    return cached_array(entry_name("moon", MAP_VERSION, len(data)), make)
+    return cached_array(entry_name("moon", (moon_map,), len(data)), make)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,9 +11,10 @@ from flyaround.gui.picture.feed import DIVISORS, Feed
 from flyaround.gui.picture.view_settings import ViewSettings
 from flyaround.gui.views.camera import shown_passes
 from flyaround.simulator.frame import Frame
-from flyaround.simulator.loop import FrameRequest, FramesLostError
+from flyaround.simulator.loop import FrameRequest
 from flyaround.simulator.piloting.orders import PilotCommand
 from flyaround.simulator.piloting.session import FlightSession
+from flyaround.simulator.runtime.worker_pool import JobsLostError
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.state import SceneState
 
@@ -38,7 +39,7 @@ class FakeRenderer:
     def finished(self) -> Iterable[Frame]:
         if self.lose is not None:
             why, self.lose = self.lose, None
-            raise FramesLostError(why)
+            raise JobsLostError(why)
         done, self.done = self.done, []
         return done
 

@@ -14,10 +14,11 @@ from flyaround.gui.picture.view_settings import ViewSettings, apply_view_setting
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.labels.request import LabelRequest
-from flyaround.simulator.loop import FrameRequest, FramesLostError
+from flyaround.simulator.loop import FrameRequest
 from flyaround.simulator.piloting.orders import PilotCommand
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.runtime.worker import ProcessDiedError
+from flyaround.simulator.runtime.worker_pool import JobsLostError
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.state import SceneState
 
@@ -42,7 +43,7 @@ class Slow:
         if self.lose:
             why, self.lose = self.lose, ""
             self.asked.clear()
-            raise FramesLostError(why)
+            raise JobsLostError(why)
         return []
 
     def draw(self) -> Frame:

@@ -11,7 +11,7 @@ import pytest
 from hil_loop import Loop, adds_up, board, made_frame
 from typer.testing import CliRunner
 
-from flyaround.cli.hil import app
+from flyaround.cli.app import app
 from flyaround.hil.host.audit import audit_pictures, pictures_of
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.recording.ros_log import RosLog
@@ -62,7 +62,7 @@ def run(tmp_path_factory):
 
 @pytest.mark.parametrize("kept", ["kept", "run.mcap"])
 def test_all_pictures_agree(run, kept):
-    done = CliRunner().invoke(app, ["audit", str(run / "log"), str(run / kept), "--json"])
+    done = CliRunner().invoke(app, ["hil", "audit", str(run / "log"), str(run / kept), "--json"])
     told = json.loads(done.stdout)
     assert (done.exit_code, told["passed"], told["agree"], told["pictures"]) == (0, True, N, N)
 
@@ -93,7 +93,7 @@ def test_a_camera_that_repeats_its_number_is_found(tmp_path):
     faults = Faults(camera=(RepeatedNumber(start_s=0.15),))
     kept = Keep(tmp_path / "kept")
     Loop(board()).run(flight(faults), recorders=(kept,), log_dir=tmp_path / "log")
-    done = CliRunner().invoke(app, ["audit", str(tmp_path / "log"), str(tmp_path / "kept")])
+    done = CliRunner().invoke(app, ["hil", "audit", str(tmp_path / "log"), str(tmp_path / "kept")])
     assert done.exit_code == 1
     assert "3 agree" in done.output
     assert "beside the ledger's time of it" in done.output

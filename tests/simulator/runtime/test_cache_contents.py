@@ -6,6 +6,7 @@ import time
 import pytest
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cache_contents import IN_USE_S, cache_kinds, clear_cache, trim_cache
 
 
@@ -40,9 +41,9 @@ def test_entries_in_use_stay_whatever_their_size(folder):
 
 
 def test_kinds_are_counted_largest_first(folder):
-    entry(folder, "maps-v1-a.npy", 10, 0)
-    entry(folder, "maps-v2-b.npy", 10, 0)
-    entry(folder, "edge-gaps-v3-c.npy", 50, 0)
+    entry(folder, f"{entry_name('maps', (), 1)}.npy", 10, 0)
+    entry(folder, f"{entry_name('maps', (), 2)}.npy", 10, 0)
+    entry(folder, f"{entry_name('edge-gaps', ())}.npy", 50, 0)
     entry(folder, "board-models/faces.json", 5, 0)
     found = [(kind.name, kind.files, kind.size_bytes) for kind in cache_kinds()]
     assert found == [("edge-gaps", 1, 50), ("maps", 2, 20), ("board-models", 1, 5)]

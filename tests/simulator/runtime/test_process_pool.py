@@ -30,19 +30,20 @@ def test_two_draw_what_one_draws_in_order_and_say_what_went_wrong(renderer, draw
         if renderer.info.is_software:  # on two processors each draws by its own thread alone
             share = usable_processors() // COUNT
             assert processes.info.threads == (0 if usable_processors() <= COUNT else share)
-        drawn = list(
-            processes.map(((scene,), {"target": target, "index": k}) for k, scene in enumerate(scenes))
-        )
+        drawn = []
+        for k, scene in enumerate(scenes):
+            if not processes.submit(scene, target=target, index=k):
+                drawn.append(processes.result())
+                assert processes.submit(scene, target=target, index=k)
+        drawn += [processes.result() for _ in range(processes.in_flight)]
         assert [k for k, _ in drawn] == list(range(len(scenes)))
         for scene, (_, radiance) in zip(scenes, drawn, strict=True):
             assert np.array_equal(radiance, renderer.render(scene, target).radiance)
-        jobs = [((scenes[0],), {"target": target, "index": index}) for index in (-1, 1, 2)]
+        for index in (-1, 1, 2):
+            processes.submit(scenes[0], target=target, index=index)
         with pytest.raises(UserError, match="lens cap"):
-            list(processes.map(jobs))
-        with pytest.raises(
-            RuntimeError, match="broken off"
-        ):  # their results would be taken for the next ones'
-            list(processes.map(jobs))
+            processes.result()
+        assert [processes.result()[0] for _ in range(2)] == [1, 2]
 
 
 def test_none_cannot_draw():

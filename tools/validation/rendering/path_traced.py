@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 SUN_POINTS = 32
 DEPTH = 6
 SAMPLES_PER_PASS = 64
-VERSION = 1  # of the materials and lights below; part of the cache's key
 OLDEST_LLVM = 17
 # Mitsuba starts its rays off a surface by 9e-5 of (1 + the largest coordinate): of metres about a camera 6 m away that
 # is 0.6 mm, which moves shadows and opens gaps. Its world is about the craft instead, in centimetres.
@@ -157,7 +156,8 @@ def _key(scene: SceneState, target: Target, light: dict[str, Any], spp: int) -> 
     """File name of what is traced of one light."""
     camera = scene.camera
     place = (scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m, camera.width_px, camera.fx_px)
-    return entry_name("mitsuba", VERSION, target.sha256, repr((place, light, spp)), DEPTH, SAMPLES_PER_PASS)
+    samples = DEPTH, SAMPLES_PER_PASS
+    return entry_name("mitsuba", (_traced,), target.sha256, repr((place, light, spp)), samples)
 
 
 def _traced(scene: SceneState, target: Target, light: dict[str, Any], spp: int) -> FloatArray:
