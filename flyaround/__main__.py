@@ -7,6 +7,9 @@ import os
 import signal
 import sys
 
+from flyaround.cli.command_line import typed
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.link.errors import LinkError
 from flyaround.simulator.errors import UserError, machine_sentence
 from flyaround.simulator.runtime.limits import limits_problem
 from flyaround.simulator.runtime.memory import keep_freed_memory
@@ -67,7 +70,6 @@ def run(arguments: list[str]) -> int:
 def _call(arguments: list[str]) -> None:
     """Import the command line, which under a low limit may fail like the rest, and call it."""
     from flyaround.cli.app import app  # noqa: PLC0415 - may fail
-    from flyaround.cli.command_line import typed  # noqa: PLC0415 - may fail
 
     with typed(arguments):
         app(args=arguments, prog_name="flyaround")
@@ -75,9 +77,6 @@ def _call(arguments: list[str]) -> None:
 
 def _is_users(error: Exception) -> bool:
     """Return True if an error says by itself what a user can do."""
-    from flyaround.hil.board.errors import BoardModelError  # noqa: PLC0415 - may fail
-    from flyaround.hil.link.errors import LinkError  # noqa: PLC0415 - may fail
-
     return isinstance(error, UserError | LinkError | BoardModelError)
 
 

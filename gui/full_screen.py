@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Self
 
+import moderngl
+
 from flyaround.gui.surface import import_parts
 from flyaround.gui.window import NO_DISPLAY
 from flyaround.simulator.errors import UserError
@@ -41,8 +43,6 @@ class FullScreen:
 
     def __init__(self, monitor: int = 0) -> None:
         _, self._glfw = import_parts()
-        import moderngl  # noqa: PLC0415 - after the optional parts were found
-
         glfw = self._glfw
         glfw.ERROR_REPORTING = False
         if not glfw.init():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.simulator.scenario.load import is_recipe, list_scenarios, load_scenario
 
 if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
@@ -38,8 +38,6 @@ def refuse_recipe(name: str, command: str, advice: str) -> None:
     UserError
         If it is one.
     """
-    from flyaround.simulator.scenario.load import is_recipe  # noqa: PLC0415 - slow to import, and hardly ever asked for
-
     if name not in list_scenarios() and is_recipe(name):
         raise UserError(
             f"{name} is a recipe of independent samples, and {command} takes a scenario: {advice}"

@@ -8,8 +8,11 @@ import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
 
+import cv2
+import msgspec
 import numpy as np
 
+from flyaround.hil.board.errors import BoardModelError
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.plugins import plugins
 
@@ -82,10 +85,7 @@ class EstimatesByProcess:
         UserError
             If there is no such method.
         """
-        import msgspec  # noqa: PLC0415 - what only this process needs
-
-        from flyaround.hil.board.errors import BoardModelError  # noqa: PLC0415
-        from flyaround.hil.board.estimation import CameraIntrinsics  # noqa: PLC0415
+        from flyaround.hil.board.estimation import CameraIntrinsics  # noqa: PLC0415 - what only this process needs
         from flyaround.hil.evaluate.added_estimators import any_estimator, check_any_method  # noqa: PLC0415
         from flyaround.hil.evaluate.method_choice import MethodChoice, board_model  # noqa: PLC0415
 
@@ -136,8 +136,6 @@ def estimate_picture(held: EstimatesByProcess, request: EstimateRequest) -> Answ
 
 
 def _jpeg(picture: ByteArray) -> ByteArray:
-    import cv2  # noqa: PLC0415 - what only this process needs
-
     ok, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, STAGE_QUALITY])
     if not ok:
         raise RuntimeError("a stage's picture could not be encoded")

@@ -12,6 +12,7 @@ import platformdirs
 
 from flyaround.simulator.errors import UserError, write_error
 from flyaround.simulator.targets.glb.read import load_glb
+from flyaround.simulator.targets.glb.write import write_glb
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,8 +72,6 @@ def install(target: Target) -> Path:
     UserError
         If the folder cannot be written.
     """
-    from flyaround.simulator.targets.glb.write import write_glb  # noqa: PLC0415 - slow to import, needed here alone
-
     path = user_file(target.name)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -103,6 +102,7 @@ def remove(name: str, built_in: Sequence[str]) -> Path:
         raise UserError(f"no target called {name!r} in {user_folder()}; added there: {known}")
     try:
         path.unlink()
+        path.with_suffix(".run.toml").unlink(missing_ok=True)
         shutil.rmtree(sheet_folder(name), ignore_errors=True)
     except OSError as error:
         raise UserError(f"cannot remove {path}: {error.strerror}; check its permissions") from error

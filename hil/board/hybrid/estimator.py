@@ -274,6 +274,7 @@ class PoseEstimator(Estimator):
     """
 
     method = HYBRID
+    takes_sun = True
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics, accept_at: float = ACCEPT_AT) -> None:
         # loaded here, not while a frame waits

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.cli.hil_host import listening_text, summary_text
+from flyaround.cli.hil_words import listening_text, summary_text
 from flyaround.hil.host.board_command import board_url
 from flyaround.hil.host.frame_record import FrameRecord, pose_errors
 from flyaround.hil.host.ledger.frames_csv import COLUMNS, LedgerWriter, read_ledger

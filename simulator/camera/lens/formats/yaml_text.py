@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
+import yaml
+
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import MOST_DEEP
 
@@ -45,8 +47,6 @@ def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
     """
     if len(text) > MOST_YAML_BYTES:
         raise UserError(f"{where} is YAML of more than {MOST_YAML_BYTES / 1e6:g} MB: give the camera alone")
-    import yaml  # noqa: PLC0415 - slow to import: most scenarios' cameras need none
-
     # OpenCV's writer says %YAML:1.0, which YAML itself does not allow
     text = re.sub(r"^%YAML[: ].*$", "", text, flags=re.MULTILINE)
     document = None
@@ -54,7 +54,7 @@ def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
         events = yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
         for event in events:
             if isinstance(event, yaml.NodeEvent):
-                document = _Composer(events, yaml).value(event)
+                document = _Composer(events).value(event)
                 if document is not None:
                     break
         next(events)  # the end of the document
@@ -73,8 +73,8 @@ def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
 class _Composer:
     """Builds the value of a node from the parser's events."""
 
-    def __init__(self, events: Iterator[Any], yaml: Any) -> None:  # noqa: ANN401 - the library has no types
-        self._events, self._yaml = events, yaml
+    def __init__(self, events: Iterator[Any]) -> None:
+        self._events = events
         self._depth = 0
 
     def value(self, event: Any) -> Any:  # noqa: ANN401 - the library has no types
@@ -85,7 +85,7 @@ class _Composer:
         YAMLError, ValueError
             If it refers to itself, nests too deep, has a key twice, or is an object of a language.
         """
-        yaml, line = self._yaml, event.start_mark.line + 1
+        line = event.start_mark.line + 1
         if isinstance(event, yaml.AliasEvent):
             raise yaml.YAMLError(f"line {line} refers to another place, which a camera file does not")
         if event.tag is not None and not _TAGS.fullmatch(event.tag):
@@ -103,16 +103,16 @@ class _Composer:
 
     def _list(self) -> list[Any]:
         found = []
-        while not isinstance(event := next(self._events), self._yaml.SequenceEndEvent):
+        while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
             found.append(self.value(event))
         return found
 
     def _table(self) -> dict[str, Any]:
         table: dict[str, Any] = {}
-        while not isinstance(event := next(self._events), self._yaml.MappingEndEvent):
+        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
             line = event.start_mark.line + 1
-            if not isinstance(event, self._yaml.ScalarEvent):
-                raise self._yaml.YAMLError(f"line {line} has a key that is no word")
+            if not isinstance(event, yaml.ScalarEvent):
+                raise yaml.YAMLError(f"line {line} has a key that is no word")
             if event.value in table:
                 raise ValueError(f"line {line} has the key {event.value[:60]} a second time; delete one")
             table[event.value] = self.value(next(self._events))
@@ -121,6 +121,4 @@ class _Composer:
 
 def yaml_text(table: dict[str, Any]) -> str:
     """Return a table as YAML, lists in one line."""
-    import yaml  # noqa: PLC0415 - as above
-
     return str(yaml.safe_dump(table, sort_keys=False, default_flow_style=None, width=1000))

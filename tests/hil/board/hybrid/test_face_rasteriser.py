@@ -32,7 +32,7 @@ from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap, ShadowMapTabl
 from flyaround.hil.board.hybrid.refine.motion_images import motion_images
 from flyaround.hil.board.hybrid.refine.parallel import Pruning
 from flyaround.hil.board.hybrid.refine.photometric import RELAX, photo_align, photo_likeness, photo_score
-from flyaround.hil.board.hybrid.refine.shadows import search_sun
+from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun
 from flyaround.hil.board_model.write import make_faces
 from flyaround.simulator.targets.model import Part
 from tests.harness.boxes import closed_box
@@ -299,6 +299,26 @@ def test_its_shadows_speak_for_the_right_pose(
     # the pose that is hardest to tell from it is told by half as much again
     least_plain, least_with_them = (np.array([plain, with_them]) - wrong).min(axis=0)
     assert least_with_them > 1.5 * max(least_plain, 0.03)
+
+
+def test_a_known_sun_casts_its_own_shadows_alone(
+    faces: Faces, in_the_sun: tuple[ImagePatch, np.ndarray]
+) -> None:
+    c, sun = in_the_sun
+    craft: Any = SimpleNamespace(suns=ShadowMapTable.of(faces), camera=SimpleNamespace(pinhole=CAMERA))
+    q = quat.from_matrix(FROM_THE_SIDE)
+
+    def given(direction: np.ndarray) -> LitView:
+        return search_sun(craft, faces, replace(c, sun=FROM_THE_SIDE @ direction), q, T_M)
+
+    searched, known = search_sun(craft, faces, c, q, T_M), given(sun)
+    assert known.sun is not None
+    np.testing.assert_allclose(known.sun.direction, sun, atol=1e-12)
+    assert known.score >= searched.score - 0.02
+    # where the given Sun is wrong, no better one is sought, and its shadows are left out if they explain nothing
+    wrong = given(-sun)
+    assert wrong.sun is None or wrong.sun.direction @ sun < -0.99
+    assert wrong.score < known.score - 0.1
 
 
 def test_a_bent_picture_is_straightened() -> None:
