@@ -13,7 +13,7 @@ import typer
 from flyaround.cli.estimation import check_method
 from flyaround.cli.run_options import with_run_options
 from flyaround.cli.terminal import say
-from flyaround.hil.board.agent import EstimatorFactory, describe_board, svd_factory
+from flyaround.hil.board.agent import EstimatorFactory, describe_board, estimator_factory
 from flyaround.hil.board.answering import BoardEstimator
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.gige.camera import SCHEME
@@ -55,7 +55,7 @@ def board(run: Run) -> None:
         write_board_model(load_target(target), path)
         own = added_factory(path, given["method"]) if given["method"] in plugins("estimator") else None
         if url.startswith(SCHEME):
-            make, name, sha256 = own or svd_factory(path, given["method"])
+            make, name, sha256 = own or estimator_factory(path, given["method"])
         else:
             agent = make_agent(url, str(path), given, own)
     if url.startswith(SCHEME):
@@ -71,7 +71,7 @@ def board(run: Run) -> None:
 
 
 def added_factory(model_path: Path, method: str) -> tuple[EstimatorFactory, str, str]:
-    """An estimator of another package on a model file, as ``svd_factory`` gives one of the board's."""
+    """An estimator of another package on a model file, as ``estimator_factory`` gives one of the board's."""
     model = BoardModel.read(model_path)
 
     def make(camera: dict[str, Any]) -> BoardEstimator:

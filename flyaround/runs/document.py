@@ -10,6 +10,7 @@ import msgspec
 from msgspec import inspect as mi
 from typer.models import ArgumentInfo, OptionInfo
 
+from flyaround.hil.board.method_names import name_in_file
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.runtime.sections import Section
@@ -121,12 +122,24 @@ def read_run(path: Path, kind: type[Run]) -> dict[str, Any]:
         raise UserError(
             f"{where} has the schema {schema!r}, and this command's runs have {own!r}: give it one of those"
         )
+    _rename_methods(raw, path)
     try:
         msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
         if "missing required field" not in str(error) or " - at " in str(error):
             raise UserError(f"{where}: {explain(str(error), raw, kind)}") from error
     return raw
+
+
+def _rename_methods(table: dict[str, Any], path: Path) -> None:
+    """Put the present names in place of former names of estimators, in a table and in its sections."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            _rename_methods(value, path)
+        elif key == "method" and isinstance(value, str):
+            table[key] = name_in_file(value, path)
+        elif key == "methods" and isinstance(value, list):
+            table[key] = [name_in_file(v, path) if isinstance(v, str) else v for v in value]
 
 
 def given_fields(run: Run) -> list[RunField]:

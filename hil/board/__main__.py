@@ -14,7 +14,7 @@ import signal
 import sys
 from typing import Iterator, List, NoReturn, Optional
 
-from flyaround.hil.board.agent import bundled_models, describe_board, svd_factory
+from flyaround.hil.board.agent import bundled_models, describe_board, estimator_factory
 from flyaround.hil.board.gige.camera import SCHEME
 from flyaround.hil.board.gige.camera_board import read_camera, run_camera_board
 from flyaround.hil.board.gige.options import CAMERA_OPTIONS, TITLE, camera_board_options, check_options
@@ -115,7 +115,7 @@ def _serve(options: argparse.Namespace, given: List[str], program: str) -> int:
 def _serve_camera(options: argparse.Namespace) -> int:
     """Read a camera until it is enough; the exit code."""
     told = camera_board_options(vars(options))
-    make, name, sha256 = svd_factory(options.model, options.method)
+    make, name, sha256 = estimator_factory(options.model, options.method)
     hello = describe_board(name, sha256, options.method, compiled=True)
     summary = run_camera_board(options.url, told, make, hello)
     # the standard output may be the poses'
@@ -153,7 +153,7 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
 
     if camera is None:
         raise LinkError("--image needs the camera it was taken with: name its file with --camera")
-    make, _, _ = svd_factory(model, method)
+    make, _, _ = estimator_factory(model, method)
     try:
         estimator = make(read_camera(camera))
     except ValueError as error:

@@ -37,7 +37,7 @@ FIRST_PAUSE_S, LAST_PAUSE_S = 0.1, 1.6
 EstimatorFactory = Callable[[Dict[str, Any]], BoardEstimator]
 
 
-def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFactory, str, str]:
+def estimator_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFactory, str, str]:
     """An estimator by name on a model file: factory, model name, model hash.
 
     Raises
@@ -156,7 +156,7 @@ class BoardAgent:
         if make_estimator is None:
             if model_path is None:
                 raise LinkError("the board needs a model file: name one with --model")
-            make_estimator, model_name, model_sha256 = svd_factory(model_path, method)
+            make_estimator, model_name, model_sha256 = estimator_factory(model_path, method)
         self._url, self._make, self._key = url, make_estimator, key
         self._timeout_s, self._watchdog_s, self._silence_s = connect_timeout_s, watchdog_s, silence_s
         self._server: Optional[FrameServer] = None

@@ -28,7 +28,7 @@ HARNESS = Path(__file__).parents[1] / "harness"
 
 def test_a_goodbye_in_brackets_is_printed_as_it_came(monkeypatch, capsys):
     # the real session with a real host; only the estimator is one that needs no pictures
-    monkeypatch.setattr(agent, "svd_factory", lambda *_: (Instant, "", ""))
+    monkeypatch.setattr(agent, "estimator_factory", lambda *_: (Instant, "", ""))
     listener = TcpListener("127.0.0.1", 0)
 
     def host() -> None:
@@ -81,7 +81,7 @@ import sys
 sys.path.insert(0, {str(HARNESS)!r})
 from estimators import Stuck
 from flyaround.hil.board import agent
-agent.svd_factory = lambda *_: (Stuck, "tango", "")
+agent.estimator_factory = lambda *_: (Stuck, "tango", "")
 from flyaround.__main__ import run
 sys.exit(run(sys.argv[1:]))
 """

@@ -55,7 +55,7 @@ import sys
 sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
 from estimators import Instant
 from flyaround.hil.board import agent
-agent.svd_factory = lambda model, method: (Instant, "", "")
+agent.estimator_factory = lambda model, method: (Instant, "", "")
 from flyaround.hil.board.__main__ import run_and_exit
 run_and_exit("flyaround.hil.board")
 """

@@ -1,4 +1,8 @@
-"""Poses from pairs of groups: every group of the picture as every group of its kind on the wireframe."""
+"""Feature correspondence: every group of the image paired with every group of its kind on the wireframe, and solved.
+
+Sharma, Ventura & D'Amico (2018), pose determination: each pair of groups is a hypothesis, solved by EPnP. The thesis
+draws three points of a pair at random for P3P, and counts inliers (RANSAC, Fischler & Bolles 1981).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Ellipses by a Hough transform, and the poses of a round body that its circles then allow."""
+"""Ellipses by a Hough transform, and the poses of a round body that its circles allow: an option of the streams.
+
+The outlook of Sharma's thesis proposes separate Hough transforms for shapes other than lines.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +30,14 @@ class EllipseFit:
 
     Parameters
     ----------
-    u, v : centre [px]. a, b : half axes [px], a >= b. angle_rad : of the major axis from x to y.
-    share : of its outline that has edges.
+    u, v
+        Centre [px].
+    a, b
+        Half axes [px], a >= b.
+    angle_rad
+        Angle of the major axis from x to y.
+    share
+        Share of its outline that has edges.
     """
 
     u: float
@@ -51,7 +60,10 @@ def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float)
 
     Parameters
     ----------
-    mask : (h, w) thin edges. origin : full-resolution pixel of its corner.
+    mask : array (h, w)
+        Thin edges.
+    origin
+        Full-resolution pixel of its corner.
 
     References
     ----------

@@ -1,4 +1,10 @@
-"""The published region and line streams, at the picture's full resolution."""
+"""Feature streams of a region: lines by Hough transforms of two edge images, and the streams of other detectors.
+
+Sharma, Ventura & D'Amico (2018), image processing: the first stream is a Hough transform of what WGE leaves, the
+second one (S&H) of Sobel edges; ``rho = x cos(theta) + y sin(theta)`` in steps of 1 px and 0.5 deg, with lengths and
+gaps that are shares of the region's diagonal. The thesis removes small components of the Sobel edges first. ``lsd``,
+``harris`` and ``ellipse`` are options, as the thesis's outlook suggests.
+"""
 
 from __future__ import annotations
 
@@ -39,10 +45,20 @@ class Streams:
 
     Parameters
     ----------
-    lines : (N, 4) merged segments. by_name : each stream's segments. merged : each after its own merging, where
-        the method has one.
-    corners : (C, 2) of the Harris detector. ellipses : of round bodies. sobel : (h, w) thinned edges around the region.
-    region : the region, enlarged as the method says; what lies outside is dropped.
+    lines : array (N, 4)
+        Merged segments.
+    by_name
+        Each stream's segments.
+    merged
+        Segments of each stream after its own merging, if the method has one.
+    corners : array (C, 2)
+        Corners of the Harris detector.
+    ellipses
+        Ellipses of round bodies.
+    sobel : array (h, w)
+        Thinned edges around the region.
+    region
+        The region, enlarged as the method says; edges outside of it are dropped.
     """
 
     lines: Array
@@ -175,7 +191,10 @@ def find_streams(
 
     Parameters
     ----------
-    image : (H, W) float32. wge : of the whole picture.
+    image : array (H, W), float32
+        The whole image.
+    wge : WeakGradientElimination
+        Of the whole image.
     """
     diagonal = region.diagonal_px
     rows, cols = crop_of(region, image, AROUND * diagonal)

@@ -1,7 +1,8 @@
-"""Perceptual groups: the same small figures found among picture lines and on the wireframe.
+"""Perceptual groups among the lines of an image.
 
-Sharma et al. (2018) list antenna, parallel pair, proximity pair, open polygonal triad, open tetrad and closed
-tetrad. A chain of lines joined at corners is a triad; a chain whose ends meet, a closed tetrad.
+Sharma, Ventura & D'Amico (2018), feature synthesis: antenna, parallel pair, proximity pair, open polygonal triad,
+open tetrad and closed tetrad. A chain of lines joined at corners is a triad; a chain whose ends meet is a closed
+tetrad.
 """
 
 from __future__ import annotations
@@ -32,7 +33,12 @@ class Lines:
 
     Parameters
     ----------
-    ends : (N, 2, 2). direction : (N, 2) unit. length : (N,).
+    ends : array (N, 2, 2)
+        Both ends of each.
+    direction : array (N, 2)
+        Unit vectors.
+    length : array (N,)
+        Lengths [px].
     """
 
     ends: Array
@@ -81,7 +87,10 @@ class Corners:
 
     Parameters
     ----------
-    line, end : (C, 2) lines, and which end of each. point : (C, 2) where the lines intersect.
+    line, end : array (C, 2)
+        Lines, and which end of each.
+    point : array (C, 2)
+        Where the lines intersect.
     """
 
     line: Array
@@ -115,7 +124,10 @@ class Chains:
 
     Parameters
     ----------
-    points : (T, 4, 2) or (T, 4, 3). closed : (T,) whether a fourth line joins the far ends.
+    points : array (T, 4, 2) or (T, 4, 3)
+        Far end, corner, corner, far end.
+    closed : array (T,)
+        True if a fourth line joins the far ends.
     """
 
     points: Array

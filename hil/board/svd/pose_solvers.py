@@ -40,7 +40,8 @@ def point_solver(solver: str) -> Solver:
 
     Parameters
     ----------
-    solver : one of epnp sqpnp ap3p p3p iterative ippe.
+    solver : str
+        One of epnp, sqpnp, ap3p, p3p, iterative and ippe.
     """
     eye = np.eye(3)
     flag = cv2.SOLVEPNP_P3P if solver == "p3p" else getattr(cv2, _FLAGS[solver])
@@ -71,8 +72,12 @@ def solve_points(object_m: Array, rays: Array, solver: str = "sqpnp") -> Tuple[A
 
     Parameters
     ----------
-    object_m : (N, 3). rays : (N, 2) undistorted points at z = 1.
-    solver : as ``point_solver``.
+    object_m : array (N, 3)
+        Points, target frame.
+    rays : array (N, 2)
+        Undistorted points at z = 1.
+    solver : str
+        As of ``point_solver``.
     """
     return from_rotvecs(*point_solver(solver)(object_m, rays))
 
@@ -89,7 +94,10 @@ def three_point_poses(object_m: Array, rays: Array) -> Tuple[Array, Array, Array
 
     Parameters
     ----------
-    object_m : (N, 3, 3) points, target frame. rays : (N, 3, 2) undistorted image points at z = 1.
+    object_m : array (N, 3, 3)
+        Points, target frame.
+    rays : array (N, 3, 2)
+        Undistorted image points at z = 1.
 
     Notes
     -----

@@ -1,4 +1,9 @@
-"""Ranking and refinement of poses on corners: the model's visible corners against those of the picture."""
+"""Ranking of poses by reprojection error, and their refinement by Newton-Raphson.
+
+Sharma, Ventura & D'Amico (2018), pose determination: poses are ranked by the distance between the image's corners and
+the reprojected ones, ``E = mean |p - pi(R x + t)|``, and the best five minimise ``sum |p - pi(R x + t)|^2`` over six
+parameters. Second derivatives of ``pi`` are left out (Gauss-Newton).
+"""
 
 from __future__ import annotations
 
@@ -29,8 +34,12 @@ class ModelCorners:
 
     Parameters
     ----------
-    points_m : (C, 3). normals : (C, K, 3) of the faces that meet there, padded with zeros.
-    always : (C,) ends of members that no face hides.
+    points_m : array (C, 3)
+        Positions, target frame.
+    normals : array (C, K, 3)
+        Normals of the faces that meet there, padded with zeros.
+    always : array (C,)
+        True at ends of members that no face hides.
     """
 
     points_m: Array
@@ -70,9 +79,18 @@ class CornerMap:
 
     Parameters
     ----------
-    points : (N, 2) full-resolution pixels. x0, y0 : corner of the box. distance : (h, w) float32 [px].
-    label : (h, w) number of the nearest corner, index : (L,) which of ``points`` has it.
-    cap_px : distances count no further than this.
+    points : array (N, 2)
+        Full-resolution pixels.
+    x0, y0 : float
+        Top left pixel of the box.
+    distance : array (h, w), float32
+        Distance to the nearest corner [px].
+    label : array (h, w)
+        Number of the nearest corner.
+    index : array (L,)
+        Index in ``points`` of each number.
+    cap_px : float
+        Distances are truncated here [px].
     """
 
     points: Array
@@ -183,7 +201,10 @@ def _mutual(way: Array, nearest: Array, seen: Array) -> Array:
 
     Parameters
     ----------
-    way : (B, C, 2) to the picture's nearest corner [px]. nearest : (B, C) its index.
+    way : array (B, C, 2)
+        From each corner to the picture's nearest one [px].
+    nearest : array (B, C)
+        Its index.
     """
     d = np.where(seen, np.hypot(way[..., 0], way[..., 1]), np.inf)
     least = np.full((len(d), int(nearest.max(initial=0)) + 1), np.inf)
@@ -232,7 +253,12 @@ def gauss_newton_step(J: Array, r: Array, w: Array, scale: Array, damping: float
 
     Parameters
     ----------
-    J : (B, M, 6), r : (B, M), w : (B, M). scale : (6,) natural size of each parameter, for damping.
+    J : array (B, M, 6)
+        Derivatives of the residuals.
+    r, w : array (B, M)
+        Residuals and weights.
+    scale : array (6,)
+        Natural size of each parameter, for damping.
 
     Returns
     -------

@@ -1,7 +1,8 @@
 """Region of interest: a box of the image in which the target may be.
 
-Sharma, Ventura & D'Amico (2018), section on weak gradient elimination: the box holds the central 95 % of the surviving
-gradient along both axes. The thesis enlarges it by 5 % of the mean edge length.
+Sharma, Ventura & D'Amico (2018), image processing, WGE: along each axis the box runs from where the cumulative
+distribution of the surviving gradient pixels is 0.025 to where it is 0.975. The thesis enlarges it by 5 % of the mean
+edge length.
 """
 
 from __future__ import annotations
@@ -22,7 +23,10 @@ class Region:
 
     Parameters
     ----------
-    x0, y0, x1, y1 : edges of the box. source : the rule that proposed it.
+    x0, y0, x1, y1
+        Edges of the box.
+    source
+        The rule that proposed it.
     """
 
     x0: float

@@ -1,4 +1,8 @@
-"""Merging of truncated and repeated line segments into one line each."""
+"""Merging of truncated and repeated line segments into one line each.
+
+Sharma, Ventura & D'Amico (2018), image processing, merging of the streams: segments of nearly one direction, offset
+and place are one edge. The thesis merges each stream by itself before both are merged together.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,10 @@ def merge_segments(segments: Array, diagonal_px: float, keep: int = 60) -> Array
 
     Parameters
     ----------
-    segments : (N, 4) x0 y0 x1 y1. diagonal_px : of the region, for offset (1 %) and end gap (10 %).
+    segments : array (N, 4)
+        x0 y0 x1 y1 of each.
+    diagonal_px : float
+        Diagonal of the region, for offset (1 %) and end gap (10 %).
 
     Returns
     -------

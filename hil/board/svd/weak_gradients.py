@@ -1,6 +1,8 @@
-"""Weak gradient elimination: what survives is the spacecraft's strong edges.
+"""Weak gradient elimination (WGE): the strong edges of the spacecraft survive, the Earth's texture and noise do not.
 
-Sharma, Ventura, D'Amico (2018), J. Spacecraft and Rockets, doi 10.2514/1.A34124, section on WGE.
+Sharma, Ventura & D'Amico (2018), J. Spacecraft and Rockets, doi 10.2514/1.A34124, image processing, WGE. The
+histogram of the normalised gradient magnitude is taken for an exponential distribution, ``F(g) = 1 - exp(-g /
+mean)``; gradients below the threshold ``g* = -mean ln(1 - 0.99)`` are eliminated.
 """
 
 from __future__ import annotations
@@ -22,8 +24,14 @@ class WeakGradientElimination:
 
     Parameters
     ----------
-    magnitude : (h, w) normalised to its largest value. strong : (h, w) above the threshold.
-    threshold : on the normalised magnitude. counts : (bins,) histogram.
+    magnitude : array (h, w)
+        Normalised to its largest value.
+    strong : array (h, w)
+        Above the threshold.
+    threshold
+        On the normalised magnitude.
+    counts : array (bins,)
+        Histogram.
     """
 
     magnitude: Array
@@ -59,7 +67,8 @@ def eliminate_weak_gradients(
 
     Parameters
     ----------
-    image : (h, w) float32, any scale.
+    image : array (h, w), float32
+        , any scale.
     """
     blurred = cv2.GaussianBlur(image, (0, 0), blur_px)
     gx, gy = prewitt(blurred)

@@ -1,4 +1,8 @@
-"""Perceptual groups of the wireframe, in every order in which a group of the image can be paired with them."""
+"""Perceptual groups of the wireframe, in every order in which a group of the image can be paired with them.
+
+Sharma, Ventura & D'Amico (2018), feature synthesis: the definitions are those of the image's groups
+(``perceptual_groups``). They are computed once, before any image.
+"""
 
 from __future__ import annotations
 

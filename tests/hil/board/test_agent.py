@@ -181,7 +181,7 @@ def test_a_host_that_says_nothing_any_more_is_gone():
 @pytest.fixture
 def stub(monkeypatch):
     """The program with an estimator that does nothing, and its arguments."""
-    monkeypatch.setattr(agent_module, "svd_factory", lambda _model, _method: (Stuck, "tango", ""))
+    monkeypatch.setattr(agent_module, "estimator_factory", lambda _model, _method: (Stuck, "tango", ""))
     return lambda url, *more: main([url, "--model", "any", "--timeout", "30", *more])
 
 
@@ -238,7 +238,7 @@ import sys
 sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
 from estimators import Stuck
 from flyaround.hil.board import agent
-agent.svd_factory = lambda model, method: (Stuck, "tango", "")
+agent.estimator_factory = lambda model, method: (Stuck, "tango", "")
 from flyaround.hil.board.__main__ import run_and_exit
 run_and_exit("flyaround.hil.board")
 """

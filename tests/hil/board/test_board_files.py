@@ -43,7 +43,7 @@ def test_a_board_model_is_a_regular_file(never_ending):
 
 def test_so_is_a_camera(never_ending, monkeypatch, capsys):
     # a model takes long to make, and none is needed before the camera is read
-    monkeypatch.setattr("flyaround.hil.board.__main__.svd_factory", lambda *_: (None, "", ""))
+    monkeypatch.setattr("flyaround.hil.board.__main__.estimator_factory", lambda *_: (None, "", ""))
     for path in never_ending:
         assert main(["--image", "none.png", "--model", "tango", "--camera", str(path)]) == 2
         said = capsys.readouterr().err

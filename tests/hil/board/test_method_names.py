@@ -16,6 +16,8 @@ from flyaround.hil.board.method_names import METHODS
 from flyaround.hil.board.methods import check_method_name
 from flyaround.hil.campaign.definitions import read_campaign
 from flyaround.hil.evaluate.result_rows import rows_there
+from flyaround.runs.document import read_run
+from flyaround.runs.estimation import EstimateRun, EvaluateRun
 
 V01 = Path(__file__).parents[2] / "data" / "v0.1"
 
@@ -60,6 +62,14 @@ def test_a_campaign_file_with_the_former_name_is_read_and_says_so_once(
         campaign, _ = read_campaign(path)
     assert [c.method for c in campaign.case] == ["hybrid", "hybrid"]
     assert len(warnings_of(caplog, path)) == 1
+
+
+def test_a_run_file_with_the_former_name_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "run.toml"
+    path.write_text('methods = ["svd", "svd-thesis"]\n')
+    assert read_run(path, EvaluateRun)["methods"] == ["hybrid", "svd-thesis"]
+    path.write_text('method = "svd-track"\n')
+    assert read_run(path, EstimateRun)["method"] == "hybrid-track"
 
 
 def test_rows_of_an_evaluation_with_the_former_name_are_rows_of_the_present_one(

@@ -29,13 +29,13 @@ pytestmark = pytest.mark.gl
 # A board of few lines on the project's own link: the estimator's answer, and what of each frame arrived.
 BOARD = """
 import hashlib, json, sys
-from flyaround.hil.board.agent import svd_factory
+from flyaround.hil.board.agent import estimator_factory
 from flyaround.hil.link.clock import answer_time_sync, now_ns
 from flyaround.hil.link.packets.images import FrameAssembler, supported_encodings
 from flyaround.hil.link.packets.messages import Bye, FrameChunk, FrameHeader, Hello, PoseMessage, TimeSyncRequest
 from flyaround.hil.link.session import Link, greet_host
 from flyaround.hil.link.transports.url import connect
-make, name, digest = svd_factory(sys.argv[1], "hybrid")
+make, name, digest = estimator_factory(sys.argv[1], "hybrid")
 for line in sys.stdin:
     link = Link(connect(line.strip(), 60.0))
     terms = greet_host(link, Hello(supported_encodings(), 1, name, digest), 60.0)

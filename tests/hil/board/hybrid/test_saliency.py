@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from flyaround.hil.board.hybrid.estimator import BUSY
+from flyaround.hil.board.hybrid.prepare import BUSY
 from flyaround.hil.board.hybrid.propose.regions import clusters, propose_regions
 from flyaround.hil.board.hybrid.propose.saliency import (
     CELL_PX,
