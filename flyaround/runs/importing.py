@@ -68,7 +68,12 @@ class Craft(Section, frozen=True, kw_only=True):
 class ImportRun(Run, frozen=True, kw_only=True, tag="flyaround.run.targets-add"):
     """A mesh that becomes a target."""
 
-    file: Annotated[File, typer.Argument(help="A mesh: .glb, .gltf, .obj or .stl.")]
+    file: Annotated[
+        File,
+        typer.Argument(
+            help="A mesh: .glb .gltf .obj .stl, with the extra meshes also .ply .off .dae .3mf .step."
+        ),
+    ]
     name: Annotated[str | None, typer.Option(help="Name of the target (default: the file's).")] = None
     replace: Annotated[bool, typer.Option("--replace", help="Overwrite a target of this name."), HOW] = False
     sheet: Annotated[

@@ -74,7 +74,7 @@ def bench_estimator() -> tuple[PartCost, ...]:
 
 def _in_a_process(folder: Path) -> tuple[PartCost, ...]:
     """The costs of all frames, one at a time."""
-    # threads on matrices this small cost more than they give (docs/svd.md)
+    # threads on matrices this small cost more than they give (docs/hybrid.md)
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     answer = subprocess.run(
         [sys.executable, "-c", BOARD, str(folder), str(EVERY_S)],

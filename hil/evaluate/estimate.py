@@ -24,6 +24,8 @@ from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Target
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from flyaround.hil.board.estimation import Estimator, PoseResult
@@ -37,6 +39,7 @@ def estimate(
     target: Target | str | Path = "tango",
     *,
     method: str = HYBRID,
+    sun_camera: Sequence[float] | None = None,
 ) -> PoseResult:
     """The pose of a target in one picture, as `flyaround estimate` gives it.
 
@@ -49,6 +52,8 @@ def estimate(
     target : the craft in it: a target, a name of `list_targets`, or a target file.
     method : ``hybrid``, or another of ``flyaround.hil.board.method_names.ALL_METHODS``;
         ``net:FILE`` is a network of `flyaround train`.
+    sun_camera : unit vector to the Sun in the camera frame, as ``sun_direction_camera`` of a truth record; None if it
+        is not known. ``hybrid`` searches it then; the other methods have no use for it.
 
     Returns
     -------
@@ -59,8 +64,11 @@ def estimate(
     Raises
     ------
     UserError
-        If the picture cannot be read or is not of the camera's size, or a name is unknown.
+        If the picture cannot be read or is not of the camera's size, a name is unknown, or ``sun_camera`` is no unit
+        vector.
     """
+    if sun_camera is not None and (len(sun_camera) != 3 or not abs(np.linalg.norm(sun_camera) - 1) <= 1e-3):
+        raise UserError(f"sun_camera {tuple(sun_camera)} is no unit vector: give three numbers of length 1")
     craft = target if isinstance(target, Target) else load_target(target)
     intrinsics = camera if isinstance(camera, Camera) else load_camera(camera)
     where = "the picture" if isinstance(image, np.ndarray) else str(image)
@@ -68,7 +76,8 @@ def estimate(
     checked = checked_picture(pixels, intrinsics, where)
     # one that remembers the pictures it was shown is made anew
     find = _made if MethodChoice(method).in_order else _kept
-    return find(_Craft(craft.name, craft.sha256, craft), intrinsics, method).estimate(checked)
+    estimator = find(_Craft(craft.name, craft.sha256, craft), intrinsics, method)
+    return estimator.estimate(checked, sun_camera=sun_camera)
 
 
 def checked_picture(

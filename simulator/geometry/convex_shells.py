@@ -73,7 +73,7 @@ class ConvexShell:
         lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
         normals *= (np.where(left.take(edges), 1.0, -1.0) / np.maximum(lengths, 1e-12))[:, None]
         distances = np.einsum("ij,ij->i", normals, self.ends_m[:, 0].take(edges, axis=0))
-        return np.concatenate([self.planes[front], np.column_stack([normals, -distances])])
+        return np.concatenate([self.planes[front], np.concatenate([normals, -distances[:, None]], axis=1)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ where what they read is missing from the frame.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from flyaround.simulator.render.gl.fences import flush
 from flyaround.simulator.render.gl.timing import StageClock
@@ -37,45 +37,67 @@ class FrameResources:
     """What has been given to a frame's passes, or written by them, so far."""
 
     def __init__(self) -> None:
-        self._values: dict[str, object] = {}
+        self._values: dict[str, Any] = {}
 
     def __contains__(self, resource: object) -> bool:
         return isinstance(resource, Resource) and resource.name in self._values
 
     def __getitem__(self, resource: Resource[T]) -> T:
         """The resource's value; `KeyError` if it was never written."""
-        return cast("T", self._values[resource.name])
+        value: T = self._values[resource.name]
+        return value
 
     def __setitem__(self, resource: Resource[T], value: T | None) -> None:
         self._values[resource.name] = value
 
     def find(self, resource: Resource[T]) -> T | None:
         """The resource's value, or `None` if it is missing from this frame."""
-        return cast("T | None", self._values.get(resource.name))
+        value: T | None = self._values.get(resource.name)
+        return value
+
+    def of(self, one: Pass) -> PassResources:
+        """Return the resources as a pass may use them."""
+        return PassResources(self._values, one)
+
+    def has_all(self, resources: Iterable[Resource[object]]) -> bool:
+        """Return True if none of the resources is missing from this frame."""
+        for resource in resources:  # noqa: SIM110 - a generator would be called for each, in every pass of a frame
+            if self._values.get(resource.name) is None:
+                return False
+        return True
+
+    def fill(self, resources: Iterable[Resource[object]]) -> None:
+        """Mark those of the resources that nobody wrote as missing from this frame."""
+        values = self._values
+        for resource in resources:
+            if resource.name not in values:
+                values[resource.name] = None
 
 
 class PassResources:
     """A frame's resources as one pass may use them: reading and writing what it declared."""
 
-    def __init__(self, resources: FrameResources, of: Pass) -> None:
-        self._resources, self._pass = resources, of
+    def __init__(self, values: dict[str, Any], of: Pass) -> None:
+        self._values, self._pass = values, of
 
     def __getitem__(self, resource: Resource[T]) -> T:
         """A resource that the pass declared among its ``reads``."""
         if resource not in self._pass.reads:
             raise FrameGraphError(f"pass {self._pass.name} reads {resource.name}, which it did not declare")
-        return self._resources[resource]
+        value: T = self._values[resource.name]
+        return value
 
     def find(self, resource: Resource[T]) -> T | None:
         """A resource that the pass declared among its ``optional`` ones, or `None` if the frame has none."""
         if resource not in self._pass.optional:
             raise FrameGraphError(f"pass {self._pass.name} reads {resource.name}, which it did not declare")
-        return self._resources.find(resource)
+        value: T | None = self._values.get(resource.name)
+        return value
 
     def __setitem__(self, resource: Resource[T], value: T | None) -> None:
         if resource not in self._pass.writes:
             raise FrameGraphError(f"pass {self._pass.name} writes {resource.name}, which it did not declare")
-        self._resources[resource] = value
+        self._values[resource.name] = value
 
 
 class Pass:
@@ -148,13 +170,10 @@ class FrameGraph:
         """
         clock = StageClock(context, finish=timed)
         for one in self._passes:
-            runs = all(resources.find(resource) is not None for resource in one.reads)
-            if runs:
-                one.run(PassResources(resources, one))
+            if resources.has_all(one.reads):
+                one.run(resources.of(one))
                 if one.submits:
                     flush(context)
                 clock.lap(one.name)
-            for resource in one.writes:
-                if resource not in resources:
-                    resources[resource] = None
+            resources.fill(one.writes)
         return clock.stage_ms

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional
+from typing import Any, Optional, Sequence
 
 import numpy as np
 
@@ -28,6 +28,9 @@ class Estimator:
     # Whether a frame's answer depends on the frames before it.
     keeps_state = False
 
+    # Whether it makes use of the direction to the Sun.
+    takes_sun = False
+
     def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
         self.model, self.camera = model, camera
 
@@ -36,6 +39,7 @@ class Estimator:
         image: Any,  # noqa: ANN401 - whatever a broken link may hand over
         trace: Optional[Trace] = None,
         t_s: Optional[float] = None,  # noqa: ARG002 - for methods that follow a target
+        sun_camera: Optional[Sequence[float]] = None,
     ) -> PoseResult:
         """The pose in ``image``, or a decline with its reason; never raises on a bad picture.
 
@@ -45,11 +49,12 @@ class Estimator:
         trace : receives what each stage found, for debug pictures; where it holds ``every_stage``, stages that the
             pose did not need run too.
         t_s : time of mid-exposure [s]; only a method that follows the target looks at it.
+        sun_camera : unit vector to the Sun in the camera frame, for methods that take it; None if it is not known.
         """
         reason = unusable(image, self.camera)
         if reason:
             return PoseResult(False, reason, None, None, 0.0, method=self.method)
-        frame = StageRecord(image, trace)
+        frame = StageRecord(image, trace, None if sun_camera is None else np.array(sun_camera, float))
         try:
             return self._estimate(frame)
         except Exception as error:  # noqa: BLE001 - a board must go on to the next frame whatever this one held

@@ -22,11 +22,16 @@ class StageRecord:
         Grey levels.
     trace : dict, optional
         Receives every value that is given to ``keep``.
+    sun_camera : (3,) array, optional
+        Unit vector to the Sun in the camera frame, if it is known.
     """
 
-    def __init__(self, image: Array, trace: Optional[Trace] = None) -> None:
+    def __init__(
+        self, image: Array, trace: Optional[Trace] = None, sun_camera: Optional[Array] = None
+    ) -> None:
         self.image = image
         self.trace = trace
+        self.sun_camera = sun_camera
         self.stages_ms: Dict[str, float] = {}
         self.counts: Dict[str, int] = {}
         self._last = time.perf_counter()

@@ -1,14 +1,14 @@
-"""The pose estimator: an image in, a pose with its confidence out.
+"""The method ``hybrid``: an image in, a pose with its confidence out.
 
-It is a list of stages: propose -> one list of hypotheses -> refine -> decide. ``PREPARE``, ``ROUNDS``, ``REFINE``,
-``SELECT``, ``CHECKS`` and ``DECIDE`` below are that list; what a stage does lives in the folder of its name.
+Every function takes a frozen state and returns the next (``search_states``): prepare -> propose -> choose -> check ->
+answer. A round is a proposal with all that follows it; ``PoseEstimator.initialise`` says which rounds there are.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import Optional
+from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -30,53 +30,33 @@ from flyaround.hil.board.hybrid.decide.confidence import (
 from flyaround.hil.board.hybrid.decide.decision import decided, reconsidered
 from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry
 from flyaround.hil.board.hybrid.decide.near_minima import check_near_minima
-from flyaround.hil.board.hybrid.decide.selection import select_by_edges, select_by_image
+from flyaround.hil.board.hybrid.decide.selection import Selection, select_by_edges, select_by_image
 from flyaround.hil.board.hybrid.hypotheses.ambiguity import same_end
-from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
-from flyaround.hil.board.hybrid.image.edge_field import shrink
-from flyaround.hil.board.hybrid.image.noise import (
-    black_level,
-    coarse_noise,
-    has_flat_floor,
-    noise_sigma,
-    whole_median,
-)
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.native.library import library
+from flyaround.hil.board.hybrid.prepare import prepare
 from flyaround.hil.board.hybrid.propose.edge_search import group_poses, region_edges, template_poses
-from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LAMPS, LearnedProposer
+from flyaround.hil.board.hybrid.propose.learned.learned_proposal import (
+    LAMPS,
+    LearnedProposal,
+    LearnedProposer,
+)
 from flyaround.hil.board.hybrid.propose.learned_hypotheses import hypotheses_of_places, learned_hypotheses
-from flyaround.hil.board.hybrid.propose.regions import REDUCTION, propose_regions
 from flyaround.hil.board.hybrid.refine.close import refine_close_up
 from flyaround.hil.board.hybrid.refine.coarse import refine_coarsely, refine_many_scales
 from flyaround.hil.board.hybrid.refine.edge_hypotheses import refine_by_edges
 from flyaround.hil.board.hybrid.refine.final_edges import refine_on_edges
 from flyaround.hil.board.hybrid.refine.settling import settle
 from flyaround.hil.board.hybrid.refine.synthetic_view import draw_at
-from flyaround.hil.board.hybrid.stages import Round, Search, Stage, run
+from flyaround.hil.board.hybrid.search_states import Choice, PreparedImage, Proposals, SearchSetup
 from flyaround.hil.board.method_names import HYBRID
-from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 from flyaround.hil.board.svd.wireframe_groups import model_triads
-
-# Least noise: quantisation of a scale of 255 [its steps], and half as much again is not told from it.
-LEAST_NOISE, SCALE = 0.15, 255.0
-
-# Noise of means over many pixels from which it is not that of single ones, over what theirs would be.
-CORRELATED = 1.4
-
-# Black level from which a camera is one of a laboratory, over the noise: there the light is that of lamps.
-OFFSET = 2.0
-
-# The same before a texture, whose dark parts are above zero as well.
-FLOOR_OFFSET = 3.0
 
 # Confidences between which a pose in the light of lamps is held against near leans, accepted or not: of 171 surer ones
 # leaning made none right or wrong, and 11 worse of the 13 that it moved by a degree.
 LIKELY, CLEAR = 0.5, 0.99
-
-# Share of the frame's tiles with edges above which the background is not empty space.
-BUSY = 0.25
 
 # Regions looked at by the learned proposal, and places it hands on with a texture behind and with nothing.
 ASKED, PLACES, EMPTY_PLACES = 5, 2, 1
@@ -84,317 +64,199 @@ ASKED, PLACES, EMPTY_PLACES = 5, 2, 1
 # Logit of there being a craft from which its edges are not searched: what the picture cannot settle, they cannot.
 SURE = 2.0
 
-# Regions searched at most with a texture behind and with nothing, and the least diagonal of one [px].
-REGIONS, EMPTY_REGIONS, SMALLEST_PX = 2, 3, 24.0
+# Regions searched at most with a texture behind and with nothing.
+REGIONS, EMPTY_REGIONS = 2, 3
 
 
-# --- prepare: what the image says before any target is looked for
+# --- propose
 
 
-def measure_noise(s: Search) -> None:
-    """Noise of the image (Immerkaer 1996), and the image reduced."""
-    image = s.frame.image
-    # a 16-bit file may hold 10 or 12 bits: its own largest value is its scale
-    full_scale = SCALE if image.dtype == np.uint8 else float(image.max())
-    s.frame.noise = max(noise_sigma(image, full_scale), LEAST_NOISE * full_scale / SCALE)
-    s.reduced, _ = shrink(image, 0, 0, image.shape[1], image.shape[0], max(image.shape) // REDUCTION)
-    coarse = coarse_noise(s.reduced, REDUCTION)
-    if coarse > CORRELATED * s.frame.noise:
-        s.frame.noise, s.smoothed = coarse, True
-    s.frame.keep("reduced", s.reduced)
-
-
-def find_strong_gradients(s: Search) -> None:
-    """Weak gradient elimination (Sharma, Ventura & D'Amico 2018)."""
-    s.edges = eliminate_weak_gradients(s.reduced)
-    s.frame.keep("wge", s.edges)
-
-
-def find_regions(s: Search) -> None:
-    """Regions where the target may be, and whether the background is empty space."""
-    assert s.edges is not None  # noqa: S101 - the stage before found them
-    regions, busy, s.frame.likely = propose_regions(s.reduced, s.edges, s.frame.noise / REDUCTION)
-    if busy < BUSY:
-        # reduced pixels are whole numbers as well
-        s.frame.background = whole_median(s.reduced.astype(np.int32))
-    s.frame.black = _black_level(s, busy)
-    if s.lamps is not None and s.frame.black > OFFSET * s.frame.noise:
-        s.learned = s.lamps
-    s.frame.count("regions", len(regions))
-    s.frame.keep("regions", regions)
-    s.regions = [r for r in regions if r.diagonal_px >= SMALLEST_PX]
-
-
-def _black_level(s: Search, busy: float) -> float:
-    """What the camera adds to light, 0 where nothing says that it does."""
-    noise = s.frame.noise / REDUCTION
-    if not s.smoothed and s.frame.clipped:
-        # noise is cut off at zero: nothing is added
-        return 0.0
-    black = black_level(s.reduced, noise)
-    if s.smoothed or busy < BUSY:
-        return black
-    # the Earth in the whole frame has a darkest part too
-    return black if has_flat_floor(s.reduced, noise) and black > FLOOR_OFFSET * s.frame.noise else 0.0
-
-
-# --- propose: hypotheses for the one list
-
-
-def propose_learned(s: Search) -> None:
-    """Poses of the likeliest places, by the pose proposal network (Sharma & D'Amico 2019)."""
-    if s.learned is not None:
-        keep = PLACES if s.frame.background < 0 else EMPTY_PLACES
-        frame = s.frame
-        s.places = s.learned.propose(
-            frame.image, frame.noise, s.regions[:ASKED], keep, s.reduced, frame.black
+def propose_learned(image: PreparedImage) -> Proposals:
+    """Propose poses of the most likely places, by the pose proposal network (Sharma & D'Amico 2019)."""
+    frame, places = image.frame, []
+    if image.learned is not None:
+        keep = PLACES if frame.background < 0 else EMPTY_PLACES
+        places = image.learned.propose(
+            frame.image, frame.noise, image.regions[:ASKED], keep, image.reduced, frame.black
         )
-    s.hypotheses = [h for place in s.places for h in learned_hypotheses(s.target, s.frame, place)]
-    s.frame.keep("learned_proposals", s.places)
+    hypotheses = [h for place in places for h in learned_hypotheses(image.setup.target, frame, place)]
+    frame.keep("learned_proposals", places)
+    frame.mark("learned_proposal")
+    return Proposals(image, hypotheses, places)
 
 
-def propose_many_scales(s: Search) -> None:
-    """Poses of many places and sizes about what is seen, by the same network."""
-    assert s.learned is not None  # noqa: S101 - the round asks for it
-    source = s.hypotheses[0].source
-    s.elsewhere, s.crops = hypotheses_of_places(s.target, s.frame, s.learned, s.places[0], source, s.reduced)
+def propose_many_scales(first: Proposals, learned: LearnedProposer) -> Proposals:
+    """Add poses of many places and sizes about what the first round saw, by the same network, to its hypotheses."""
+    image, target, frame = first.image, first.image.setup.target, first.image.frame
+    source = first.hypotheses[0].source
+    elsewhere, crops = hypotheses_of_places(target, frame, learned, first.places[0], source, image.reduced)
+    frame.mark("multi_scale_proposal")
+    # they share no patch with those of a region: one patch of all of them
+    aligned = refine_many_scales(target, frame, elsewhere, crops) if crops else []
+    frame.mark("multi_scale_alignment")
+    return replace(first, aligned=tuple(aligned), thorough=True)
 
 
-def propose_by_edges(s: Search) -> None:
-    """Poses of perceptual groups and of viewpoint templates in each region."""
+def propose_by_edges(image: PreparedImage, places: Sequence[LearnedProposal]) -> Proposals:
+    """Propose poses of perceptual groups and of viewpoint templates, aligned on the edges of each region."""
+    target, frame = image.setup.target, image.frame
     # what the learned proposal is sure of is where it is: there edges find the attitudes that it does not
-    sure = [place.source for place in s.places if place.craft > SURE]
-    some = sure[:1] or s.regions[: REGIONS if s.frame.background < 0 else EMPTY_REGIONS]
-    s.frame.count("searched", 1)
+    sure = [place.source for place in places if place.craft > SURE]
+    some = sure[:1] or image.regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]
+    frame.count("searched", 1)
+    found = []
     for region in some:
-        edges = region_edges(s.target, s.frame, region)
+        edges = region_edges(target, frame, region)
         if edges is not None:
-            templates = template_poses(s.target, s.frame, edges)
-            s.poses.append((edges, templates, group_poses(s.target, s.figures, s.frame, edges)))
-
-
-# --- refine
-
-
-def align_many_scales(s: Search) -> None:
-    """Hypotheses of many places, which share no patch with those of a region, on one patch of all of them."""
-    if s.crops:
-        s.aligned = refine_many_scales(s.target, s.frame, s.elsewhere, s.crops)
-
-
-def align_poses_on_edges(s: Search) -> None:
-    """The poses of each region on its edges: what holds becomes a hypothesis."""
-    for edges, *poses in s.poses:
+            templates = template_poses(target, frame, edges)
+            found.append((edges, templates, group_poses(target, image.setup.figures, frame, edges)))
+    frame.mark("edge_search")
+    hypotheses: List[Hypothesis] = []
+    for edges, *poses in found:
         q, t = (np.concatenate(parts) for parts in zip(*poses))  # noqa: B905 - Python 3.9 has no strict=
-        s.hypotheses += refine_by_edges(s.target, s.frame, edges, q, t)
+        hypotheses += refine_by_edges(target, frame, edges, q, t)
+    frame.mark("edge_alignment")
+    return Proposals(image, hypotheses, list(places), thorough=True)
 
 
-def rank_hypotheses(s: Search) -> None:
-    """The list in the order of its scores."""
-    s.hypotheses.sort(key=lambda h: -h.score)
-    s.frame.keep("found", s.hypotheses)
+def ranked(proposals: Proposals) -> Proposals:
+    """Return the hypotheses in the order of their scores."""
+    hypotheses = sorted(proposals.hypotheses, key=lambda h: -h.score)
+    proposals.image.frame.keep("found", hypotheses)
+    proposals.image.frame.mark("ranking")
+    return replace(proposals, hypotheses=hypotheses)
 
 
-def align_coarsely(s: Search) -> None:
-    """The best of each region on a small patch of it, and those refined already."""
-    leaders = refine_coarsely(s.target, s.frame, s.hypotheses, thorough=s.thorough)
-    s.aligned = sorted([*leaders, *s.aligned], key=lambda h: -h.score)
+# --- choose
 
 
-def align_close_up(s: Search) -> None:
-    """The leaders, the winner's near-symmetries and its tilts on one patch of the target."""
-    s.patch, s.aligned = refine_close_up(s.target, s.frame, s.aligned, thorough=s.thorough)
+def choose(proposals: Proposals) -> Choice:
+    """Refine the hypotheses and choose among them: by the whole image if the target has faces, else by edges."""
+    if proposals.image.setup.has_faces:
+        return _choose_by_image(proposals)
+    target, frame = proposals.image.setup.target, proposals.image.frame
+    aligned = refine_on_edges(target, frame, proposals.hypotheses)
+    frame.mark("subpixel_alignment")
+    selection = select_by_edges(target, proposals.hypotheses, aligned)
+    frame.mark("selection")
+    return Choice(proposals, selection)
 
 
-def align_on_edges(s: Search) -> None:
-    """The leaders on sub-pixel edges."""
-    s.aligned = refine_on_edges(s.target, s.frame, s.hypotheses)
+def _choose_by_image(proposals: Proposals) -> Choice:
+    target, frame, thorough = proposals.image.setup.target, proposals.image.frame, proposals.thorough
+    # the best of each region on a small patch of it
+    leaders = refine_coarsely(target, frame, proposals.hypotheses, thorough=thorough)
+    aligned = sorted([*leaders, *proposals.aligned], key=lambda h: -h.score)
+    frame.mark("coarse_alignment")
+    # the leaders, the winner's near-symmetries and its tilts on one patch of the target
+    patch, aligned = refine_close_up(target, frame, aligned, thorough=thorough)
+    frame.mark("close_alignment")
+    # those refined to their ends on the whole image
+    selection = select_by_image(target, frame, patch, aligned, thorough=thorough)
+    frame.mark("final_alignment")
+    return Choice(proposals, selection)
 
 
-# --- decide
+# --- check
 
 
-def select_among_ends(s: Search) -> None:
-    """The best of those refined to their ends on the whole image."""
-    assert s.patch is not None  # noqa: S101 - the stage before made it
-    s.selection = select_by_image(s.target, s.frame, s.patch, s.aligned, thorough=s.thorough)
+def check(choice: Choice) -> Choice:
+    """Hold the selected pose against its symmetries and near minima, as far as the target and the doubt ask for it."""
+    setup, frame = choice.image.setup, choice.image.frame
+    if setup.has_faces and not setup.tried and setup.target.round:
+        choice = replace(choice, selection=check_axial_symmetry(setup.target, frame, choice.selection))
+        frame.mark("axial_symmetry")
+    if setup.has_faces and not setup.tried and setup.has_symmetries:
+        # of a round target a few small parts tell them apart
+        selection = check_discrete_symmetry(setup.target, frame, choice.selection, _prior(choice))
+        choice = replace(choice, selection=selection)
+        frame.mark("discrete_symmetry")
+    if _accepted_in_doubt(choice):
+        frame.count("checked", 1)
+        choice = replace(choice, selection=_tilted(choice))
+        frame.mark("near_minima")
+    return choice
 
 
-def select_among_edges(s: Search) -> None:
-    """The best of those refined on edges."""
-    s.selection = select_by_edges(s.target, s.hypotheses, s.aligned)
-
-
-def turn_about_axis(s: Search) -> None:
-    """The selected pose against turns about the axis of a round target."""
-    s.selection = check_axial_symmetry(s.target, s.frame, s.selected)
-
-
-def turn_by_symmetries(s: Search) -> None:
-    """The selected pose against its near-symmetries; of a round target a few small parts tell them apart."""
-    s.selection = check_discrete_symmetry(s.target, s.frame, s.selected, _prior(s))
-
-
-def tilt(s: Search) -> None:
-    """A doubtful pose against its near minima; of a target not tried before the last word is its near-symmetries'."""
-    before = s.selected
-    if s.tried:
-        s.selection = check_near_minima(s.target, s.frame, before)
-        return
-    after = check_near_minima(s.target, s.frame, before, symmetries=False)
+def _tilted(choice: Choice) -> Selection:
+    """Return the selection after near minima; of a target not tried before its near-symmetries have the last word."""
+    setup, frame, before = choice.image.setup, choice.image.frame, choice.selection
+    if setup.tried:
+        return check_near_minima(setup.target, frame, before)
+    after = check_near_minima(setup.target, frame, before, symmetries=False)
     if after.best is before.best:
         # the near-symmetries are named still
-        s.selection = replace(after.no_clearer(before.evidence), alternatives=before.alternatives)
-        return
+        return replace(after.no_clearer(before.evidence), alternatives=before.alternatives)
     evidence = after.evidence
-    if has_symmetries(s):
-        after = check_discrete_symmetry(s.target, s.frame, after, _prior(s))
-    s.selection = after.no_clearer(evidence)
+    if setup.has_symmetries:
+        after = check_discrete_symmetry(setup.target, frame, after, _prior(choice))
+    return after.no_clearer(evidence)
 
 
-def settle_pose(s: Search) -> None:
-    """The last steps of the selected pose; what it was chosen by stays as it is."""
-    selection = s.selected
-    pose = settle(s.target, s.frame, selection.close, selection.best)
-    s.selection = replace(selection, best=replace(selection.best, pose=pose))
+def _accepted_in_doubt(choice: Choice) -> bool:
+    """A first round would accept the pose, with a confidence that wrong ones have too; by lamps, nearly would."""
+    if not choice.image.setup.has_faces or choice.proposals.thorough:
+        return False
+    evidence = _evidence(choice)
+    if evidence.lamps:
+        return LIKELY < confidence(evidence) < CLEAR
+    return not decide(evidence, choice.image.setup.accept_at) and doubtful(evidence)
 
 
-def accept_or_decline(s: Search) -> None:
-    """Confidence and the acceptance test; the surest answer of all rounds stands."""
-    selection, frame = s.selected, s.frame
-    pose, evidence, first = selection.best.pose, _fitted(s), s.result
+def _prior(choice: Choice) -> Optional[Prior]:
+    """The learned proposal's log-likelihood of a pose, where it has looked."""
+    learned, places = choice.image.learned, choice.proposals.places
+    return None if learned is None or not places else partial(learned.log_likelihood, places)
+
+
+def _evidence(choice: Choice) -> Evidence:
+    """The evidence with what is known of the target's confidences."""
+    image = choice.image
+    return replace(
+        choice.selection.evidence,
+        tried=image.setup.tried,
+        looked=image.learned is not None,
+        lamps=image.by_lamps,
+    )
+
+
+# --- answer
+
+
+def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
+    """Settle the selected pose and decide on it; the surest answer of all rounds stands.
+
+    Parameters
+    ----------
+    first : PoseResult, optional
+        The answer of the rounds before.
+    """
+    setup, frame, selection = choice.image.setup, choice.image.frame, choice.selection
+    pose = selection.best.pose
+    if setup.has_faces:
+        # the last steps of the pose; what it was chosen by stays as it is
+        pose = settle(setup.target, frame, selection.close, selection.best)
+        frame.mark("settling")
+    evidence = _evidence(choice)
     if evidence.lamps and first is not None and isinstance(first.evidence, Evidence):
         agreed = _agrees(first, pose)
         evidence = replace(evidence, agreed=agreed)
-        first = reconsidered(first, replace(first.evidence, agreed=agreed), s.accept_at)
+        first = reconsidered(first, replace(first.evidence, agreed=agreed), setup.accept_at)
     frame.count("edges", evidence.edges)
     frame.keep("field", selection.best.source.field)
     if frame.shows_all:
-        frame.keep("drawn", draw_at(s.target, frame, pose.q, pose.t))
+        frame.keep("drawn", draw_at(setup.target, frame, pose.q, pose.t))
     if evidence.score is not None:
         pose = replace(pose, covariance=error_scale(evidence) * pose.covariance)
-    result = decided(frame, pose, evidence, selection.alternatives, s.accept_at)
+    result = decided(frame, pose, evidence, selection.alternatives, setup.accept_at)
     # not by what they explain: the rounds were judged on different cuts of the image
-    s.result = result if first is None or result.confidence > first.confidence else first
+    return result if first is None or result.confidence > first.confidence else first
 
 
-def _agrees(answer: PoseResult, pose: PoseFit) -> bool:
-    """Whether an answer is the same pose."""
-    q, t = answer.q_camera_from_target_wxyz, answer.t_camera_from_target_m
+def _agrees(result: PoseResult, pose: PoseFit) -> bool:
+    """Return True if an answer is the same pose."""
+    q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     return q is not None and t is not None and same_end(PoseFit(q, t), pose)
-
-
-def _prior(s: Search) -> Optional[Prior]:
-    """The learned proposal's log-likelihood of a pose, where it has looked."""
-    return None if s.learned is None or not s.places else partial(s.learned.log_likelihood, s.places)
-
-
-def _fitted(s: Search) -> Evidence:
-    """The evidence with what is known of the target's confidences."""
-    lamps = s.lamps is not None and s.learned is s.lamps
-    return replace(s.selected.evidence, tried=s.tried, looked=s.learned is not None, lamps=lamps)
-
-
-# --- conditions
-
-
-def by_image(s: Search) -> bool:
-    """The target has faces: the whole image decides."""
-    return s.target.model.faces is not None
-
-
-def by_edges(s: Search) -> bool:
-    """The target has none: edges alone decide."""
-    return not by_image(s)
-
-
-def untried_round(s: Search) -> bool:
-    """A round target on which confidence was not fitted."""
-    return by_image(s) and not s.tried and s.target.round
-
-
-def has_symmetries(s: Search) -> bool:
-    """The target's model lists near-symmetries."""
-    return bool(len(s.target.model.symmetry_wxyz))
-
-
-def untried_symmetric(s: Search) -> bool:
-    """A target with near-symmetries on which confidence was not fitted."""
-    return by_image(s) and not s.tried and has_symmetries(s)
-
-
-def accepted_in_doubt(s: Search) -> bool:
-    """A first round would accept the pose, with a confidence that wrong ones have too; by lamps, nearly would."""
-    if not by_image(s) or s.thorough:
-        return False
-    evidence = _fitted(s)
-    if evidence.lamps:
-        asked = LIKELY < confidence(evidence) < CLEAR
-    else:
-        asked = not decide(evidence, s.accept_at) and doubtful(evidence)
-    if not asked:
-        return False
-    s.frame.count("checked", 1)
-    return True
-
-
-def declined_by_learned(s: Search) -> bool:
-    """The learned proposal found poses, none of which is accepted."""
-    # edges besides would double the time: of 211 frames they set 8 right, and had a wrong pose accepted
-    return s.learned is not None and s.result is not None and not s.result.accepted
-
-
-def nothing_found(s: Search) -> bool:
-    """No round before found any pose."""
-    return s.result is None
-
-
-# --- the list
-
-PREPARE = (
-    Stage("noise", measure_noise),
-    Stage("weak_gradients", find_strong_gradients),
-    Stage("regions", find_regions),
-)
-
-ROUNDS = (
-    Round((Stage("learned_proposal", propose_learned),)),
-    Round(
-        (Stage("multi_scale_proposal", propose_many_scales),),
-        (Stage("multi_scale_alignment", align_many_scales),),
-        when=declined_by_learned,
-        thorough=True,
-    ),
-    Round(
-        (Stage("edge_search", propose_by_edges),),
-        (Stage("edge_alignment", align_poses_on_edges),),
-        when=nothing_found,
-        thorough=True,
-    ),
-)
-
-REFINE = (
-    Stage("ranking", rank_hypotheses),
-    Stage("coarse_alignment", align_coarsely, when=by_image),
-    Stage("close_alignment", align_close_up, when=by_image),
-    Stage("subpixel_alignment", align_on_edges, when=by_edges),
-)
-
-SELECT = (
-    Stage("final_alignment", select_among_ends, when=by_image),
-    Stage("selection", select_among_edges, when=by_edges),
-)
-
-CHECKS = (
-    Stage("axial_symmetry", turn_about_axis, when=untried_round),
-    Stage("discrete_symmetry", turn_by_symmetries, when=untried_symmetric),
-    Stage("near_minima", tilt, when=accepted_in_doubt),
-)
-
-DECIDE = (
-    Stage("settling", settle_pose, when=by_image),
-    Stage("decision", accept_or_decline),
-)
 
 
 class PoseEstimator(Estimator):
@@ -412,43 +274,46 @@ class PoseEstimator(Estimator):
     """
 
     method = HYBRID
+    takes_sun = True
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics, accept_at: float = ACCEPT_AT) -> None:
         # loaded here, not while a frame waits
         library()
         super().__init__(model, camera)
-        self.accept_at = accept_at
         self.target = PreparedTarget.prepare(model, camera)
-        self.figures = model_triads(self.target.model)
-        self.learned = LearnedProposer.prepare(model, camera)
-        self.lamps = LearnedProposer.prepare(model, camera, LAMPS)
-        self.tried = self.learned is not None and model.name in TRIED
+        learned = LearnedProposer.prepare(model, camera)
+        self.setup = SearchSetup(
+            self.target,
+            model_triads(self.target.model),
+            learned,
+            LearnedProposer.prepare(model, camera, LAMPS),
+            learned is not None and model.name in TRIED,
+            accept_at,
+        )
 
     def _estimate(self, frame: StageRecord) -> PoseResult:
         return self.initialise(Observation.of(frame))
 
-    def search(self, frame: Observation) -> Search:
-        """The search of one image, before its first stage."""
-        return Search(
-            self.target, self.figures, self.learned, self.tried, self.accept_at, frame, lamps=self.lamps
-        )
-
     def initialise(self, frame: Observation) -> PoseResult:
-        """The pose in one image, without knowing any other."""
-        s = self.search(frame)
-        run(PREPARE, s)
-        for turn in ROUNDS:
-            if not turn.when(s):
-                continue
-            s.thorough, s.aligned = turn.thorough, []
-            run((*turn.generators, *turn.refiners), s)
-            if s.hypotheses:
-                run((*REFINE, *SELECT, *CHECKS, *DECIDE), s)
-        if s.result is None:
+        """Return the pose in one image, without knowing any other."""
+        image = prepare(self.setup, frame)
+        first, result = _round(propose_learned(image), None)
+        # edges besides would double the time: of 211 frames they set 8 right, and had a wrong pose accepted
+        if image.learned is not None and result is not None and not result.accepted:
+            _, result = _round(propose_many_scales(first, image.learned), result)
+        if result is None:
+            _, result = _round(propose_by_edges(image, first.places), None)
+        if result is None:
             return self._declined(frame, "no target found")
-        if frame.shows_all and s.places and s.regions:
+        if frame.shows_all and first.places and image.regions:
             # the stages that were not needed, for the pictures of all
-            s.places, s.regions = [], s.regions[:1]
-            propose_by_edges(s)
-            align_poses_on_edges(s)
-        return replace(s.result, method=self.method)
+            propose_by_edges(replace(image, regions=image.regions[:1]), [])
+        return replace(result, method=self.method)
+
+
+def _round(proposals: Proposals, before: Optional[PoseResult]) -> Tuple[Proposals, Optional[PoseResult]]:
+    """Return the ranked proposals, and the answer of all rounds; the one before if nothing is proposed."""
+    if not proposals.hypotheses:
+        return proposals, before
+    proposals = ranked(proposals)
+    return proposals, answer(check(choose(proposals)), before)

@@ -1,7 +1,7 @@
 """The published pipeline: an image in, a pose and the decision on it out. Each stage is a function of its own file.
 
 Sharma, Ventura & D'Amico (2018), sections on image processing and on pose determination. What the paper and the thesis
-leave open is chosen in the stages' files and described in docs/svd_methods.md.
+leave open is chosen in the stages' files and described in docs/svd.md.
 """
 
 from __future__ import annotations

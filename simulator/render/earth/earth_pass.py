@@ -280,6 +280,7 @@ class Earth:
                 )
             program, level = draw.program, draw.level or 0.0
             program.bind_textures(**textures, t_detail=draw.detail)
+            textures = {}  # they are on the same units of the other programs
             program.set("u_season", month.share)
             program.set("u_extent_px", frame.tiles.extent_px)
             program.set("u_tile_px", draw.tile_px)
@@ -372,6 +373,7 @@ class EarthPass(Pass):
         """Draw the tiles, all of which any pixel may be."""
         frame, earth = EarthFrame.of(r), r[EARTH]
         tiles = frame.tiles
+        draws = []
         for kind, centers in tiles.centers_px.items():
             draw = EarthDraw(
                 earth.program(frame, kind, quads=False),
@@ -382,4 +384,5 @@ class EarthPass(Pass):
                 earth.mipmapped_detail(self._context.LINEAR_MIPMAP_LINEAR),
                 kind.level,
             )
-            earth.draw(frame, [(draw, partial(np.asarray, centers))])
+            draws.append((draw, partial(np.asarray, centers)))
+        earth.draw(frame, draws)

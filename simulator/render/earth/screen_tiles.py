@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -98,13 +98,18 @@ class ScreenTiles:
 
     def fine_place(self, centers_px: Float32Array) -> tuple[IntArray, IntArray, IntArray]:
         """(K,) of fine tiles, by their middles (K, 2): which of ``halved`` holds them, row and column in it."""
-        shape = tuple(side // self.size_px for side in reversed(self.extent_px))
-        which = np.zeros(shape, np.int64)
-        which[self.halved] = np.arange(len(self.halved[0]))
         half_column, half_row = (
             ((centers_px + np.float32(0.5)) / np.float32(self.size_px / 2)).astype(np.int64).T
         )
-        return which[half_row // 2, half_column // 2], half_row % 2, half_column % 2
+        return self._halved_place[half_row // 2, half_column // 2], half_row % 2, half_column % 2
+
+    @cached_property
+    def _halved_place(self) -> IntArray:
+        """Index in ``halved`` of each of the image's tiles, row by row; 0 for those that are not."""
+        width, height = self.extent_px
+        which = np.zeros((height // self.size_px, width // self.size_px), np.int64)
+        which[self.halved] = np.arange(len(self.halved[0]))
+        return which
 
     def place(self, centers_px: Float32Array) -> tuple[IntArray, IntArray]:
         """(K,) rows and columns of tiles, counted in tiles, by their middles (K, 2)."""

@@ -139,24 +139,28 @@ class Program:
 
     def __init__(self, gl: moderngl.Program, samplers: tuple[str, ...]) -> None:
         self.gl = gl
-        self._samplers = samplers
-        for unit, name in enumerate(samplers):
+        self._units = {name: unit for unit, name in enumerate(samplers)}
+        self._values: dict[str, object] = {}
+        for name, unit in self._units.items():
             self.set(name, unit)
         self.set("t_rays", RAYS_UNIT)
 
     def set(self, name: str, value: object) -> None:
         """Set a plain uniform by name: a number, or a tuple of numbers."""
+        if self._values.get(name) == value:
+            return
         member = self.gl.get(name, None)
         if isinstance(member, moderngl.Uniform):
             member.value = value
+        self._values[name] = value
 
     def bind_textures(self, **textures: moderngl.Texture | moderngl.Texture3D) -> None:
         """Bind each named texture to the unit of its sampler.
 
         Raises
         ------
-        ValueError
+        KeyError
             If a name is not one of the program's samplers.
         """
         for name, texture in textures.items():
-            texture.use(self._samplers.index(name))
+            texture.use(self._units[name])

@@ -40,6 +40,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, IntArray
 
 
+_CORNERS = (0, 0), (0, 1), (1, 0), (1, 1)  # upper left, upper right, lower left, lower right
+
+
 class CornerAir:
     """The air in front of the ground at the corners of smooth tiles.
 
@@ -73,8 +76,11 @@ class CornerAir:
         air: Float32Array, place: tuple[IntArray, IntArray], which: IntArray | None = None
     ) -> Float32Array:
         first = () if which is None else (which,)
-        at = [air[(*first, place[0] + down, place[1] + right)] for down in (0, 1) for right in (0, 1)]
-        return np.stack(at, axis=-1).reshape(len(place[0]), -1)
+        row, column = place
+        four = np.empty((len(row), air.shape[-1], 4), np.float32)
+        for corner, (down, right) in enumerate(_CORNERS):
+            four[:, :, corner] = air[(*first, row + down, column + right)]
+        return four.reshape(len(row), -1)
 
 
 CORNER_AIR: Resource[CornerAir] = Resource("corner air")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Dict, Tuple, Union
+from typing import Dict, Optional, Tuple, Union
 
 import cv2
 import numpy as np
@@ -30,6 +30,7 @@ class ImagePatch:
         under a wide blur, see ``background``.
     tall : rows' picture pixels over columns': a region is no whole number of equal pixels both ways, and to take
         it for one moves the range by a thousandth.
+    sun : (3,) unit vector to the Sun, camera axes; None where shadows have to tell it.
     """
 
     gray: Array
@@ -43,6 +44,7 @@ class ImagePatch:
     tall: float = 1.0
     clipped: float = 0.0
     exact: bool = False
+    sun: Optional[Array] = None
 
     @cached_property
     def textured(self) -> bool:

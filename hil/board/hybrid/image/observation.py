@@ -25,8 +25,10 @@ class Observation(StageRecord):
     straight : the last part of it that was straightened, with its box.
     """
 
-    def __init__(self, image: Array, trace: Optional[Trace] = None) -> None:
-        super().__init__(image, trace)
+    def __init__(
+        self, image: Array, trace: Optional[Trace] = None, sun_camera: Optional[Array] = None
+    ) -> None:
+        super().__init__(image, trace, sun_camera)
         self.noise = 0.0
         self.black = 0.0
         self.background = -1.0
@@ -41,7 +43,7 @@ class Observation(StageRecord):
         """Return an observation that adds to the times and counters of ``record``."""
         if isinstance(record, Observation):
             return record
-        made = Observation(record.image, record.trace)
+        made = Observation(record.image, record.trace, record.sun_camera)
         made.stages_ms, made.counts = record.stages_ms, record.counts
         return made
 

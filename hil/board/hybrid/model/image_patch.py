@@ -46,7 +46,18 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
     wide, high = (min(b, n) - a for a, b, n in zip(box[:2], box[2:], whole))  # noqa: B905 - Python 3.9 has no strict=
     across = wide / w
     sigma = max(frame.noise, UNDRAWN * full) / factor
-    return ImagePatch(gray, sigma, float(box[0]), float(box[1]), across, FINE, full, plain, high / h / across)
+    return ImagePatch(
+        gray,
+        sigma,
+        float(box[0]),
+        float(box[1]),
+        across,
+        FINE,
+        full,
+        plain,
+        high / h / across,
+        sun=frame.sun_camera,
+    )
 
 
 # The lens bends smoothly: the place of every eighth pixel is enough, of some round the box too.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Optional
+from typing import Any, Optional, Sequence
 
 import numpy as np
 
@@ -81,6 +81,7 @@ class TrackingEstimator(Estimator):
 
     method = HYBRID_TRACK
     keeps_state = True
+    takes_sun = True
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
         super().__init__(model, camera)
@@ -104,6 +105,7 @@ class TrackingEstimator(Estimator):
         image: Any,  # noqa: ANN401 - as Estimator
         trace: Optional[Trace] = None,
         t_s: Optional[float] = None,
+        sun_camera: Optional[Sequence[float]] = None,
     ) -> PoseResult:
         """As ``Estimator.estimate``; ``t_s`` is the time of mid-exposure [s], None: ``FRAME_S`` after the last."""
         if t_s is not None and not np.isfinite(t_s):
@@ -115,7 +117,7 @@ class TrackingEstimator(Estimator):
         self.at_s = t_s if t_s is not None else (self.at_s or 0.0) + dt
         if self.state is not None:
             self.state = predict(self.state, dt)
-        result = super().estimate(image, trace, t_s)
+        result = super().estimate(image, trace, t_s, sun_camera)
         self.missed += not result.accepted
         if self.missed > COAST:
             self.state = None
@@ -206,9 +208,14 @@ class TrackingEstimator(Estimator):
         poses = ((state.q, state.t), (edges.q, edges.t))
         near = quat.angle_rad(state.q, edges.q) < NEAR_RAD
         self.aligned += 1
-        follow = self.aligned % FOLLOWED == 0
+        given = frame.sun_camera
+        follow = given is None and self.aligned % FOLLOWED == 0
         seen = align_photometrically(
-            self.craft, frame, poses[1:] if near else poses, self.sun, follow_sun=follow
+            self.craft,
+            frame,
+            poses[1:] if near else poses,
+            self.sun if given is None else given,
+            follow_sun=follow,
         )
         self.sun = seen.sun
         frame.count("picture", 1)

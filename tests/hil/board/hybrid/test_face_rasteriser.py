@@ -32,7 +32,7 @@ from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap, ShadowMapTabl
 from flyaround.hil.board.hybrid.refine.motion_images import motion_images
 from flyaround.hil.board.hybrid.refine.parallel import Pruning
 from flyaround.hil.board.hybrid.refine.photometric import RELAX, photo_align, photo_likeness, photo_score
-from flyaround.hil.board.hybrid.refine.shadows import search_sun
+from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun
 from flyaround.hil.board_model.write import make_faces
 from flyaround.simulator.targets.model import Part
 from tests.harness.boxes import closed_box
@@ -301,6 +301,26 @@ def test_its_shadows_speak_for_the_right_pose(
     assert least_with_them > 1.5 * max(least_plain, 0.03)
 
 
+def test_a_known_sun_casts_its_own_shadows_alone(
+    faces: Faces, in_the_sun: tuple[ImagePatch, np.ndarray]
+) -> None:
+    c, sun = in_the_sun
+    craft: Any = SimpleNamespace(suns=ShadowMapTable.of(faces), camera=SimpleNamespace(pinhole=CAMERA))
+    q = quat.from_matrix(FROM_THE_SIDE)
+
+    def given(direction: np.ndarray) -> LitView:
+        return search_sun(craft, faces, replace(c, sun=FROM_THE_SIDE @ direction), q, T_M)
+
+    searched, known = search_sun(craft, faces, c, q, T_M), given(sun)
+    assert known.sun is not None
+    np.testing.assert_allclose(known.sun.direction, sun, atol=1e-12)
+    assert known.score >= searched.score - 0.02
+    # where the given Sun is wrong, no better one is sought, and its shadows are left out if they explain nothing
+    wrong = given(-sun)
+    assert wrong.sun is None or wrong.sun.direction @ sun < -0.99
+    assert wrong.score < known.score - 0.1
+
+
 def test_a_bent_picture_is_straightened() -> None:
     lens = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5, "brown_conrady", (-0.4, 0.2, 0.001, -0.002))
     y, x = np.mgrid[0:160, 0:200]
@@ -396,7 +416,7 @@ def test_each_witness_alone_can_make_a_pose_doubtful() -> None:
 
 
 def test_a_pose_is_accepted_from_the_confidence_on_that_the_documents_name() -> None:
-    """docs/svd.md: of 600 frames that the threshold was not chosen on, 0.9 accepts a wrong pose and 0.93 none."""
+    """docs/hybrid.md: of 600 frames that the threshold was not chosen on, 0.9 accepts a wrong pose and 0.93 none."""
     told = Evidence(0.5, 0.5, 0.0, 0.05, 0.5, 0.5, 0.0, 0.01, 0.003, 100, 300.0, False, 0.2, 0.97, 0.5)
     edges = replace(told, score=None, drawn=0.9, outside=0.0, found=0.9, tight=0.8, sigma_share=0.001)
     for wanted, reason in (

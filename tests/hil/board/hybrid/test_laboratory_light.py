@@ -10,14 +10,15 @@ import pytest
 
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.hybrid.decide.confidence import Evidence, confidence, decide
-from flyaround.hil.board.hybrid.estimator import PREPARE, PoseEstimator
+from flyaround.hil.board.hybrid.estimator import PoseEstimator
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.shading import Shading
 from flyaround.hil.board.hybrid.image.noise import black_level, coarse_noise, has_flat_floor, noise_sigma
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.prepare import prepare
 from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LAMPS, network_for
 from flyaround.hil.board.hybrid.refine.photometric import burnt_share
-from flyaround.hil.board.hybrid.stages import Search, run
+from flyaround.hil.board.hybrid.search_states import PreparedImage
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.targets.library import load_target
 
@@ -75,22 +76,20 @@ def test_the_black_level_is_that_of_the_darkest_parts() -> None:
     assert black_level(reduced_of(dark.astype(np.float32)), SIGMA / 4) == pytest.approx(PEDESTAL, abs=1.5)
 
 
-def prepared(estimator: PoseEstimator, image: np.ndarray) -> Search:
-    search = estimator.search(Observation(image))
-    run(PREPARE, search)
-    return search
+def prepared(estimator: PoseEstimator, image: np.ndarray) -> PreparedImage:
+    return prepare(estimator.setup, Observation(image))
 
 
 def test_a_camera_with_a_black_level_is_asked_by_the_network_of_lamps(estimator: PoseEstimator) -> None:
-    search = prepared(estimator, picture(pedestal=PEDESTAL))
-    assert search.frame.black == pytest.approx(PEDESTAL, abs=2.0)
-    assert search.learned is search.lamps
-    assert search.learned is estimator.lamps
+    lit = prepared(estimator, picture(pedestal=PEDESTAL))
+    assert lit.frame.black == pytest.approx(PEDESTAL, abs=2.0)
+    assert lit.by_lamps
+    assert lit.learned is estimator.setup.lamps
     smoothed = prepared(estimator, picture(pedestal=PEDESTAL, smooth=True))
     assert smoothed.smoothed
     assert 0.5 * SIGMA < smoothed.frame.noise < 1.1 * SIGMA
     # the estimator itself is as it was: the next picture may be of another camera
-    assert prepared(estimator, picture(pedestal=0.0)).learned is estimator.learned
+    assert prepared(estimator, picture(pedestal=0.0)).learned is estimator.setup.learned
 
 
 def test_a_camera_that_adds_nothing_has_no_black_level(estimator: PoseEstimator) -> None:

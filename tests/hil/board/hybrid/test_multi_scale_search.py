@@ -77,7 +77,7 @@ def test_a_craft_of_which_a_part_is_lit_is_found(estimator: PoseEstimator, seed:
     true_px = 2 * CAMERA.fx_px * craft.radius_m / T_M[2]
     # the look at what is lit is wrong, or this would test nothing
     regions, _, _ = propose_regions(reduced, eliminate_weak_gradients(reduced), SIGMA / 4)
-    first = estimator.learned
+    first = estimator.setup.learned
     assert first is not None
     proposal = first.propose(frame.image, SIGMA, [r for r in regions if r.diagonal_px > 24], 1, reduced)[0]
     assert proposal.crop.diameter_px < 0.9 * true_px

@@ -27,7 +27,7 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.variants import near_symmetries, over_its_image, tilts
 from flyaround.hil.board.hybrid.refine.close import CLOSE_PX, refine_close_up
 from flyaround.hil.board.hybrid.refine.photometric import photo_score
-from flyaround.hil.board.hybrid.stages import run
+from flyaround.hil.board.hybrid.search_states import Choice, PreparedImage, Proposals, SearchSetup
 from flyaround.hil.board.svd.region_of_interest import Region
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.targets.library import load_target
@@ -216,21 +216,16 @@ def test_what_is_told_of_errors_grows_with_the_craft_and_leaves_the_decision() -
     assert len({confidence(at(size)) for size in (100.0, 400.0, 1500.0)}) == 1
 
 
-def untried(craft: PreparedTarget, monkeypatch: pytest.MonkeyPatch) -> PoseEstimator:
-    """An estimator of a craft whose confidence was not fitted, that takes every selection for doubtful."""
+def untried(craft: PreparedTarget, monkeypatch: pytest.MonkeyPatch) -> SearchSetup:
+    """The setup of a craft whose confidence was not fitted, where every selection is taken for doubtful."""
     monkeypatch.setattr(estimator, "doubtful", lambda _: True)
-    made = PoseEstimator(craft.model, CAMERA, accept_at=0.0)
-    made.tried = False
-    return made
+    return replace(PoseEstimator(craft.model, CAMERA, accept_at=0.0).setup, tried=False)
 
 
-def answer(made: PoseEstimator, frame: Observation, held: Selection) -> PoseResult:
+def answer(setup: SearchSetup, frame: Observation, held: Selection) -> PoseResult:
     """What the checks and the decision make of a selection."""
-    s = made.search(frame)
-    s.selection = held
-    run((*estimator.CHECKS, *estimator.DECIDE), s)
-    assert s.result is not None
-    return s.result
+    image = PreparedImage(setup, frame, np.zeros((0, 0)), [], setup.learned, smoothed=False)
+    return estimator.answer(estimator.check(Choice(Proposals(image, [], []), held)), None)
 
 
 def test_half_a_turn_that_was_judged_is_not_brought_back_by_the_score_alone(
@@ -243,8 +238,7 @@ def test_half_a_turn_that_was_judged_is_not_brought_back_by_the_score_alone(
     monkeypatch.setattr(estimator, "check_discrete_symmetry", lambda _, __, choice, ___: choice)
     told = answer(made, frame, held)
     assert np.degrees(quat.angle_rad(told.q_camera_from_target_wxyz, turned)) < 15
-    made.tried = True
-    told = answer(made, frame, held)
+    told = answer(replace(made, tried=True), frame, held)
     assert np.degrees(quat.angle_rad(told.q_camera_from_target_wxyz, Q)) < 0.5
 
 

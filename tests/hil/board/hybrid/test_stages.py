@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +9,11 @@ import cv2
 import numpy as np
 import pytest
 
-from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.estimation import quaternion as quat
-from flyaround.hil.board.estimation.camera import CameraIntrinsics, undistorted_rays
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.record import Trace
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.estimation.vectors import cross
 from flyaround.hil.board.hybrid.debug.stage_pictures import write_stage_pictures
 from flyaround.hil.board.hybrid.decide.confidence import Evidence, confidence, decide
 from flyaround.hil.board.hybrid.geometry.wireframe import jacobian, project
@@ -28,121 +25,14 @@ from flyaround.hil.board.hybrid.model.visibility import hidden, occluders, sampl
 from flyaround.hil.board.hybrid.propose.plane_poses import plane_poses
 from flyaround.hil.board.hybrid.propose.regions import propose_regions, straight_windows
 from flyaround.hil.board.hybrid.refine.edges import align_to_field
-from flyaround.hil.board.svd.perceptual_groups import (
-    Lines,
-    antennas,
-    image_triads,
-    parallel_pairs,
-    proximity_pairs,
-)
-from flyaround.hil.board.svd.pose_solvers import solve_points
-from flyaround.hil.board.svd.region_of_interest import marginal_interval
 from flyaround.hil.board.svd.segment_merging import merge_segments
-from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients, exponential_threshold
-from flyaround.hil.board.svd.wireframe_groups import model_triads
+from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
+from tests.harness.box_model import box_model
 
 CAMERA = CameraIntrinsics(640, 480, 800.0, 800.0, 320.0, 240.0)
-
-
-def box_model() -> dict[str, Any]:
-    """A closed box of 1.0 x 0.8 x 0.4 m."""
-    h = np.array([0.5, 0.4, 0.2])
-    v = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * h
-    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    normals = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]]
-    edges: dict[tuple[int, ...], list[list[int]]] = {}
-    triangles = []
-    for f, n in zip(faces, normals, strict=True):
-        triangles += [[f[0], f[1], f[2]], [f[0], f[2], f[3]]]
-        for k in range(4):
-            edges.setdefault(tuple(sorted((f[k], f[(k + 1) % 4]))), []).append(n)
-    return {
-        "schema": "flyaround.board_model",
-        "version": 1,
-        "name": "box",
-        "sha256": "0",
-        "keypoints": [{"name": f"corner_{i}", "position_m": p} for i, p in enumerate(v.tolist())],
-        "wireframe": [
-            {
-                "name": f"edge_{a}_{b}",
-                "a_m": v[a].tolist(),
-                "b_m": v[b].tolist(),
-                "normals": n,
-                "radius_m": 0.0,
-            }
-            for (a, b), n in edges.items()
-        ],
-        "occluders": {"vertices_m": v.tolist(), "triangles": triangles},
-        "symmetry_wxyz": [[0, 0, 0, 1]],
-        "mass_kg": 10.0,
-    }
-
-
 MODEL = BoardModel.from_dict(box_model())
 POSE_Q = quat.normalise(np.array([0.7, 0.5, -0.3, 0.2]))
 POSE_T = np.array([0.1, -0.05, 3.0])
-
-
-def test_quaternions_and_matrices_are_inverse() -> None:
-    q = quat.normalise(np.random.default_rng(0).normal(size=(200, 4)))
-    assert quat.angle_rad(quat.from_matrix(quat.matrix(q)), q).max() < 1e-6
-    v = np.array([0.0, 0.0, np.pi / 2])
-    assert quat.matrix(quat.from_rotvec(v)) @ [1, 0, 0] == pytest.approx([0, 1, 0])
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"schema": "other"},
-        {"version": 2},
-        {"wireframe": []},
-        {"wireframe": [{"name": "x", "a_m": [0, 0], "b_m": [0, 0, 1]}]},
-        {"occluders": {"vertices_m": [[0, 0, 0]], "triangles": [[0, 1, 2]]}},
-    ],
-)
-def test_a_bad_model_is_refused_with_a_reason(tmp_path: Path, change: dict[str, Any]) -> None:
-    path = tmp_path / "model.json"
-    path.write_text(json.dumps({**box_model(), **change}))
-    with pytest.raises(BoardModelError, match="board model"):
-        BoardModel.read(path)
-    with pytest.raises(BoardModelError, match="cannot be read"):
-        BoardModel.read(tmp_path / "missing.json")
-
-
-@pytest.mark.parametrize(
-    ("model", "coefficients"),
-    [("brown_conrady", (-0.22, 0.5, -7e-4, -2e-4, -0.13)), ("kannala_brandt", (-0.01, 0.02, -0.01, 0.002))],
-)
-def test_distortion_is_opencvs_and_undone(model: str, coefficients: tuple[float, ...]) -> None:
-    camera = CameraIntrinsics(640, 480, 800.0, 810.0, 320.0, 240.0, model, coefficients)
-    points = np.random.default_rng(1).uniform([-0.3, -0.2, 1], [0.3, 0.2, 1], (50, 3))
-    K = np.array([[800.0, 0, 320], [0, 810, 240], [0, 0, 1]])
-    d = np.array(coefficients)
-    if model == "brown_conrady":
-        expected = cv2.projectPoints(points, np.zeros(3), np.zeros(3), K, d)[0]
-    else:
-        expected = cv2.fisheye.projectPoints(points.reshape(1, -1, 3), np.zeros(3), np.zeros(3), K, d)[0]
-    pixels = camera.pixels(points)
-    assert np.abs(pixels - np.asarray(expected).reshape(-1, 2)).max() < 1e-9
-    assert np.abs(undistorted_rays(camera, pixels) - points[:, :2]).max() < 1e-6
-
-
-def test_threshold_of_an_exponential_is_4605_times_its_mean() -> None:
-    x = np.random.default_rng(2).exponential(0.02, 400_000)
-    counts = np.histogram(x, 100, (0, 1))[0]
-    threshold = exponential_threshold(counts, 0.99)
-    assert threshold == pytest.approx(4.605 * 0.02, rel=0.05)
-    assert (x > threshold).mean() == pytest.approx(0.01, abs=0.003)
-
-
-def test_weak_gradients_vanish_and_the_outline_stays() -> None:
-    image = np.random.default_rng(3).normal(20, 3, (120, 160)).astype(np.float32)
-    image[40:80, 50:110] += 150
-    strong = eliminate_weak_gradients(image).strong
-    ys, xs = np.nonzero(strong)
-    assert (xs.min(), xs.max(), ys.min(), ys.max()) == pytest.approx((49, 110, 39, 80), abs=2)
-    assert not strong[45:75, 56:104].any()
-    assert marginal_interval(np.ones(1000), 0.025, 0.975) == pytest.approx((24, 974), abs=1)
 
 
 @pytest.mark.parametrize("sigma", [2.0, 6.0, 12.0])
@@ -220,35 +110,6 @@ def test_noise_of_a_picture_scales_with_it() -> None:
     assert noise_sigma(picture.astype(np.uint16) * 257, 65535.0) == pytest.approx(257 * few, rel=1e-9)
 
 
-def test_broken_and_doubled_segments_become_one_line() -> None:
-    pieces = [[10, 10, 50, 30], [56, 33, 90, 50], [12, 11.5, 60, 35.2], [10, 100, 90, 100]]
-    merged = merge_segments(np.array(pieces, float), 150.0)
-    assert len(merged) == 2
-    first = merged[0].reshape(2, 2)
-    assert first[np.argsort(first[:, 0])] == pytest.approx(np.array([[10, 10], [90, 50]]), abs=1.0)
-
-
-def test_figures_of_a_square_and_a_rod() -> None:
-    square = [[20, 20, 98, 20], [100, 22, 100, 100], [98, 100, 22, 100], [20, 98, 20, 23]]
-    rod = [[130, 20, 130, 90], [136, 20, 136, 90]]
-    lines = Lines.of(np.array(square + rod, float))
-    corners = proximity_pairs(lines, 8.0)
-    assert len(corners.line) == 4
-    chains = image_triads(lines, corners)
-    assert chains.closed.sum() == 4
-    assert np.sort(chains.points[0][:, 0]) == pytest.approx([20, 20, 100, 100], abs=1e-6)
-    pairs = parallel_pairs(lines)
-    assert [4, 5] in pairs.tolist()
-    assert antennas(lines, pairs, 150.0).tolist() == [[4, 5]]
-
-
-def test_the_box_has_closed_figures_on_its_six_faces() -> None:
-    chains = model_triads(MODEL)
-    # 6 faces x 4 middle edges x 2 ways round
-    assert len(chains.closed) == 48
-    assert chains.closed.all()
-
-
 def test_hough_finds_the_sides_of_a_square() -> None:
     mask = np.zeros((200, 200), np.uint8)
     cv2.rectangle(mask, (40, 50), (160, 150), 1, 1)
@@ -271,28 +132,6 @@ def test_plane_poses_hold_the_true_one() -> None:
         k = int(np.argmin(quat.angle_rad(qs[0], q)))
         assert quat.angle_rad(qs[0, k], q) < 1e-5
         assert ts[0, k] == pytest.approx(t, rel=1e-5, abs=1e-5)
-
-
-@pytest.mark.parametrize("solver", ["epnp", "sqpnp", "ap3p", "p3p", "iterative"])
-def test_point_solvers_hold_the_true_pose(solver: str) -> None:
-    # not one plane: EPnP and three-point solvers are ill-posed there
-    points = np.array(
-        [
-            [-0.5, -0.4, 0.2],
-            [0.5, -0.4, 0.2],
-            [0.5, 0.4, -0.2],
-            [-0.4, 0.4, 0.1],
-            [0.1, 0.2, 0.3],
-            [0.3, 0, -0.3],
-        ]
-    )
-    if solver in ("ap3p", "p3p"):
-        points = points[:4]
-    p = points @ quat.matrix(POSE_Q).T + POSE_T
-    q, t = solve_points(points, p[:, :2] / p[:, 2:], solver)
-    k = int(np.argmin(quat.angle_rad(q, POSE_Q)))
-    assert quat.angle_rad(q[k], POSE_Q) < 1e-3
-    assert t[k] == pytest.approx(POSE_T, abs=5e-3)
 
 
 def test_a_box_shows_three_faces_and_nine_edges() -> None:
@@ -405,13 +244,6 @@ def test_good_evidence_is_accepted() -> None:
 def test_weak_evidence_is_declined_and_says_why(change: dict[str, float], word: str) -> None:
     assert word in decide(evidence(**change), 0.8)
     assert confidence(evidence(**change)) <= confidence(evidence())
-
-
-def test_a_vector_product_is_numpys_to_the_bit() -> None:
-    rng = np.random.default_rng(5)
-    a, b = rng.normal(size=(4, 50, 3)), rng.normal(size=(50, 3)) * 1e-3
-    assert np.array_equal(cross(a, b), np.cross(a, b))
-    assert np.array_equal(cross(a[0, 0], b[0]), np.cross(a[0, 0], b[0]))
 
 
 def test_a_stage_picture_that_cannot_be_written_is_told(tmp_path: Path) -> None:
