@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from flyaround.simulator.runtime.toml_text import to_toml
 from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.write import to_toml
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,9 +15,9 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.runtime.sections import Section
 from flyaround.simulator.runtime.toml_file import parse_toml, read_toml
+from flyaround.simulator.runtime.toml_text import to_toml
 from flyaround.simulator.runtime.urls import without_secrets
 from flyaround.simulator.runtime.validation_errors import explain
-from flyaround.simulator.scenario.write import to_toml
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,8 +13,8 @@ from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureReq
 from flyaround.gui.jobs.program import new_folder
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.toml_text import to_toml
 from flyaround.simulator.scenario.load import list_scenarios, load_scenario
-from flyaround.simulator.scenario.write import to_toml
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console

@@ -10,11 +10,11 @@ import msgspec
 from msgspec import inspect as mi
 
 from flyaround.simulator.runtime.toml_file import parse_toml
+from flyaround.simulator.runtime.toml_text import toml_value
 from flyaround.simulator.runtime.validation_errors import alternatives, describe_all
 from flyaround.simulator.scenario.load import OF_TARGET, built_in_text, target_in
 from flyaround.simulator.scenario.recipe import Recipe
 from flyaround.simulator.scenario.scenario import Scenario
-from flyaround.simulator.scenario.write import toml_value
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -15,8 +15,8 @@ import msgspec
 
 from flyaround.hil.host.bundle import write_bundle
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.toml_text import to_toml
 from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.write import to_toml
 from flyaround.simulator.targets.library import load_target
 from tools.boards.emulator import CPU, EmulatedBoard, emulated_board
 

@@ -18,9 +18,9 @@ from flyaround.gui.console import Console
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.script import Script
 from flyaround.simulator.piloting.session import FlightSession
+from flyaround.simulator.runtime.toml_text import to_toml
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
-from flyaround.simulator.scenario.write import to_toml
 from flyaround.simulator.world.orbit.propagation import propagate
 from tests.gui.test_vbar_by_keys import START_M, beside
 from tests.harness.no_renderer import NoRenderer

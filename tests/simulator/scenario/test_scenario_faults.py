@@ -11,10 +11,10 @@ import pytest
 from flyaround.__main__ import run
 from flyaround.cli import hil_host
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.toml_text import to_toml
 from flyaround.simulator.scenario.faults import Delay, Disconnect, Faults, StuckPixels
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.scenario import Scenario
-from flyaround.simulator.scenario.write import to_toml
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "faulty_flight.toml"
 
