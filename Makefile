@@ -28,7 +28,7 @@ test-portable: $(STAMP) system
 # What PyTorch trains: the extra 'train' is installed first, some 200 MB; a page of the documents among it.
 test-train: $(STAMP) system
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[train]'
-	$(BIN)/pytest -q tests/hil/train tests/docs/test_own_network.py tests/hil/board/svd/test_learned_proposal.py
+	$(BIN)/pytest -q tests/hil/train tests/docs/test_own_network.py tests/hil/board/hybrid/test_learned_proposal.py
 
 # A Ray cluster of local nodes, one of them killed, and an S3 server of the tests' own.
 test-scale: $(STAMP) system
@@ -117,7 +117,7 @@ format: $(STAMP)
 	$(BIN)/ruff format .
 
 # The environment, from pinned versions, and the estimator's C for all Linux processors.
-NATIVE := $(shell find hil/board/svd/native -name '*.[ch]')
+NATIVE := $(shell find hil/board/hybrid/native -name '*.[ch]')
 $(STAMP): pyproject.toml constraints.txt hatch_build.py $(NATIVE)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "Flyaround needs Python >= 3.11, found $$($(PYTHON) --version); set PYTHON=python3.12 or newer"; exit 2; }

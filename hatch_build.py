@@ -23,7 +23,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 PLATFORM_VARIABLE = "FLYAROUND_WHEEL_PLATFORM"
 
-NATIVE = Path("flyaround/hil/board/svd/native")
+NATIVE = Path("flyaround/hil/board/hybrid/native")
 
 CHECKSUMS = "SHA256SUMS"
 

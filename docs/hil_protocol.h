@@ -35,6 +35,14 @@ enum fly_encoding { FLY_RAW = 0, FLY_ZSTD = 1, FLY_PNG = 2 };
 #define FLY_TAKES_MONO12P 4u
 #define FLY_TAKES_MONO16 8u
 #define FLY_TAKES_RGB8 16u
+/* Optional fields after the fixed part of FRAME_HEADER and POSE: u16 tag, u16 length, value. */
+#define FLY_TAKES_FIELDS 0x8000u /* in HELLO's encodings */
+#define FLY_MAX_FIELDS_BYTES 1024u
+#define FLY_FIELD_BYTES 4u /* tag and length */
+#define FLY_SUN_BYTES 24u
+#define FLY_COVARIANCE_BYTES 84u
+enum fly_field_tag { FLY_SUN_CAMERA = 1, FLY_TRANSFER = 2, FLY_COVARIANCE = 3 };
+enum fly_transfer { FLY_LINEAR = 0, FLY_SRGB = 1, FLY_GAMMA = 2 };
 enum fly_mode { FLY_LOCKSTEP = 0, FLY_REALTIME = 1 };
 enum fly_error_code {
   FLY_OTHER = 0, FLY_VERSION = 1, FLY_CORRUPT = 2, FLY_INCOMPLETE = 3, FLY_MODEL = 4, FLY_BUSY = 5,
@@ -57,6 +65,12 @@ static inline uint64_t fly_u64(const uint8_t *p) { return (uint64_t)fly_u32(p) |
 static inline double fly_f64(const uint8_t *p) { /* IEEE 754 binary64 */
   uint64_t bits = fly_u64(p);
   double value;
+  memcpy(&value, &bits, sizeof value);
+  return value;
+}
+static inline float fly_f32(const uint8_t *p) { /* IEEE 754 binary32 */
+  uint32_t bits = fly_u32(p);
+  float value;
   memcpy(&value, &bits, sizeof value);
   return value;
 }
@@ -156,17 +170,38 @@ static inline int fly_parse(struct fly_packet *packet, const uint8_t *p, size_t 
   return packet->version == FLY_PROTOCOL_VERSION ? FLY_OK : FLY_BAD_VERSION;
 }
 
+/* ---- optional fields ---------------------------------------------------------------------- */
+
+struct fly_field {
+  uint16_t tag, length;
+  const uint8_t *value;
+};
+/* Read the next of the fields between *at and end. 1: one was read; 0: there are no more; FLY_BAD_PAYLOAD: cut short. */
+static inline int fly_next_field(struct fly_field *field, const uint8_t **at, const uint8_t *end) {
+  size_t left = (size_t)(end - *at);
+  if (left == 0) return 0;
+  if (left < FLY_FIELD_BYTES || left > FLY_MAX_FIELDS_BYTES) return FLY_BAD_PAYLOAD;
+  field->tag = fly_u16(*at);
+  field->length = fly_u16(*at + 2);
+  if (field->length > left - FLY_FIELD_BYTES) return FLY_BAD_PAYLOAD;
+  field->value = *at + FLY_FIELD_BYTES;
+  *at = field->value + field->length;
+  return 1;
+}
+
 /* ---- payloads ----------------------------------------------------------------------------- */
 
 struct fly_hello {
   uint16_t protocol, encodings, window, pixel_formats;
+  uint8_t takes_fields;
   char model_name[65], method[33], board[65];
   uint8_t model_sha256[32];
 };
 static inline int fly_read_hello(struct fly_hello *m, const uint8_t *p, uint32_t n) {
   if (n != 200) return FLY_BAD_PAYLOAD;
   m->protocol = fly_u16(p);
-  m->encodings = fly_u16(p + 2);
+  m->encodings = (uint16_t)(fly_u16(p + 2) & ~FLY_TAKES_FIELDS);
+  m->takes_fields = (fly_u16(p + 2) & FLY_TAKES_FIELDS) != 0;
   m->window = fly_u16(p + 4);
   m->pixel_formats = fly_u16(p + 6);
   fly_text(m->model_name, p + 8, 64);
@@ -178,7 +213,7 @@ static inline int fly_read_hello(struct fly_hello *m, const uint8_t *p, uint32_t
 
 struct fly_hello_ack {
   uint16_t width_px, height_px, window;
-  uint8_t bits, encoding, mode, truth;
+  uint8_t bits, encoding, mode, truth, takes_fields; /* takes_fields: POSE may carry fields, too */
   uint32_t pixel_format, chunk_bytes, camera_bytes;
   char target_name[65];
   uint8_t target_sha256[32];
@@ -194,6 +229,7 @@ static inline int fly_read_hello_ack(struct fly_hello_ack *m, const uint8_t *p, 
   m->mode = p[10];
   m->truth = p[11];
   m->window = fly_u16(p + 12);
+  m->takes_fields = fly_u16(p + 14) & 1u;
   m->chunk_bytes = fly_u32(p + 16);
   fly_text(m->target_name, p + 20, 64);
   memcpy(m->target_sha256, p + 84, 32);
@@ -233,9 +269,14 @@ struct fly_frame_header {
   uint64_t camera_frame, exposure_start_ns, exposure_end_ns; /* UTC since 1970 [ns], 0: unknown */
   uint64_t host_send_ns;
   char epoch_utc[41];
+  uint8_t has_sun, transfer; /* transfer: of the pixels; a board refuses those that it does not know */
+  double sun_camera[3];      /* unit vector to the Sun, camera frame */
 };
 static inline int fly_read_frame_header(struct fly_frame_header *m, const uint8_t *p, uint32_t n) {
-  if (n != 120) return FLY_BAD_PAYLOAD;
+  struct fly_field field;
+  const uint8_t *at = p + 120, *end = p + n;
+  int more;
+  if (n < 120 || n > 120 + FLY_MAX_FIELDS_BYTES) return FLY_BAD_PAYLOAD;
   m->frame_id = fly_u32(p);
   m->width_px = fly_u16(p + 4);
   m->height_px = fly_u16(p + 6);
@@ -257,7 +298,20 @@ static inline int fly_read_frame_header(struct fly_frame_header *m, const uint8_
   m->exposure_end_ns = fly_u64(p + 64);
   m->host_send_ns = fly_u64(p + 72);
   fly_text(m->epoch_utc, p + 80, 40);
-  return FLY_OK;
+  m->has_sun = 0;
+  m->transfer = FLY_LINEAR;
+  for (int k = 0; k < 3; k++) m->sun_camera[k] = 0.0;
+  while ((more = fly_next_field(&field, &at, end)) == 1) { /* unknown tags are skipped */
+    if (field.tag == FLY_SUN_CAMERA) {
+      if (field.length != FLY_SUN_BYTES) return FLY_BAD_PAYLOAD;
+      m->has_sun = 1;
+      for (int k = 0; k < 3; k++) m->sun_camera[k] = fly_f64(field.value + 8 * k);
+    } else if (field.tag == FLY_TRANSFER) {
+      if (field.length != 1) return FLY_BAD_PAYLOAD;
+      m->transfer = field.value[0];
+    }
+  }
+  return more == 0 ? FLY_OK : FLY_BAD_PAYLOAD;
 }
 
 struct fly_frame_chunk {
@@ -283,8 +337,13 @@ struct fly_pose {
   uint64_t receive_ns, start_ns, end_ns;
   const uint8_t *stages; /* stage_count of FLY_STAGE_BYTES: name[24], f64 milliseconds */
   const char *reason;    /* reason_bytes long, not zero-terminated */
+  uint8_t has_covariance;
+  float covariance[21]; /* upper triangle, row by row, of turn [rad] and shift [m] in camera axes */
 };
 static inline int fly_read_pose(struct fly_pose *m, const uint8_t *p, uint32_t n) {
+  struct fly_field field;
+  const uint8_t *at, *end = p + n;
+  int more;
   if (n < 100) return FLY_BAD_PAYLOAD;
   m->frame_id = fly_u32(p);
   m->accepted = p[4];
@@ -299,7 +358,18 @@ static inline int fly_read_pose(struct fly_pose *m, const uint8_t *p, uint32_t n
   m->reason_bytes = fly_u16(p + 96);
   m->stages = p + 100;
   m->reason = (const char *)p + 100 + FLY_STAGE_BYTES * m->stage_count;
-  return n == 100u + FLY_STAGE_BYTES * m->stage_count + m->reason_bytes ? FLY_OK : FLY_BAD_PAYLOAD;
+  m->has_covariance = 0;
+  memset(m->covariance, 0, sizeof m->covariance);
+  if (n < 100u + FLY_STAGE_BYTES * m->stage_count + m->reason_bytes) return FLY_BAD_PAYLOAD;
+  at = (const uint8_t *)m->reason + m->reason_bytes;
+  if (end - at > (ptrdiff_t)FLY_MAX_FIELDS_BYTES) return FLY_BAD_PAYLOAD;
+  while ((more = fly_next_field(&field, &at, end)) == 1)
+    if (field.tag == FLY_COVARIANCE) {
+      if (field.length != FLY_COVARIANCE_BYTES) return FLY_BAD_PAYLOAD;
+      m->has_covariance = 1;
+      for (int k = 0; k < 21; k++) m->covariance[k] = fly_f32(field.value + 4 * k);
+    }
+  return more == 0 ? FLY_OK : FLY_BAD_PAYLOAD;
 }
 static inline void fly_read_stage(char name[25], double *ms, const struct fly_pose *m, unsigned k) {
   fly_text(name, m->stages + FLY_STAGE_BYTES * k, FLY_STAGE_NAME_BYTES);
@@ -353,6 +423,12 @@ static inline int fly_read_error(struct fly_tail *m, const uint8_t *p, uint32_t 
 
 static inline void fly_put(uint8_t *p, uint64_t value, int bytes) {
   for (int k = 0; k < bytes; k++) p[k] = (uint8_t)(value >> 8 * k);
+}
+/* Tag and length of a field whose value lies behind them at p + FLY_FIELD_BYTES; the field's length. */
+static inline size_t fly_put_field(uint8_t *p, uint16_t tag, uint16_t length) {
+  fly_put(p, tag, 2);
+  fly_put(p + 2, length, 2);
+  return FLY_FIELD_BYTES + (size_t)length;
 }
 static inline size_t fly_seal(uint8_t *out, uint8_t type, uint64_t session_id, uint32_t sequence,
                               uint32_t payload_bytes) {

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from flyaround.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from flyaround.hil.board.svd import PoseResult
+    from flyaround.hil.board.estimation import PoseResult
     from flyaround.hil.evaluate.estimate import estimate
     from flyaround.simulator.camera.detector.sensor import Sensor
     from flyaround.simulator.camera.lens.camera_model import Camera
@@ -112,7 +112,7 @@ _HOMES = {
     "PilotCommand": "flyaround.simulator.piloting.orders",
     "Plan": "flyaround.simulator.scenario.plan",
     "Pose": "flyaround.simulator.world.frames.pose",
-    "PoseResult": "flyaround.hil.board.svd",
+    "PoseResult": "flyaround.hil.board.estimation",
     "Renderer": "flyaround.simulator.render.renderer",
     "Scenario": "flyaround.simulator.scenario.scenario",
     "SceneState": "flyaround.simulator.scene.state",

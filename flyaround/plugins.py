@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flyaround.hil.board.answering import BoardEstimator, Estimate
-    from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, PoseResult
+    from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics, PoseResult
     from flyaround.simulator.dataset.card import DatasetCard
     from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
@@ -70,10 +70,10 @@ __getattr__ = lazy_names(
     __name__,
     {
         "BoardEstimator": "flyaround.hil.board.answering",
-        "BoardModel": "flyaround.hil.board.svd",
+        "BoardModel": "flyaround.hil.board.estimation",
         "Body": "flyaround.simulator.world.ephemeris.body",
         "BodyAir": "flyaround.simulator.world.ephemeris.body",
-        "CameraIntrinsics": "flyaround.hil.board.svd",
+        "CameraIntrinsics": "flyaround.hil.board.estimation",
         "DatasetCard": "flyaround.simulator.dataset.card",
         "DatasetFormat": "flyaround.simulator.dataset.formats.base",
         "Estimate": "flyaround.hil.board.answering",
@@ -82,7 +82,7 @@ __getattr__ = lazy_names(
         "Frame": "flyaround.simulator.frame",
         "Instant": "flyaround.simulator.world.time.instant",
         "LabelledFrame": "flyaround.simulator.dataset.formats.labelled_frame",
-        "PoseResult": "flyaround.hil.board.svd",
+        "PoseResult": "flyaround.hil.board.estimation",
         "PosedPictures": "flyaround.simulator.dataset.formats.posed_pictures",
         "Target": "flyaround.simulator.targets.model",
         "Truth": "flyaround.simulator.labels.truth",

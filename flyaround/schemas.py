@@ -17,6 +17,7 @@ from flyaround.hil.campaign.map_results import delay_map_json_schema
 from flyaround.hil.evaluate.metrics import metrics_json_schema
 from flyaround.hil.host.ledger.run_terms import run_schema
 from flyaround.hil.host.ledger.summary import summary_schema
+from flyaround.runs.schema import runs_schema
 from flyaround.simulator.dataset.card import DatasetCard
 from flyaround.simulator.labels.imported import ImportedTruth
 from flyaround.simulator.labels.truth import Truth
@@ -35,6 +36,7 @@ def all_schemas() -> dict[str, dict[str, Any]]:
         "scenario": msgspec.json.schema(Scenario),
         "recipe": msgspec.json.schema(Recipe),
         "vary": msgspec.json.schema(Vary),
+        "runs": runs_schema(),
         "target": msgspec.json.schema(TargetRecord),
         "board_model": board_json_schema(),
         "truth": msgspec.json.schema(Truth),

@@ -20,7 +20,8 @@ from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.turns import Turns
 from flyaround.gui.picture.view_settings import Options, ViewSettings
 from flyaround.gui.script import Script
-from flyaround.gui.window import Window, import_parts
+from flyaround.gui.surface import Surface, import_parts
+from flyaround.gui.window import Window
 from flyaround.simulator.dataset.formats.native import encode_png
 from flyaround.simulator.dataset.single_frames import save_picture
 from flyaround.simulator.errors import UserError
@@ -61,7 +62,8 @@ class Request:
     Parameters
     ----------
     scenario : built-in name or TOML file. choose : begin with the scenario chooser open.
-    size : of the window. seed : instead of the scenario's. device_index : EGL device of the render process.
+    size : of the window. off_screen : whether it is drawn where nobody sees it, without a display.
+    seed : instead of the scenario's. device_index : EGL device of the render process.
     seconds : close by itself after this long, counted from the first picture.
     screenshot : picture of the whole window at the end.
     overlays : names of `flyaround.gui.picture.view_settings.Overlays` to switch on.
@@ -72,6 +74,7 @@ class Request:
     scenario: str
     choose: bool = False
     size: tuple[int, int] = (1280, 800)
+    off_screen: bool = False
     seed: int | None = None
     device_index: int | None = None
     seconds: float | None = None
@@ -100,7 +103,7 @@ def run(request: Request) -> dict[str, Any]:
     UserError
         If there is no display, the optional parts are missing, or the scenario or the script is wrong.
     """
-    import_parts()
+    import_parts(off_screen=request.off_screen)
     _check_screenshot(request.screenshot)
     table = command_table()
     script = None if request.script is None else Script.read(request.script, table)
@@ -115,7 +118,7 @@ def run(request: Request) -> dict[str, Any]:
     )
     options = options_of(session, request.overlays)
     with (
-        Window(f"Flyaround - {session.plan.scenario_name}", request.size) as window,
+        _surface(request, f"Flyaround - {session.plan.scenario_name}") as window,
         open_frames(
             Frame.without_radiance,
             processes=1,
@@ -156,6 +159,15 @@ def run(request: Request) -> dict[str, Any]:
     return state
 
 
+def _surface(request: Request, title: str) -> Surface:
+    if not request.off_screen:
+        return Window(title, request.size)
+    # PyOpenGL is loaded for one kind of surface
+    from flyaround.gui.off_screen import OffScreen  # noqa: PLC0415
+
+    return OffScreen(request.size)
+
+
 def options_of(session: FlightSession, overlays: tuple[str, ...] = ()) -> Options:
     """The first settings of a flight's view.
 
@@ -177,7 +189,7 @@ def options_of(session: FlightSession, overlays: tuple[str, ...] = ()) -> Option
 class ConsoleLoop:
     """Turns the console's wheel: wait for input, let time pass, ask for pictures, draw the window."""
 
-    def __init__(self, window: Window, console: Console, request: Request) -> None:
+    def __init__(self, window: Surface, console: Console, request: Request) -> None:
         self._window = window
         self._console = console
         self._request = request

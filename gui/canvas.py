@@ -11,7 +11,7 @@ from flyaround.gui import hover_text, style
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
     from flyaround.simulator.runtime.arrays import FloatArray
 
 Point = tuple[float, float]
@@ -28,7 +28,7 @@ class Canvas:
     window : whose fonts and scale are used.
     """
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         self._window = window
         self._imgui = window.imgui
         self._draw = self._imgui.get_window_draw_list()

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import moderngl
 
-from flyaround.gui.window import NO_DISPLAY, import_parts
+from flyaround.gui.surface import import_parts
+from flyaround.gui.window import NO_DISPLAY
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:

@@ -10,8 +10,37 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
 
-class Keyboard:
-    """Keys by their names in Dear ImGui.
+class Keys:
+    """The keys of a surface, by their names in Dear ImGui: none, where there is no keyboard."""
+
+    @property
+    def typing(self) -> bool:
+        """True while a field takes text."""
+        return False
+
+    @property
+    def ctrl(self) -> bool:
+        """True while a Ctrl key is down."""
+        return False
+
+    def set_urgent(self, names: Iterable[str]) -> None:
+        """Choose the keys that overtake those waiting for a slow window."""
+
+    def held(self, names: Iterable[str]) -> list[str]:  # noqa: ARG002 - of a keyboard
+        """Return which keys are held."""
+        return []
+
+    def still_held(self, names: Iterable[str]) -> list[str]:  # noqa: ARG002 - of a keyboard
+        """Return which keys no release and no loss of the focus has been reported of."""
+        return []
+
+    def hit(self, names: Iterable[str]) -> list[str]:  # noqa: ARG002 - of a keyboard
+        """Return which keys went down since the last frame."""
+        return []
+
+
+class Keyboard(Keys):
+    """The keyboard of a window.
 
     Parameters
     ----------

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from flyaround.gui.console import Console
+    from flyaround.gui.surface import Surface
     from flyaround.gui.widgets import Panel
-    from flyaround.gui.window import Window
 
 log = logging.getLogger(__name__)
 
@@ -110,7 +110,7 @@ class Layout:
     window : drawn in. saved : layout of the last time.
     """
 
-    def __init__(self, window: Window, saved: SavedLayout) -> None:
+    def __init__(self, window: Surface, saved: SavedLayout) -> None:
         self._window = window
         self._w = Widgets(window)
         self._status = StatusLine(window)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from flyaround.gui.command_table import line_of
+from flyaround.hil.board.method_names import name_in_file
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 Verb = Literal["do", "hold", "release"]
 LARGEST_BYTES = 4_000_000
 LARGEST_S = 1e7
+NAME_A_METHOD = {"estimator.method", "hil.board"}
+"""Commands whose argument is an estimator's name, which older scripts may call by a former one."""
 KEPT_LINES = 100_000
 """A log beyond this forgets its first lines; a day of flying has fewer."""
 
@@ -81,7 +84,7 @@ class Script:
             if not raw.strip() or raw.lstrip().startswith("#"):
                 continue
             try:
-                line = _line(raw, table)
+                line = _line(raw, table, where)
                 if lines and line.t_ms < lines[-1].t_ms:
                     raise UserError(f"{line.t_ms / 1000:.3f} s comes after {lines[-1].t_ms / 1000:.3f} s")
             except UserError as error:
@@ -90,7 +93,7 @@ class Script:
         return Script(tuple(lines))
 
 
-def _line(raw: str, table: CommandTable) -> Line:
+def _line(raw: str, table: CommandTable, where: str) -> Line:
     try:
         words = shlex.split(raw)
     except ValueError as error:
@@ -109,7 +112,10 @@ def _line(raw: str, table: CommandTable) -> Line:
     command = table[words[1]]
     if command.held:
         raise UserError(f"{command.name} lasts: write 'hold {command.name}' and 'release {command.name}'")
-    return Line(t_ms, "do", command.name, command.read(words[2:]))
+    given = words[2:]
+    if command.name in NAME_A_METHOD:
+        given = [name_in_file(word, where) for word in given]
+    return Line(t_ms, "do", command.name, command.read(given))
 
 
 class CommandLog:

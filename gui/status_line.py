@@ -9,7 +9,7 @@ from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
 
 
 class StatusLine:
@@ -20,7 +20,7 @@ class StatusLine:
     window : drawn in.
     """
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         self._w = Widgets(window)
 
     def draw(self, console: Console) -> None:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from flyaround.gui.command_table import Value
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
 
 
 class Widgets:
@@ -23,7 +23,7 @@ class Widgets:
     window : whose fonts and scale are used.
     """
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         self.window = window
         self.imgui = window.imgui
         self.implot = window.implot
@@ -202,7 +202,7 @@ class Panel(ABC):
     keys: tuple[str, ...] = ()
     bare = False
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         self._window = window
         self._imgui = window.imgui
         self._w = Widgets(window)

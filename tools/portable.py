@@ -27,7 +27,7 @@ def _simulator(*, drawn: bool) -> tuple[str, ...]:
     return tuple(sorted(p.relative_to(ROOT).as_posix() for p in found))
 
 
-ESTIMATOR = ("tests/hil/board/svd/**/test_*.py", "tests/hil/evaluate/test_*.py")
+ESTIMATOR = ("tests/hil/board/*/**/test_*.py", "tests/hil/evaluate/test_*.py")
 NUMERICAL = (*_simulator(drawn=False), *ESTIMATOR)
 DRAWN = _simulator(drawn=True)
 PICTURES = ("tests/flyaround/test_same_bytes.py", "tests/simulator/render/craft/test_target.py")

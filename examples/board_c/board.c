@@ -83,7 +83,7 @@ static void say(uint8_t type, uint32_t bytes) {
 static void say_hello(void) {
   memset(payload, 0, 200);
   fly_put(payload, FLY_PROTOCOL_VERSION, 2);
-  fly_put(payload + 2, 1u << FLY_RAW, 2);
+  fly_put(payload + 2, 1u << FLY_RAW | FLY_TAKES_FIELDS, 2);
   fly_put(payload + 4, 1, 2); /* it works on one frame at a time */
   fly_put(payload + 6, FLY_TAKES_MONO8, 2);
   memcpy(payload + 104, "centroid", 8);
@@ -198,7 +198,7 @@ static void take_header(const struct fly_packet *p) {
   frame = next;
   if (frame.width_px != terms.width_px || frame.height_px != terms.height_px || frame.pixel_format != FLY_MONO8 ||
       frame.encoding != FLY_RAW || frame.total_bytes != (uint32_t)frame.width_px * frame.height_px ||
-      frame.chunk_count == 0) {
+      frame.transfer != FLY_LINEAR || frame.chunk_count == 0) {
     say_error(FLY_FORMAT, frame.frame_id, "a frame of another size or format than agreed");
     return;
   }

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+from flyaround.cli.run_options import with_run_options
 from flyaround.cli.terminal import progress_bar, terminal
 from flyaround.hil.bench.estimator_time import bench_estimator
 from flyaround.hil.bench.link_latency import bench_link
+from flyaround.runs.bench import BenchRun
 from flyaround.simulator.bench.parts import bench_capture, bench_sensor, bench_world
 from flyaround.simulator.bench.scenes import BENCH_SCENES, bench_scenes, check_scenes
 from flyaround.simulator.bench.start import bench_start
@@ -20,15 +22,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
+@with_run_options
 def bench(
-    frames: Annotated[int, typer.Option("-n", min=3, help="Frames timed per scene.")] = 20,
-    scene: Annotated[list[str] | None, typer.Option(help="Only these scenes (repeat the option).")] = None,
-    gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
+    run: BenchRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Frame cost per scene beside a reference pass of the same run."""
     with progress_bar("bench", quiet=as_json) as progress:
-        document = _run_bench(n_frames=frames, scenes=tuple(scene or ()), device_index=gpu, progress=progress)
+        document = _run_bench(n_frames=run.frames, scenes=run.scene, device_index=run.gpu, progress=progress)
     if as_json:
         typer.echo(json.dumps(document, indent=1))
         return

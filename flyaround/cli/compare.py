@@ -11,9 +11,13 @@ import msgspec
 import typer
 from rich.table import Table
 
+from flyaround.cli.run_options import with_run_options
 from flyaround.cli.terminal import progress_bar, say, terminal
-from flyaround.hil.board.svd import CameraIntrinsics, make_estimator
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.methods import make_estimator
 from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.runs.document import write_run
+from flyaround.runs.estimation import CompareRun
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.compare.comparison import compare_pictures
@@ -31,38 +35,23 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 
+@with_run_options
 def compare(
-    reference: Annotated[
-        Path, typer.Option("--reference", help="Folder of pictures to compare with; they stay there.")
-    ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the page: new or empty.")] = Path(
-        "comparison"
-    ),
-    n: Annotated[int, typer.Option("-n", min=1, help="Pictures at most, evenly over the folder.")] = 16,
-    target: Annotated[str, typer.Option(help="The craft in them.")] = "tango",
-    camera: Annotated[
-        str, typer.Option(help="Camera that took them, scaled to each picture: name or file.")
-    ] = "speed",
-    labels: Annotated[
-        Path | None,
-        typer.Option(help="Poses of the pictures in SPEED's form (train.json); else they are estimated."),
-    ] = None,
-    sensor: Annotated[
-        str | None,
-        typer.Option(help="Sensor preset of ours (default: as noisy as each picture)."),
-    ] = None,
-    gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
+    run: CompareRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print comparison.json.")] = False,
 ) -> None:
     """Set pictures of others beside ours of the like views: histograms, Sobel, edges with and without atmosphere."""
-    if sensor is not None:
-        sensor_preset(sensor)  # a wrong name is said before the work
-    model = load_target(target)
-    references = read_references(reference, load_camera(camera), n, labels)
-    empty_folder(output)
-    with Renderer(device_index=gpu) as renderer, progress_bar("compare", quiet=as_json) as progress:
+    if run.sensor is not None:
+        sensor_preset(run.sensor)  # a wrong name is said before the work
+    model = load_target(run.target)
+    reference, output = Path(run.reference), Path(run.output)
+    references = read_references(
+        reference, load_camera(run.camera), run.n, None if run.labels is None else Path(run.labels)
+    )
+    write_run(empty_folder(output), run)
+    with Renderer(device_index=run.gpu) as renderer, progress_bar("compare", quiet=as_json) as progress:
         pairs = compare_pictures(
-            renderer, references, model, partial(_estimated, model), sensor=sensor, progress=progress
+            renderer, references, model, partial(_estimated, model), sensor=run.sensor, progress=progress
         )
     document = write_comparison(output, pairs, f"{len(pairs)} pictures of {reference.resolve().name}")
     if as_json:
@@ -81,9 +70,7 @@ def compare(
 def _estimated(target: Target, reference: Reference) -> PoseEstimate | None:
     """The estimator's pose; one that it declines is not sure."""
     camera = CameraIntrinsics.from_dict(msgspec.to_builtins(reference.camera))
-    result = make_estimator(board_model(target), camera, "svd", None, None, ()).estimate(
-        reference.image, None
-    )
+    result = make_estimator(board_model(target), camera).estimate(reference.image, None)
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     return (
         None if q is None or t is None else PoseEstimate(Pose.of("camera", "target", q, t), result.accepted)

@@ -11,15 +11,17 @@ import msgspec
 import typer
 from rich.text import Text
 
-from flyaround.cli.options import Device, Labels, Seed, World, quality_preset
+from flyaround.cli.run_options import with_run_options
 from flyaround.cli.terminal import progress_bar, say
+from flyaround.runs.capture import CapturedPictures, CaptureRun
+from flyaround.runs.document import RUN_TOML, run_toml
 from flyaround.simulator.camera.lens.files import read_camera_file
 from flyaround.simulator.dataset.capture import CaptureSummary
 from flyaround.simulator.dataset.capture import capture as capture_plan
 from flyaround.simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
 from flyaround.simulator.dataset.check.verify import check_dataset
 from flyaround.simulator.dataset.clipping import ClippingSummary
-from flyaround.simulator.dataset.formats.registry import parse_formats, writable
+from flyaround.simulator.dataset.formats.registry import parse_formats
 from flyaround.simulator.dataset.ray_frames import RayCluster
 from flyaround.simulator.dataset.sensors import parse_sensors
 from flyaround.simulator.dataset.split import parse_split
@@ -30,121 +32,39 @@ from flyaround.simulator.scenario.load import is_recipe, list_scenarios, load_re
 from flyaround.simulator.scenario.plan import Plan, plan_flight, varied_plan
 from flyaround.simulator.scene.environments import environment_preset, environment_section
 from flyaround.simulator.scene.illumination.bands import Bands
-from flyaround.simulator.scene.state import Quality
 
 
+@with_run_options
 def capture(
-    scenario: Annotated[str, typer.Argument(help="Built-in scenario or recipe, or a TOML file.")],
-    output: Annotated[
-        str,
-        typer.Option(
-            "--output",
-            "-o",
-            help="Folder of the data set, new or empty; or a URL of fsspec: s3://bucket/set.",
-        ),
-    ],
-    n: Annotated[
-        int | None,
-        typer.Option(
-            "-n", min=1, help="Frames: evenly in time (default 20), or samples of a recipe (default its own)."
-        ),
-    ] = None,
-    every_s: Annotated[
-        float | None, typer.Option("--every", help="Seconds between frames, instead of -n.")
-    ] = None,
-    formats: Annotated[
-        str,
-        typer.Option("--format", help=f"Beside the native layout: {', '.join(writable()[1:])}; with commas."),
-    ] = "native",
-    split: Annotated[
-        str | None,
-        typer.Option(
-            "--split",
-            help="Shares of training, validation and test frames, such as 8:1:1, alike at all ranges "
-            "(default: a recipe's own).",
-        ),
-    ] = None,
-    rgb: Annotated[
-        bool, typer.Option("--rgb", help="Colour images instead of the scenario's bands.")
-    ] = False,
-    quality: Annotated[str | None, typer.Option(help="draft, default or high.")] = None,
-    environment: World = None,
-    camera: Annotated[
-        str | None, typer.Option("--camera", help="Built-in camera or file, instead of the scenario's own.")
-    ] = None,
-    target: Annotated[
-        str | None, typer.Option("--target", help="Another craft than the scenario's or recipe's own.")
-    ] = None,
-    vary: Annotated[
-        Path | None,
-        typer.Option(
-            "--vary", help="TOML file of ranges out of which each frame's craft, light and image are varied."
-        ),
-    ] = None,
-    labels: Labels = None,
-    sensors: Annotated[
-        str, typer.Option("--sensors", help="Sensors of other packages, with commas (docs/plugins.md).")
-    ] = "",
-    seed: Seed = None,
-    resume: Annotated[
-        bool,
-        typer.Option(
-            "--resume",
-            help="Go on with a data set: verify what is there, draw what is damaged or missing, up to a larger -n.",
-        ),
-    ] = False,
-    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that draw; same bytes.")] = 1,
-    ray: Annotated[
-        str | None,
-        typer.Option(
-            "--ray", help="Draw on a Ray cluster instead: auto, HOST:PORT or ray://HOST:PORT; same bytes."
-        ),
-    ] = None,
-    gpu_share: Annotated[
-        float,
-        typer.Option(
-            "--gpu-share", min=0.0, max=1.0, help="Part of a GPU for each of Ray's drawing processes."
-        ),
-    ] = 0.0,
-    gpu: Device = None,
+    run: CaptureRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
     """Take labelled images of a flight or a recipe; every frame's labels are checked as it is written."""
-    if n is not None and every_s is not None:
-        raise UserError("capture takes -n or --every, not both; leave one out")
-    cluster = _cluster(ray, gpu_share, workers)
-    names = parse_formats(formats)
-    bands: Bands | None = "rgb" if rgb else None
-    plans = _choose_plans(
-        scenario,
-        n=n,
-        every_s=every_s,
-        seed=seed,
-        bands=bands,
-        quality=quality_preset(quality),
-        camera=camera,
-        target=target,
-        environment=environment,
-    )
-    if vary is not None:
+    data_set, drawing = run.data_set, run.drawing
+    cluster = None if drawing.ray is None else RayCluster(drawing.ray, drawing.gpu_share)
+    names = parse_formats(data_set.formats)
+    plans = _choose_plans(run.scenario, run.pictures)
+    if run.pictures.vary is not None:
+        vary = run.pictures.vary
         plans = {member: varied_plan(plan, load_vary(vary, plan.vary)) for member, plan in plans.items()}
-    shares = None if split is None else parse_split(split)
-    place = output.rstrip("/") or output
+    shares = None if data_set.split is None else parse_split(data_set.split)
+    place = run.output.rstrip("/") or run.output
     summaries = {}
     for member, plan in plans.items():
-        wanted = ",".join(plan.labels) if labels is None else labels
+        wanted = ",".join(plan.labels) if data_set.labels is None else data_set.labels
         with progress_bar(member or "capture", quiet=as_json) as progress:
             summaries[member] = capture_plan(
                 plan,
                 place if not member else f"{place}/{member}",
                 formats=names,
                 labels=parse_labels(wanted),
-                sensors=parse_sensors(sensors),
+                sensors=parse_sensors(data_set.sensors),
                 split=shares,
-                resume=resume,
-                workers=workers,
+                beside={RUN_TOML: run_toml(run)},
+                resume=run.resume,
+                workers=drawing.workers,
                 cluster=cluster,
-                device_index=gpu,
+                device_index=drawing.gpu,
                 progress=progress,
                 tell=lambda sentence: say(sentence, stderr=True),
             )
@@ -155,19 +75,6 @@ def capture(
         typer.echo(json.dumps(reports.get("", {"members": reports})))
     if any(s.quarantined or (s.second and s.second.quarantined) for s in summaries.values()):
         raise typer.Exit(1)
-
-
-def _cluster(address: str | None, gpu_share: float, workers: int) -> RayCluster | None:
-    """Where Ray draws; None where it does not."""
-    if address is None:
-        if gpu_share:
-            raise UserError(
-                "--gpu-share is of a Ray cluster's processes; add --ray, or choose a GPU with --gpu"
-            )
-        return None
-    if workers != 1:
-        raise UserError("--workers draw here and --ray draws on a cluster; leave one out")
-    return RayCluster(address, gpu_share)
 
 
 def _report(summary: CaptureSummary) -> dict[str, Any]:
@@ -286,13 +193,7 @@ def check(
         raise typer.Exit(1)
 
 
-def _choose_plans(
-    name: str,
-    *,
-    n: int | None,
-    seed: int | None,
-    **options: Any,  # noqa: ANN401 - as `_choose_plan` has them
-) -> dict[str, Plan | RecipePlan]:
+def _choose_plans(name: str, pictures: CapturedPictures) -> dict[str, Plan | RecipePlan]:
     """The plan of a name by no name; of a recipe that is several data sets, theirs by folder.
 
     ``n`` frames are of all of them together; each has its own seed, so that no two draw alike.
@@ -304,61 +205,57 @@ def _choose_plans(
     """
     members = [] if name in list_scenarios() or not is_recipe(name) else load_recipe(name).members
     if not members:
-        return {"": _choose_plan(name, n=n, seed=seed, **options)}
-    if options["target"] is not None:
+        return {"": _choose_plan(name, pictures)}
+    n, seed = pictures.n, pictures.seed
+    if pictures.target is not None:
         raise UserError(f"recipe {name} is the data sets of {len(members)} craft; leave out --target")
     if n is not None and n < len(members):
         raise UserError(f"recipe {name} is {len(members)} data sets; ask for -n {len(members)} or more")
     shares = [None if n is None else (n + i) // len(members) for i in reversed(range(len(members)))]
     return {
-        member: _choose_plan(member, n=share, seed=None if seed is None else seed + i, **options)
+        member: _choose_plan(
+            member,
+            msgspec.structs.replace(pictures, n=share, seed=None if seed is None else seed + i),
+        )
         for i, (member, share) in enumerate(zip(members, shares, strict=True))
     }
 
 
-def _choose_plan(
-    name: str,
-    *,
-    n: int | None,
-    every_s: float | None,
-    seed: int | None,
-    bands: Bands | None,
-    quality: Quality | None,
-    camera: str | None = None,
-    target: str | None = None,
-    environment: str | None = None,
-) -> Plan | RecipePlan:
-    """The plan of a recipe, else of a scenario.
-
-    Parameters
-    ----------
-    camera, target : name or file of one to use instead of the plan's own. environment : name of one, likewise.
+def _choose_plan(name: str, pictures: CapturedPictures) -> Plan | RecipePlan:
+    """The plan of a recipe, else of a scenario, with what is asked for in place of its own.
 
     Raises
     ------
     UserError
         If there is no such scenario or recipe, or ``every_s`` is asked of a recipe.
     """
+    bands: Bands | None = "rgb" if pictures.rgb else None
     if name not in list_scenarios() and is_recipe(name):
-        if every_s is not None:
+        if pictures.every_s is not None:
             raise UserError(f"recipe {name} has no time, so --every means nothing; use -n")
-        layers = None if environment is None else environment_preset(environment)
+        layers = None if pictures.environment is None else environment_preset(pictures.environment)
         return plan_recipe(
             name,
-            n,
-            seed=seed,
-            target=target,
+            pictures.n,
+            seed=pictures.seed,
+            target=pictures.target,
             bands=bands,
-            quality=quality,
-            camera=camera,
+            quality=pictures.quality,
+            camera=pictures.camera,
             environment=layers,
         )
     scenario = load_scenario(name)
-    if camera is not None:
-        scenario = msgspec.structs.replace(scenario, camera=read_camera_file(camera))
-    if target is not None:
-        scenario = msgspec.structs.replace(scenario, target=target)
-    if environment is not None:
-        scenario = msgspec.structs.replace(scenario, environment=environment_section(environment))
-    count = None if every_s is not None else n or 20
-    return plan_flight(scenario, n=count, every_s=every_s, seed=seed, bands=bands, quality=quality)
+    if pictures.camera is not None:
+        scenario = msgspec.structs.replace(scenario, camera=read_camera_file(pictures.camera))
+    if pictures.target is not None:
+        scenario = msgspec.structs.replace(scenario, target=pictures.target)
+    if pictures.environment is not None:
+        scenario = msgspec.structs.replace(scenario, environment=environment_section(pictures.environment))
+    return plan_flight(
+        scenario,
+        n=None if pictures.every_s is not None else pictures.n or 20,
+        every_s=pictures.every_s,
+        seed=pictures.seed,
+        bands=bands,
+        quality=pictures.quality,
+    )

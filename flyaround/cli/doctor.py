@@ -18,7 +18,7 @@ from rich.text import Text
 
 from flyaround.cli.terminal import say, terminal
 from flyaround.hil.board.errors import KernelError
-from flyaround.hil.board.svd.native.library import describe_library, library
+from flyaround.hil.board.hybrid.native.library import describe_library, library
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.geometry.ray_cast import embree_is_here
 from flyaround.simulator.render.renderer import Renderer

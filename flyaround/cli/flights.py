@@ -13,8 +13,11 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from flyaround.cli.run_options import with_run_options
 from flyaround.cli.scenario_argument import load_flown, refuse_recipe
 from flyaround.cli.terminal import say, terminal
+from flyaround.runs.document import RUN_TOML, run_toml
+from flyaround.runs.flights import FlyRun
 from flyaround.simulator.camera.lens.files import list_cameras, load_camera, read_camera_file
 from flyaround.simulator.camera.lens.formats.registry import CAMERA_FORMATS, WRITTEN, camera_text
 from flyaround.simulator.contact_sheets.scenario_sheet import write_contact_sheets
@@ -29,27 +32,15 @@ from flyaround.simulator.world.flight.export import flight_messages, fly_table, 
 from flyaround.simulator.world.flight.flight import record
 
 
+@with_run_options
 def fly(
-    scenario: Annotated[str, typer.Argument(help="Built-in name or TOML file.")],
-    output: Annotated[
-        Path,
-        typer.Option("--output", "-o", help="Folder for states.csv and scenario.json: new or empty."),
-    ],
-    every_s: Annotated[float, typer.Option("--every", help="Seconds between rows.")] = 1.0,
-    oem: Annotated[bool, typer.Option("--oem", help="Write target.oem and chaser.oem (CCSDS).")] = False,
-    aem: Annotated[bool, typer.Option("--aem", help="Write target.aem and chaser.aem (CCSDS).")] = False,
-    with_recording: Annotated[
-        bool,
-        typer.Option("--record", help="Write flight.npz and replay.toml, a scenario that flies it again."),
-    ] = False,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace an earlier flight in that folder.")
-    ] = False,
+    run: FlyRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
     """Propagate only: states of both craft as a table, with phases, thrust and events; the delta-v it takes."""
-    plan = plan_flight(load_flown(scenario, "fly"), every_s=every_s)
-    earlier = _earlier_flight(output) if overwrite else ()
+    plan = plan_flight(load_flown(run.scenario, "fly"), every_s=run.every_s)
+    output = Path(run.output)
+    earlier = _earlier_flight(output) if run.overwrite else ()
     if not earlier:
         empty_folder(output, advice="replace an earlier flight with --overwrite")
     rows = fly_table(plan.flight, plan.times_s)
@@ -60,10 +51,11 @@ def fly(
     contents = {
         "states.csv": text.getvalue().encode(),
         "scenario.json": msgspec.json.format(msgspec.json.encode(plan.scenario_document), indent=1),
+        RUN_TOML: run_toml(run),
     }
-    for name, message in flight_messages(plan.flight, plan.times_s, oem=oem, aem=aem).items():
+    for name, message in flight_messages(plan.flight, plan.times_s, oem=run.oem, aem=run.aem).items():
         contents[name] = message.encode()
-    if with_recording:
+    if run.record:
         contents["flight.npz"] = record(plan.flight, plan.times_s).to_bytes()
         contents["replay.toml"] = replay_scenario(plan.scenario, "flight.npz").encode()
     for name, content in contents.items():
@@ -122,6 +114,7 @@ FLIGHT_FILES = (
     "chaser.aem",
     "flight.npz",
     "replay.toml",
+    RUN_TOML,
 )
 """What `fly` writes into its folder."""
 

@@ -2,71 +2,40 @@
 
 from __future__ import annotations
 
-import inspect
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
+import msgspec
 import typer
 
 from flyaround.cli.estimation import check_method
+from flyaround.cli.run_options import with_run_options
 from flyaround.cli.terminal import say
 from flyaround.hil.board.agent import EstimatorFactory, describe_board, svd_factory
 from flyaround.hil.board.answering import BoardEstimator
+from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.gige.camera import SCHEME
 from flyaround.hil.board.gige.camera_board import run_camera_board
-from flyaround.hil.board.gige.options import CAMERA_OPTIONS, TITLE, camera_board_options, check_options
-from flyaround.hil.board.options import AGENT_OPTIONS, make_agent
+from flyaround.hil.board.gige.options import camera_board_options, check_options
+from flyaround.hil.board.options import make_agent
 from flyaround.hil.board.service import ExitCode
 from flyaround.hil.board.serving import NoSessionError, exit_at_once, exit_code, serve_sessions
-from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
 from flyaround.hil.board_model.write import write_board_model
 from flyaround.hil.evaluate.added_estimators import any_estimator
 from flyaround.hil.evaluate.method_choice import MethodChoice
+from flyaround.runs.board import BoardRun
+from flyaround.runs.document import Run
 from flyaround.simulator.runtime.plugins import plugins
 from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from flyaround.hil.board.frame_server import BoardSummary
 
 
-def with_agent_options(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with the tables' options in place of its ``**given``."""
-    signature = inspect.signature(command, eval_str=True)
-    own = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
-    table = [
-        inspect.Parameter(
-            option.name,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=option.default,
-            annotation=Annotated[
-                option.kind if option.default is not None else option.kind | None,
-                typer.Option(
-                    option.flag, help=option.text, metavar=option.unit or None, rich_help_panel=panel
-                ),
-            ],
-        )
-        for panel, options in ((None, AGENT_OPTIONS), (TITLE, CAMERA_OPTIONS))
-        for option in options
-    ]
-    command.__annotations__ = {p.name: p.annotation for p in (*own, *table)}
-    vars(command)["__signature__"] = signature.replace(parameters=[*own, *table])
-    return command
-
-
-@with_agent_options
-def board(
-    url: Annotated[
-        str,
-        typer.Argument(
-            help="The host: tcp://HOST:PORT or serial:///DEVICE?baud=N; or a camera: gige://ADDRESS."
-        ),
-    ],
-    target: Annotated[str, typer.Option(help="Target name.")] = "tango",
-    **given: Any,  # noqa: ANN401 - the tables'
-) -> None:
+@partial(with_run_options, kind=BoardRun)
+def board(run: Run) -> None:
     """The board's side, on this machine: connect, estimate, answer; the exit code tells how it ended.
 
     The URL is the host's address, such as tcp://192.168.1.10:5600, or this end of a serial line, such as
@@ -76,6 +45,9 @@ def board(
     With gige://ADDRESS the board reads a camera on the network through Aravis: that of hil camera, or a real one. A
     camera takes no poses: they are written to a file, and sent to a host by --answer.
     """
+    given = msgspec.structs.asdict(run)
+    given |= msgspec.structs.asdict(given.pop("at_camera"))
+    url, target = given["url"], given["target"]
     check_options(url, given)
     check_method(given["method"])
     with TemporaryDirectory() as folder:  # read once, and not needed any more

@@ -9,10 +9,13 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
+from flyaround.cli.run_options import with_run_options
 from flyaround.cli.scenario_argument import load_flown
 from flyaround.cli.terminal import progress_bar, say
 from flyaround.hil.campaign.campaign import CAMPAIGN_JSON, PAGE, run_campaign
 from flyaround.hil.campaign.delay_map import OUTCOME_JSON, map_delays, settings_for
+from flyaround.runs.campaign import CampaignRun, DelayMapRun
+from flyaround.runs.document import write_run
 from flyaround.simulator.errors import UserError
 
 # a board's side on this machine, as hil board has it
@@ -21,12 +24,9 @@ MOST_REASONS = 10
 MOST_LEVELS = 100
 
 
+@with_run_options
 def campaign(
-    file: Annotated[Path, typer.Argument(help="Campaign file (TOML): cases, seeds, requirements.")],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="Folder: new, or of this campaign, which goes on.")
-    ],
-    workers: Annotated[int, typer.Option(min=1, max=256, help="Runs at a time.")] = 1,
+    run: CampaignRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print campaign.json.")] = False,
 ) -> None:
     """Fly cases with their seeds unattended and judge them: requirement matrix, JUnit XML; exit 1 if one is not met.
@@ -34,17 +34,19 @@ def campaign(
     Broken off at any place and begun again with the same words, it goes on; in lockstep the same file gives the same
     bytes (docs/hil_campaign.md).
     """
+    file, output = Path(run.file), Path(run.output)
     with progress_bar("runs", quiet=as_json) as progress:
         outcome = run_campaign(
             file,
             output,
             board_command=BOARD_COMMAND,
-            workers=workers,
+            workers=run.workers,
             progress=progress,
             # where it goes and how many fly at a time change no result: the same file gives the same bytes
-            command=("flyaround", "hil", "campaign", str(file)),
+            command=("flyaround", "hil", "campaign", run.file),
             say=lambda sentence: say(sentence, stderr=True),
         )
+    write_run(output, run)
     if as_json:
         typer.echo((output / CAMPAIGN_JSON).read_text())
     else:
@@ -61,60 +63,37 @@ def campaign(
         raise typer.Exit(1)
 
 
+@with_run_options
 def delay_map(
-    scenario: Annotated[
-        str, typer.Argument(help="Built-in name or TOML file, its chaser flown by thrusters.")
-    ],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="Folder: new, or of this map, which goes on.")
-    ],
-    latency: Annotated[
-        str, typer.Option(help="Seconds from mid-exposure to the pose, with commas.")
-    ] = "0.3,2,4,5,6",
-    jitter: Annotated[
-        str, typer.Option(help="Seconds more, evenly from 0 to so many, with commas.")
-    ] = "0,0.5,1,2,4",
-    drops: Annotated[str, typer.Option(help="Shares of the poses that are lost, with commas.")] = "0,0.3,0.6",
-    flights: Annotated[
-        int, typer.Option("--flights", "-n", min=1, max=10_000, help="Approaches of each cell.")
-    ] = 20,
-    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Of each cell's first approach.")] = 1,
-    every_s: Annotated[
-        float | None,
-        typer.Option("--every", help="Seconds between pictures (default: each period of control)."),
-    ] = None,
-    check: Annotated[
-        int,
-        typer.Option(min=0, help="Cells to fly again, drawn, on the poses of a board that is started here."),
-    ] = 0,
-    check_flights: Annotated[int, typer.Option(min=1, max=1000, help="Approaches of each of those.")] = 5,
-    workers: Annotated[int, typer.Option(min=1, max=256, help="Approaches at a time.")] = 1,
+    run: DelayMapRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print delay_map.json.")] = False,
 ) -> None:
     """Success of an approach over latency, jitter and losses of its poses: heat maps, CSV, and where half fail.
 
     Without pictures: poses are the truth with the estimator's measured errors (docs/hil_campaign.md).
     """
-    load_flown(scenario, "hil delay-map")
+    output = Path(run.output)
+    load_flown(run.scenario, "hil delay-map")
     settings = settings_for(
-        scenario,
-        latencies_s=_levels(latency, "--latency", 60.0),
-        jitters_s=_levels(jitter, "--jitter", 60.0),
-        drops=_levels(drops, "--drops", 1.0),
-        flights=flights,
-        first_seed=seed,
-        every_s=every_s,
-        check=check,
-        check_flights=check_flights,
+        run.scenario,
+        latencies_s=_levels(run.latency, "--latency", 60.0),
+        jitters_s=_levels(run.jitter, "--jitter", 60.0),
+        drops=_levels(run.drops, "--drops", 1.0),
+        flights=run.flights,
+        first_seed=run.seed,
+        every_s=run.every_s,
+        check=run.check,
+        check_flights=run.check_flights,
     )
     with progress_bar("flights", quiet=as_json) as progress:
         outcome = map_delays(
             settings,
             output,
             board_command=BOARD_COMMAND,
-            workers=workers,
+            workers=run.workers,
             progress=lambda _what, done, of: progress(done, of),
         )
+    write_run(output, run)
     if as_json:
         typer.echo((output / OUTCOME_JSON).read_text())
         return

@@ -12,7 +12,6 @@ import typer
 from msgspec import UnsetType
 from rich.table import Table
 
-from flyaround.cli.options import Device, Seed
 from flyaround.cli.terminal import progress_bar, say, terminal
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.recipes.plan import RecipePlan, plan_recipe
@@ -59,7 +58,9 @@ def recipes(
     target: Annotated[
         str | None, typer.Option("--target", help="Another craft than the recipe's own.")
     ] = None,
-    seed: Seed = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of every random choice (default: the scenario's).")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """List the built-in recipes, print one to start from, or write the poses that one draws."""
@@ -153,7 +154,9 @@ def backgrounds(
     n: Annotated[
         int | None, typer.Option("-n", min=1, help="Views from the first on (default: all of the library).")
     ] = None,
-    gpu: Device = None,
+    gpu: Annotated[
+        int | None, typer.Option(help="EGL device to draw on (default: the driver's choice).")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
     """Draw the library of backgrounds that a recipe puts its craft before, without the craft."""

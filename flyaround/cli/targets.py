@@ -7,12 +7,16 @@ from dataclasses import replace as changed
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 import typer
 from rich.table import Table
 
+from flyaround.cli.run_options import with_run_options
 from flyaround.cli.terminal import progress_bar, say, terminal
 from flyaround.hil.board_model.outer_faces import MOST_TRIANGLES
 from flyaround.hil.board_model.write import write_board_model
+from flyaround.runs.document import write_run
+from flyaround.runs.importing import ImportRun
 from flyaround.simulator.contact_sheets.targets_page import write_contact_sheet
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.part_classes import class_lines, classes_from, target_classes
@@ -64,78 +68,30 @@ def overview(
         _print_table(rows)
 
 
+@with_run_options
 def add(
-    file: Annotated[Path, typer.Argument(help="A mesh: .glb, .gltf, .obj or .stl.")],
-    name: Annotated[str | None, typer.Option(help="Name of the target (default: the file's).")] = None,
-    scale: Annotated[float | None, typer.Option(help="Factor from the file's unit to metres.")] = None,
-    units: Annotated[str | None, typer.Option(help="The file's unit: mm, cm, m or in.")] = None,
-    up: Annotated[str | None, typer.Option(help="The file's up axis: y or z (default: y for glTF).")] = None,
-    recentre: Annotated[
-        bool,
-        typer.Option("--recentre", help="Move the origin to the middle of the mesh: poses are the origin's."),
-    ] = False,
-    yes: Annotated[
-        bool, typer.Option("--yes", help="Take a size that no spacecraft has: under 0.05 m or over 150 m.")
-    ] = False,
-    decimate: Annotated[int | None, typer.Option(help="Reduce to at most so many triangles.")] = None,
-    strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict", help="Refuse missing files, open outlines, branching and one-sided surfaces."
-        ),
-    ] = False,
-    fill_holes: Annotated[
-        bool, typer.Option("--fill-holes", help="Cap openings where that leaves a solid.")
-    ] = False,
-    keep_holes: Annotated[
-        bool,
-        typer.Option(
-            "--keep-holes", help="With --strict: allow open surfaces, as sheets seen from both sides."
-        ),
-    ] = False,
-    keep_non_manifold: Annotated[
-        bool, typer.Option("--keep-non-manifold", help="With --strict: allow edges of three or more faces.")
-    ] = False,
-    new_normals: Annotated[
-        bool, typer.Option("--new-normals", help="Compute normals even where the file's fit.")
-    ] = False,
-    classes: Annotated[
-        Path | None,
-        typer.Option("--classes", help="TOML file that sets the classes of parts by their names."),
-    ] = None,
-    mass: Annotated[float | None, typer.Option("--mass", help="Mass of the craft [kg].")] = None,
-    density: Annotated[float | None, typer.Option("--density", help="Or its mean density [kg/m3].")] = None,
-    replace: Annotated[bool, typer.Option("--replace", help="Overwrite a target of this name.")] = False,
-    sheet: Annotated[bool, typer.Option("--sheet/--no-sheet", help="Draw a contact sheet beside it.")] = True,
+    run: ImportRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print a report as JSON.")] = False,
 ) -> None:
     """Make a mesh a target: check it, repair what is safe, propose keypoints and a wireframe."""
-    chosen = name if name is not None else _name_of(file)
-    check_name(chosen, built_in_targets(), replace=replace)
+    file, craft = Path(run.file), run.craft
+    chosen = run.name if run.name is not None else _name_of(file)
+    check_name(chosen, built_in_targets(), replace=run.replace)
     options = ImportOptions(
-        scale=scale,
-        units=units,
-        up=up,
-        recentre=recentre,
-        any_size=yes,
-        strict=strict,
-        decimate=decimate,
-        fill_holes=fill_holes,
-        keep_holes=keep_holes,
-        keep_non_manifold=keep_non_manifold,
-        new_normals=new_normals,
-        mass_kg=mass,
-        density_kg_m3=density,
+        **msgspec.structs.asdict(run.frame),
+        **msgspec.structs.asdict(run.surface),
+        mass_kg=craft.mass_kg,
+        density_kg_m3=craft.density_kg_m3,
     )
     target, lines = import_mesh(file, chosen, options)
-    if classes is not None:
-        target = changed(target, part_classes={**target.part_classes, **_read_classes(classes, target)})
+    if craft.classes is not None:
+        own = _read_classes(Path(craft.classes), target)
+        target = changed(target, part_classes={**target.part_classes, **own})
     lines[-1:-1] = class_lines(target)
     expect = _expected_of_the_estimator(target)
     path = install(target)
-    page: Path | None = None
-    if sheet:
-        page = _sheet_of(target)
+    write_run(path, run)
+    page = _sheet_of(target) if run.sheet else None
     if as_json:
         document = _summary(target) | {
             "path": str(path),
@@ -166,7 +122,7 @@ def _read_classes(path: Path, target: Target) -> dict[str, PartClass]:
 
 def _expected_of_the_estimator(target: Target) -> str:
     """What to expect of the estimator on a craft that it was not made for; empty where it has a learned proposal."""
-    from flyaround.hil.board.svd.propose.learned.learned_proposal import shipped_network  # noqa: PLC0415 - slow to import, needed here alone
+    from flyaround.hil.board.hybrid.propose.learned.learned_proposal import shipped_network  # noqa: PLC0415 - slow to import, needed here alone
 
     if shipped_network(target.name) is not None:
         return ""

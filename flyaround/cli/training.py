@@ -8,34 +8,30 @@ from typing import Annotated
 import msgspec
 import typer
 
+from flyaround.cli.run_options import with_run_options
 from flyaround.cli.terminal import progress_bar, say
 from flyaround.hil.train.residual_network import ARCHITECTURES
+from flyaround.runs.document import write_run
+from flyaround.runs.estimation import TrainRun
 from flyaround.simulator.errors import UserError, missing_extra
 
 
+@with_run_options
 def train(
-    folder: Annotated[Path, typer.Argument(help="A data set written by capture.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The network's file, NAME.onnx.")],
-    minutes: Annotated[float, typer.Option(min=0.01, max=100_000, help="How long to train.")] = 6.0,
-    steps: Annotated[
-        int | None, typer.Option(min=1, help="Steps instead of minutes: the same on every machine of a kind.")
-    ] = None,
-    network: Annotated[str, typer.Option(help=f"Its size: {' or '.join(ARCHITECTURES)}.")] = "small",
-    width: Annotated[int, typer.Option(min=32, max=1024, help="Width of its pictures [px].")] = 160,
-    classes: Annotated[int, typer.Option(min=64, max=20_000, help="Attitudes that it tells apart.")] = 1024,
-    seed: Annotated[int, typer.Option(min=0, help="Of its start and of the samples.")] = 0,
-    device: Annotated[str, typer.Option(help="cpu, or cuda with an NVIDIA card.")] = "cpu",
-    threads: Annotated[int, typer.Option(min=1, max=256, help="Of the processor.")] = 1,
+    run: TrainRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
     """Train a network on a data set; judge it on every tenth frame, which it never saw.
 
     The file is ONNX and needs no PyTorch: flyaround evaluate --method net:FILE, flyaround hil board --method net:FILE.
     """
+    output = Path(run.output)
     if output.suffix != ".onnx":
         raise UserError(f"-o {output}: the file is ONNX; give a name that ends in .onnx")
-    if network not in ARCHITECTURES:
-        raise UserError(f"unknown network '{network}' in --network; choose from {', '.join(ARCHITECTURES)}")
+    if run.network not in ARCHITECTURES:
+        raise UserError(
+            f"unknown network '{run.network}' in --network; choose from {', '.join(ARCHITECTURES)}"
+        )
     if output.is_dir() or not output.absolute().parent.is_dir():
         raise UserError(f"-o {output}: there is no folder for such a file; make it first")
     try:
@@ -46,20 +42,21 @@ def train(
 
     with progress_bar("pictures", quiet=as_json) as reading:
         report = train_network(
-            folder,
+            Path(run.folder),
             output,
-            architecture=network,
-            width_px=width,
-            classes=classes,
-            budget=Budget(minutes=minutes, steps=steps),
-            seed=seed,
-            device=device,
-            threads=threads,
+            architecture=run.network,
+            width_px=run.width,
+            classes=run.classes,
+            budget=Budget(minutes=run.minutes, steps=run.steps),
+            seed=run.seed,
+            device=run.device,
+            threads=run.threads,
             report=(lambda _done, _text: None)
             if as_json
             else (lambda done, text: say(f"{100 * done:3.0f} %: {text}", stderr=True)),
             progress=reading,
         )
+    write_run(output, run)
     if as_json:
         typer.echo(msgspec.json.encode(report).decode())
         return

@@ -19,7 +19,7 @@ COMMANDS = (
         "which estimator: a name of flyaround evaluate, or net:FILE",
         lambda console, method: console.jobs.estimates.choose(method),
         arguments=(
-            Argument("method", "word", "svd, svd-2018, svd-thesis, svd-track, net:FILE or a package's"),
+            Argument("method", "word", "hybrid, svd-2018, svd-thesis, hybrid-track, net:FILE or a package's"),
         ),
     ),
     Command(

@@ -9,6 +9,7 @@ import msgspec
 
 from flyaround.gui.command_table import Argument, Command, number
 from flyaround.gui.jobs.program import new_folder
+from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.host.ledger.run_terms import FlownRecord
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig
@@ -80,7 +81,7 @@ def _start(console: Console, url: str | None = None) -> None:
 
 
 def _board(console: Console, method: str | None = None) -> None:
-    console.jobs.hil.start_board(console.session.plan.target.name, method or "svd")
+    console.jobs.hil.start_board(console.session.plan.target.name, method or HYBRID)
 
 
 def _fault(console: Console, kind: str, seconds: float | None = None) -> None:
@@ -112,7 +113,7 @@ COMMANDS = (
         "Start board here",
         "a board's process on this machine that connects to the session",
         _board,
-        arguments=(Argument("method", "word", "its estimator; svd unless given", optional=True),),
+        arguments=(Argument("method", "word", "its estimator; hybrid unless given", optional=True),),
     ),
     Command(
         "hil.board-stop",

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from flyaround.gui.jobs.estimator_process import EstimateRequest, EstimatesByProcess, estimate_picture
+from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.pose_errors import frame_errors
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.worker import ProcessDiedError, ProgressWatch, WorkerProcess
@@ -81,7 +82,7 @@ class Estimates:
         self._open_resource, self._work, self._clock = open_resource, work, clock
         self._limit_s, self._progress = limit_s, ProgressWatch(clock)
         self.on = False
-        self.method = "svd"
+        self.method = HYBRID
         self.stages_wanted = False
         self.newest: ComparedEstimate | None = None
         self.history: deque[ComparedEstimate] = deque(maxlen=KEPT)

@@ -85,7 +85,7 @@ class EstimatesByProcess:
         UserError
             If there is no such method.
         """
-        from flyaround.hil.board.svd import CameraIntrinsics  # noqa: PLC0415 - what only this process needs
+        from flyaround.hil.board.estimation import CameraIntrinsics  # noqa: PLC0415 - what only this process needs
         from flyaround.hil.evaluate.added_estimators import any_estimator, check_any_method  # noqa: PLC0415
         from flyaround.hil.evaluate.method_choice import MethodChoice, board_model  # noqa: PLC0415
 
@@ -108,7 +108,7 @@ class EstimatesByProcess:
 
 def estimate_picture(held: EstimatesByProcess, request: EstimateRequest) -> Answer:
     """Estimate the pose in a picture, in the estimator's process."""
-    from flyaround.hil.board.svd.debug.stage_pictures import stage_pictures  # noqa: PLC0415 - what only this process needs
+    from flyaround.hil.board.hybrid.debug.stage_pictures import stage_pictures  # noqa: PLC0415 - what only this process needs
     from flyaround.hil.evaluate.estimate import checked_picture  # noqa: PLC0415
 
     start = time.perf_counter()
@@ -144,6 +144,6 @@ def _jpeg(picture: ByteArray) -> ByteArray:
 
 def known_methods() -> tuple[str, ...]:
     """Names that need no file: the built-in methods, and those of other packages."""
-    from flyaround.hil.board.svd import METHODS  # noqa: PLC0415 - loads OpenCV, and most flights have no estimator
+    from flyaround.hil.board.method_names import METHODS  # noqa: PLC0415 - loads OpenCV, and most flights have no estimator
 
     return (*METHODS, *sorted(plugins("estimator")))

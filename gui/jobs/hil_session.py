@@ -14,7 +14,7 @@ import numpy as np
 
 from flyaround.gui.jobs.hil_stream import Event, SceneWanted, SessionNote, stream
 from flyaround.gui.jobs.program import ChildProgram
-from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.summary import LedgerSummary
 from flyaround.hil.host.link_process.ipc import Close, Failed, Listening
 from flyaround.simulator.errors import UserError
@@ -64,7 +64,7 @@ class HilSession:
         self._summary: LedgerSummary | None = None
         self._failed: Failed | None = None
         self.url = self.board_name = ""
-        self.rows: deque[LedgerRow] = deque(maxlen=KEPT_ROWS)
+        self.rows: deque[FrameRecord] = deque(maxlen=KEPT_ROWS)
         self._arrived_s: deque[float] = deque(maxlen=KEPT_ROWS)
         self.outcomes: Counter[str] = Counter()
         self.struck: Counter[str] = Counter()
@@ -205,7 +205,7 @@ class HilSession:
         match event:
             case SceneWanted():
                 self._wanted = True
-            case LedgerRow():
+            case FrameRecord():
                 self._add(event)
             case Listening(url):
                 self.url = url
@@ -224,7 +224,7 @@ class HilSession:
             case Failed():
                 self._failed = event
 
-    def _add(self, row: LedgerRow) -> None:
+    def _add(self, row: FrameRecord) -> None:
         self.rows.append(row)
         self._arrived_s.append(self._clock())
         self.outcomes[row.outcome] += 1

@@ -19,7 +19,7 @@ from multiprocessing import connection, parent_process
 from typing import TYPE_CHECKING, Any, get_args
 
 from flyaround.hil.host.faults.camera_faults import with_camera_faults
-from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.summary import LedgerSummary
 from flyaround.hil.host.link_process.ipc import Close, Failed, Listening
 from flyaround.hil.host.run import RunConfig, run_host
@@ -49,7 +49,7 @@ class SessionNote:
     warning: bool = False
 
 
-Event = SceneWanted | Listening | SessionNote | LedgerRow | LedgerSummary | Failed
+Event = SceneWanted | Listening | SessionNote | FrameRecord | LedgerSummary | Failed
 """Messages from the process; those of the host's modules are sent unchanged."""
 
 

@@ -6,11 +6,12 @@ import re
 from typing import TYPE_CHECKING
 
 from flyaround.gui.jobs.program import ChildProgram
+from flyaround.simulator.targets.importing.read.mesh_file import ENDINGS
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-MESHES = (".glb", ".gltf", ".obj", ".stl")
+MESHES = tuple(f".{ending}" for ending in ENDINGS)
 LONGEST_NAME, LONGEST_MISTAKE = 40, 400
 
 

@@ -15,7 +15,7 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.hil_session import HilSession
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
 
 SEEN = {
     "off": style.QUIET,
@@ -30,7 +30,7 @@ class BoardLinkPanel(Panel):
 
     name, title, place, shown = "board-link", "Board link", "left", False
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._url = LISTEN
         self._methods: tuple[str, ...] = ()

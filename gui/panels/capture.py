@@ -14,7 +14,7 @@ from flyaround.simulator.scenario.load import list_recipes, list_scenarios
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.capture_job import CaptureJob
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
 
 THUMB = 120.0
 
@@ -24,7 +24,7 @@ class CapturePanel(Panel):
 
     name, title, place, shown = "capture", "Capture", "left", False
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._what = 0
         self._names: tuple[str, ...] = ()

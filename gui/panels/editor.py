@@ -9,7 +9,7 @@ from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
 
 
 class EditorPanel(Panel):
@@ -17,7 +17,7 @@ class EditorPanel(Panel):
 
     name, title, place, shown = "editor", "Scenario text", "left", False
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._path = "mine.toml"
 

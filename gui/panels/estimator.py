@@ -14,7 +14,7 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
     from flyaround.simulator.runtime.arrays import ByteArray
 
 PLOT_HEIGHT = 92.0
@@ -36,7 +36,7 @@ class EstimatorPanel(Panel):
 
     name, title, place, shown = "estimator", "Estimator", "left", False
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._methods: tuple[str, ...] = ()
         self._network = "net:"
@@ -102,7 +102,7 @@ class EstimatorPanel(Panel):
             "Confidence",
             (answer.confidence,),
             "{:.3f}",
-            "how sure the estimator is, 0 to 1; svd accepts from 0.9 on",
+            "how sure the estimator is, 0 to 1; hybrid accepts from 0.9 on",
         )
         if e.E_R_deg is not None and e.E_T_m is not None:
             w.row(

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from flyaround.gui.command_table import Command
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
 
 
 class KeyList(Panel):
@@ -21,7 +21,7 @@ class KeyList(Panel):
     name, title, place, shown = "keys", "Commands and keys", "over", False
     keys = ("f1", "h")
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._wanted = ""
 
@@ -70,7 +70,7 @@ class Palette(Panel):
     keys = ("ctrl+p",)
     rows = 9
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._line = ""
 

@@ -14,7 +14,7 @@ from flyaround.simulator.scenario.load import list_recipes, list_scenarios, load
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
     from flyaround.simulator.runtime.arrays import ByteArray
 
 CARD = 168.0
@@ -26,7 +26,7 @@ class ScenarioChooser(Panel):
 
     name, title, place, shown = "scenarios", "Scenarios", "left", False
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._wanted = ""
         self._cards: list[tuple[str, str, ByteArray]] = []

@@ -17,7 +17,7 @@ from flyaround.simulator.camera.lens.files import list_cameras
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
 
 BAND_COLOURS = (style.AXIS_COLORS[0], style.AXIS_COLORS[1], style.AXIS_COLORS[2])
 
@@ -27,7 +27,7 @@ class SensorPanel(Panel):
 
     name, title, place, shown = "sensor", "Camera and sensor", "right-low", True
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._of: Picture | None = None
         self._histogram: Histogram | None = None

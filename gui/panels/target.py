@@ -11,7 +11,7 @@ from flyaround.simulator.targets.library import list_targets
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
 
 
 class TargetPanel(Panel):
@@ -19,7 +19,7 @@ class TargetPanel(Panel):
 
     name, title, place, shown = "target", "Target and lights", "right-low", True
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._names: tuple[str, ...] = ()
 

@@ -10,7 +10,7 @@ from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.flight_history import Timeline
 
 
@@ -20,7 +20,7 @@ class TimelinePanel(Panel):
     name, title, place, shown = "timeline", "Timeline", "bottom", False
     keys = ("ctrl+t",)
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._note = ""
 

@@ -19,7 +19,7 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Feed, Picture
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.session import FlightSession
 
 FIGURES = {
@@ -46,7 +46,7 @@ class CameraView(Panel):
     name, title, place, shown = "camera", "Chaser's camera", "centre", True
     bare = True
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._docking = DockingHud(window)
         self._mouse = MouseSteering(window)

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
+    from flyaround.gui.surface import Surface
     from flyaround.gui.views.letterbox import Letterbox
-    from flyaround.gui.window import Window
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.piloting.docking_figures import DockingFigures
     from flyaround.simulator.piloting.docking_watch import Docking
@@ -59,7 +59,7 @@ class DockingHud:
     window : drawn in.
     """
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         self._window = window
         self._w = Widgets(window)
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.flight.world_state import WorldState
@@ -46,7 +46,7 @@ class EarthMap(Panel):
     name, title, place, shown = "earth-map", "Earth map", "bottom", False
     bare = True
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         # decoding maps and propagating an orbit must not hold the window up
         self._aside = ThreadPoolExecutor(1)

@@ -14,8 +14,8 @@ from flyaround.simulator.world.frames.rotation import quat_normalize
 if TYPE_CHECKING:
     from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates
     from flyaround.gui.picture.feed import Picture
+    from flyaround.gui.surface import Surface
     from flyaround.gui.views.letterbox import Letterbox
-    from flyaround.gui.window import Window
 
 OLD_S = 5.0
 """An estimate of a picture that is older by more of simulated time is not drawn."""
@@ -30,7 +30,7 @@ class EstimateOverlay:
     window : drawn in.
     """
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         self._imgui = window.imgui
         self._of: tuple[object, ...] = ()
         self._lines: tuple[Segment, ...] = ()

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
     from flyaround.simulator.labels.truth import KeypointState, Truth
     from flyaround.simulator.runtime.arrays import ByteArray
 
@@ -47,7 +47,7 @@ class _LabelView(Panel):
     bare = True
     legend_tip = ""
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._made_of: Picture | None = None
         self._part = (slice(0, 1), slice(0, 1))
@@ -128,7 +128,7 @@ class DepthView(_LabelView):
 
     name, title = "depth", "Depth"
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._depth: DepthPicture | None = None
 
@@ -174,7 +174,7 @@ class PartsView(_LabelView):
     name, title = "parts", "Parts and mask"
     legend_tip = "class of the part, as capture --labels parts writes it"
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._image_rgb: ByteArray | None = None
         self._rows: list[tuple[str, style.Rgba]] = []
@@ -199,7 +199,7 @@ class KeypointsView(_LabelView):
     name, title = "keypoints", "Keypoints"
     legend_tip = "how many keypoints are in this state: dots are seen, diamonds unlit, rings hidden"
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._image_rgb: ByteArray | None = None
         self._truth: Truth | None = None

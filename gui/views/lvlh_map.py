@@ -30,7 +30,7 @@ from flyaround.simulator.world.guidance.manual_control import predicted_drift_lv
 if TYPE_CHECKING:
     from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.frames.lvlh import Lvlh
@@ -58,7 +58,7 @@ class LvlhMap(Panel):
 
     name, title, place, shown = "lvlh-map", "LVLH map", "right-middle", True
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._session: FlightSession | None = None
         self._planned = np.zeros((1, 3))

@@ -9,8 +9,8 @@ from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
+    from flyaround.gui.surface import Surface
     from flyaround.gui.views.letterbox import Letterbox
-    from flyaround.gui.window import Window
 
 REACH = 0.25
 """A drag over this share of the picture's height is the whole turn or push."""
@@ -24,7 +24,7 @@ class MouseSteering:
     window : whose mouse it is.
     """
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         self._w = Widgets(window)
         self._thrust = self._turn = STILL
 

@@ -17,7 +17,7 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
 
 DEGREES_PER_UNIT = 0.4
 WHEEL_FACTOR = 1.15
@@ -31,7 +31,7 @@ class OrbitCameraView(Panel):
     name, title, place, shown = ORBIT_CAMERA, "Orbit camera", "bottom", False
     bare = True
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._turning = False
         self._marks: ChaserMarks | None = None

@@ -14,8 +14,8 @@ from flyaround.gui.picture.truth_overlay import Marker, Marks, Seen
 if TYPE_CHECKING:
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.picture.view_settings import Options
+    from flyaround.gui.surface import Surface
     from flyaround.gui.views.letterbox import Letterbox
-    from flyaround.gui.window import Window
     from flyaround.simulator.targets.model import Target
 
 SEEN_COLORS: dict[Seen, style.Rgba] = {"visible": style.GOOD, "shadowed": style.WARN, "hidden": style.BAD}
@@ -31,7 +31,7 @@ class TruthMarks:
     window : drawn in.
     """
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Surface) -> None:
         self._window = window
         self._target: Target | None = None
         self._marker: Marker | None = None

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.hil.host.ledger.summary import LedgerSummary
 
     Pictures = Sequence[NDArray[np.uint8]]
@@ -67,7 +67,7 @@ class LatencyResult:
     """
 
     summary: LedgerSummary
-    rows: Sequence[LedgerRow]
+    rows: Sequence[FrameRecord]
     handover_error_ms: NDArray[np.float64]
     on_board_ms: NDArray[np.float64]
     codes_agree: int
@@ -117,7 +117,7 @@ def measure_latency(
     log_dir: Path | None = None,
 ) -> LatencyResult:
     """Run host, link process and board process, each its own, over loopback TCP."""
-    rows: list[LedgerRow] = []
+    rows: list[FrameRecord] = []
     boards: list[Any] = []
 
     def start_board(url: str, _truth_url: str | None) -> None:

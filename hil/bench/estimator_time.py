@@ -34,13 +34,14 @@ N_TRACKED, EVERY_S = 42, 0.5
 BOARD = """
 import json, sys
 import cv2, numpy as np
-from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
-from flyaround.hil.board.svd.native.library import describe_library
+from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
+from flyaround.hil.board.methods import make_estimator
+from flyaround.hil.board.hybrid.native.library import describe_library
 cv2.setNumThreads(1)
 folder, every_s = sys.argv[1], float(sys.argv[2])
 model = BoardModel.read(folder + "/model.json")
 camera = CameraIntrinsics.from_dict(json.load(open(folder + "/camera.json")))
-first, track = make_estimator(model, camera), make_estimator(model, camera, "svd-track")
+first, track = make_estimator(model, camera), make_estimator(model, camera, HYBRID_TRACK)
 total = lambda result: sum(result.stages_ms.values())
 # one picture at a time, as from a link: what is mapped counts as memory
 count = lambda name: len(np.load(f"{folder}/{name}.npy", mmap_mode="r"))
@@ -73,7 +74,7 @@ def bench_estimator() -> tuple[PartCost, ...]:
 
 def _in_a_process(folder: Path) -> tuple[PartCost, ...]:
     """The costs of all frames, one at a time."""
-    # threads on matrices this small cost more than they give (docs/svd.md)
+    # threads on matrices this small cost more than they give (docs/hybrid.md)
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     answer = subprocess.run(
         [sys.executable, "-c", BOARD, str(folder), str(EVERY_S)],

@@ -149,7 +149,7 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
     """
     import cv2  # noqa: PLC0415 - a board that only relays has none
 
-    from flyaround.hil.board.svd.native.library import describe_library  # noqa: PLC0415 - the same
+    from flyaround.hil.board.hybrid.native.library import describe_library  # noqa: PLC0415 - the same
 
     if camera is None:
         raise LinkError("--image needs the camera it was taken with: name its file with --camera")

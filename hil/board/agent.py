@@ -16,6 +16,7 @@ from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 from flyaround.hil.board.answering import BoardEstimator
 from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.frame_server import BoardSummary, FrameServer
+from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.link.errors import LinkError
 from flyaround.hil.link.packets.enums import GREY_FORMATS, format_mask
 from flyaround.hil.link.packets.images import check_terms, supported_encodings
@@ -44,10 +45,10 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
     LinkError
         If the model file, the method or the compiled library cannot be used.
     """
-    from flyaround.hil.board.methods import check_method_name, estimator_by_name  # noqa: PLC0415 - needs OpenCV
-    from flyaround.hil.board.svd import BoardModel, CameraIntrinsics  # noqa: PLC0415 - the same
-    from flyaround.hil.board.svd.methods import WITH_LIBRARY  # noqa: PLC0415 - the same
-    from flyaround.hil.board.svd.native.library import describe_library, library  # noqa: PLC0415 - the same
+    from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics  # noqa: PLC0415 - the same
+    from flyaround.hil.board.hybrid.native.library import describe_library, library  # noqa: PLC0415 - the same
+    from flyaround.hil.board.method_names import WITH_LIBRARY  # noqa: PLC0415 - the same
+    from flyaround.hil.board.methods import check_method_name, make_estimator  # noqa: PLC0415 - needs OpenCV
 
     try:
         check_method_name(method)
@@ -67,7 +68,7 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
         raise LinkError(f"{error}: write it anew on the host and copy it to the board") from error
 
     def make(camera: Dict[str, Any]) -> BoardEstimator:
-        return estimator_by_name(model, CameraIntrinsics.from_dict(camera), method)
+        return make_estimator(model, CameraIntrinsics.from_dict(camera), method)
 
     return make, model.name, model.sha256
 
@@ -77,13 +78,13 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
 
     Parameters
     ----------
-    compiled : whether its estimator is the SVD one, whose OpenCV and kernels are named, too.
+    compiled : whether its estimator is one of the built-in ones, whose OpenCV and kernels are named, too.
     """
     runs_on = f" {platform.machine()} Python {platform.python_version()}"
     if compiled:
         import cv2  # noqa: PLC0415 - a board with an estimator of its own needs none
 
-        from flyaround.hil.board.svd.native.library import describe_library  # noqa: PLC0415 - needs OpenCV
+        from flyaround.hil.board.hybrid.native.library import describe_library  # noqa: PLC0415 - needs OpenCV
 
         runs_on += f", OpenCV {cv2.__version__}, {describe_library().split()[0]}"
     return Hello(
@@ -91,6 +92,7 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
         model_name=model_name,
         model_sha256=model_sha256,
         method=method,
+        takes_fields=True,
         # a long name of the machine leaves room for the rest
         board=platform.node()[: max(Hello.BOARD_BYTES - len(runs_on), 0)] + runs_on,
     )
@@ -118,7 +120,7 @@ class BoardAgent:
     Parameters
     ----------
     url : the host.
-    model_path : board model file for the SVD estimator, or a bundled one's name; not needed with ``make_estimator``.
+    model_path : board model file for the estimator, or a bundled one's name; not needed with ``make_estimator``.
     make_estimator : any estimator, made anew for each session once the camera is known.
     connect_timeout_s : how long to try to reach the host, and then to wait for its first word.
     window : frames held at once, the one in work included.
@@ -137,7 +139,7 @@ class BoardAgent:
         self,
         url: str,
         model_path: Union[str, Path, None] = None,
-        method: str = "svd",
+        method: str = HYBRID,
         *,
         make_estimator: Optional[EstimatorFactory] = None,
         model_name: str = "",
@@ -256,7 +258,7 @@ class BoardAgent:
 def run_board(
     url: str,
     model_path: Union[str, Path, None] = None,
-    method: str = "svd",
+    method: str = HYBRID,
     **options: Any,  # noqa: ANN401 - those of BoardAgent
 ) -> BoardSummary:
     """Serve one session with a host, to its end.

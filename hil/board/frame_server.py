@@ -10,7 +10,7 @@ import threading
 from dataclasses import dataclass
 from typing import Optional
 
-from flyaround.hil.board.answering import BoardEstimator, estimated_pose
+from flyaround.hil.board.answering import BoardEstimator, FrameContext, estimated_pose
 from flyaround.hil.link.clock import answer_time_sync, now_ns
 from flyaround.hil.link.errors import LinkClosed, PacketError, ProtocolMistake
 from flyaround.hil.link.packets.images import FrameAssembler
@@ -27,6 +27,7 @@ from flyaround.hil.link.packets.messages import (
     PoseMessage,
     TimeSyncReply,
     TimeSyncRequest,
+    Transfer,
 )
 from flyaround.hil.link.packets.pixels import Image
 from flyaround.hil.link.session import Link
@@ -204,14 +205,16 @@ class FrameServer:
         self._link.send(Credit(pose.frame_id, self._terms.window))
 
     def _answer(self, arrival: _Arrival, start_ns: int) -> PoseMessage:
-        return estimated_pose(
-            self._estimator,
-            arrival.image,
-            arrival.header.frame_id,
-            t_s=arrival.header.t_s,
-            receive_ns=arrival.receive_ns,
-            start_ns=start_ns,
+        header = arrival.header
+        context = FrameContext(
+            header.frame_id,
+            header.t_s,
+            arrival.receive_ns,
+            start_ns,
+            header.sun_camera,
+            self._terms.takes_fields,
         )
+        return estimated_pose(self._estimator, arrival.image, context)
 
     # --- receiving --------------------------------------------------------------------------
 
@@ -254,6 +257,11 @@ class FrameServer:
         """Handle one message; False ends the session. Truth, where it is sent along, is not looked at."""
         at_ns = now_ns()
         if isinstance(message, FrameHeader):
+            if message.transfer != Transfer.LINEAR:
+                raise ProtocolMistake(
+                    f"frame {message.frame_id} has {message.transfer.name} pixels: this board takes linear ones",
+                    message.frame_id,
+                )
             self._assembler.header(message)
         elif isinstance(message, FrameChunk):
             complete = self._assembler.chunk(message)

@@ -7,6 +7,7 @@ import math
 from typing import Any, Dict, NamedTuple, Optional, Tuple
 
 from flyaround.hil.board.agent import BoardAgent, EstimatorFactory
+from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.link.errors import LinkError
 from flyaround.hil.link.security import read_key
 from flyaround.hil.link.session import SILENCE_S
@@ -39,8 +40,9 @@ AGENT_OPTIONS: Tuple[AgentOption, ...] = (
     AgentOption(
         "--method",
         str,
-        "svd",
-        "Estimator: svd, another of docs/svd_methods.md, or net:FILE of flyaround train.",
+        HYBRID,
+        "Estimator: hybrid (ours, the default), hybrid-track (the same, following a sequence), svd-2018 or svd-thesis"
+        " (the published algorithm), or net:FILE of flyaround train.",
     ),
     AgentOption(
         "--timeout", float, 60.0, "Seconds to try to reach the host, and to wait for its first word.", "S"

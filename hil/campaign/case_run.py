@@ -28,10 +28,11 @@ from flyaround.hil.host.closed_loop_run import (
     write_summary,
 )
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun
-from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, LedgerRow, LedgerWriter, read_ledger
+from flyaround.hil.host.frame_record import FrameRecord
+from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, LedgerWriter, read_ledger
 from flyaround.hil.host.ledger.run_terms import FlownRecord, read_terms, terms_without_board, write_terms
-from flyaround.hil.host.ledger.summary import SUMMARY_JSON, Board, LedgerSummary, LinkTotals
-from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, Board, LedgerSummary
+from flyaround.hil.host.link_process.ipc import LinkConfig, LinkTotals
 from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.host.report import TRACE_JSON, write_report
 from flyaround.hil.host.run import RunConfig
@@ -290,12 +291,12 @@ def _drop_wall_clock(part: Path) -> None:
     )
 
 
-def _timeless(row: LedgerRow) -> LedgerRow:
+def _timeless(row: FrameRecord) -> FrameRecord:
     """A row without times of the wall clock; those of the flight stay."""
-    defaults = LedgerRow(frame_id=0, epoch_utc="", t_s=0.0, exposure_s=0.0, outcome="")
+    defaults = FrameRecord(frame_id=0, epoch_utc="", t_s=0.0, exposure_s=0.0, outcome="")
     measured = [
         f.name
-        for f in fields(LedgerRow)
+        for f in fields(FrameRecord)
         if f.name.endswith(("_ms", "_utc")) or f.name in {"late", "deadline_met"}
     ]
     return replace(row, **{name: getattr(defaults, name) for name in measured if name != "epoch_utc"})

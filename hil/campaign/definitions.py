@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import msgspec
 
 from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.method_names import HYBRID, name_in_file
 from flyaround.hil.board.methods import check_method_name
 from flyaround.hil.campaign.quantities import QUANTITIES
 from flyaround.hil.host.link_process.ipc import Compression, PixelFormatName
@@ -74,7 +75,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     seeds: Annotated[tuple[Seed, ...], msgspec.Meta(min_length=1, max_length=MOST_RUNS)] | SeedRange = (1,)
     closed_loop: bool = False
     pose: Literal["board", "truth", "noisy"] = "board"
-    method: str = "svd"
+    method: str = HYBRID
     mode: Literal["lockstep", "realtime"] = "lockstep"
     frames: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] | None = None
     every_s: Seconds | None = None
@@ -181,9 +182,11 @@ def _parse(path: Path) -> Campaign:
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): name a campaign file") from error
     try:
-        return msgspec.convert(document, Campaign)
+        campaign = msgspec.convert(document, Campaign)
     except msgspec.ValidationError as error:
         raise UserError(f"{path}: {explain(str(error), document, Campaign)}") from error
+    cases = (msgspec.structs.replace(c, method=name_in_file(c.method, path)) for c in campaign.case)
+    return msgspec.structs.replace(campaign, case=tuple(cases))
 
 
 def _check_case(case: Case, where: str) -> None:

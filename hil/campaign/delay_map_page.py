@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.hil.campaign.map_results import CellResult, DelayMapOutcome
 
 PAGE, PICTURE = "index.html", "delay_map.png"
-ERRORS = "Nothing drawn: poses are the truth with the errors that the estimator svd was measured to make."
+ERRORS = "Nothing drawn: poses are the truth with the errors that the estimator hybrid was measured to make."
 
 
 def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:

@@ -10,7 +10,8 @@ import msgspec
 import numpy as np
 
 from flyaround.hil.host.closed_loop_run import read_steps
-from flyaround.hil.host.ledger.frames_csv import ACCEPTED, FRAMES_CSV, read_ledger
+from flyaround.hil.host.frame_record import ACCEPTED
+from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
 from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
 from flyaround.simulator.runtime.untrusted_files import read_regular
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
 
 MOST_BYTES = 1 << 28
 Value: TypeAlias = "float | str | None"
@@ -34,7 +35,7 @@ class RunRecord:
     """
 
     summary: LedgerSummary
-    rows: tuple[LedgerRow, ...]
+    rows: tuple[FrameRecord, ...]
     steps: dict[str, list[str]]
 
     @staticmethod

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from contextlib import AbstractContextManager
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.hil.host.ledger.summary import LedgerSummary
     from flyaround.simulator.frame import Frame
     from flyaround.simulator.scenario.plan import Plan
@@ -121,7 +121,7 @@ class Loop:
     """What the loop with the board gave."""
 
     summary: LedgerSummary
-    rows: tuple[LedgerRow, ...]
+    rows: tuple[FrameRecord, ...]
     frames: dict[int, Frame]
     truth_records: int
 
@@ -141,7 +141,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
     folder.mkdir()
     port = _free_port_pair()
     url, truth_url = f"tcp://127.0.0.1:{port}", f"tcp://127.0.0.1:{port + 1}"
-    rows: list[LedgerRow] = []
+    rows: list[FrameRecord] = []
     kept = _Kept()
     command = [*board_command, url, "--target", plan.target.name]
     config = RunConfig(
@@ -159,7 +159,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
         logger = TruthLogger(truth_url, folder / "truth.jsonl")
         logger.start()
 
-        def on_row(row: LedgerRow) -> None:
+        def on_row(row: FrameRecord) -> None:
             rows.append(row)
             progress(len(rows), plan.n_frames)
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.simulator.frame import Frame
     from flyaround.simulator.runtime.arrays import ByteArray
     from flyaround.simulator.scenario.plan import Plan
@@ -46,7 +46,7 @@ class DemoResults:
     captured: CaptureSummary
     checked: CheckReport
     summary: LedgerSummary
-    rows: tuple[LedgerRow, ...]
+    rows: tuple[FrameRecord, ...]
     loop_frames: dict[int, Frame]
     truth_records: int
     run_s: float
@@ -115,7 +115,7 @@ def with_inset(image: ByteArray, truth: Truth) -> ByteArray:
     return out
 
 
-def _answer(results: DemoResults, place: Path, row: LedgerRow) -> Markup:
+def _answer(results: DemoResults, place: Path, row: FrameRecord) -> Markup:
     """A frame as the board got it, with the pose that came back drawn over it."""
     frame = results.loop_frames[row.frame_id]
     truth = frame.truth

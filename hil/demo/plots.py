@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.simulator.scenario.plan import Plan
 
 WIDTH = 13  # inches
@@ -54,7 +54,7 @@ def plot_trajectory(plan: Plan) -> Figure:
     return figure
 
 
-def plot_errors(rows: Sequence[LedgerRow]) -> Figure:
+def plot_errors(rows: Sequence[FrameRecord]) -> Figure:
     """Rotation and translation error of every answered frame, accepted and declined apart."""
     figure, axes = figure_with_axes(1, 2, 3.8, width=WIDTH, dark=True)
     for ax, field, label, limit in (
@@ -77,7 +77,7 @@ def plot_errors(rows: Sequence[LedgerRow]) -> Figure:
     return figure
 
 
-def plot_latency(rows: Sequence[LedgerRow]) -> Figure:
+def plot_latency(rows: Sequence[FrameRecord]) -> Figure:
     """Where each frame's time went, and how end-to-end latency is distributed."""
     answered = [r for r in rows if r.e2e_ms is not None]
     figure, axes = figure_with_axes(1, 2, 3.8, width=WIDTH, widths=(2, 1), dark=True)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from flyaround.hil.board.methods import check_method_name, estimator_by_name
-from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, Estimator, PoseResult
+from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics, Estimator, PoseResult
+from flyaround.hil.board.methods import check_method_name, make_estimator
 from flyaround.simulator.runtime.plugins import Plugin, plugins
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flyaround.hil.board.svd.image.observation import Observation
+    from flyaround.hil.board.estimation.record import StageRecord
     from flyaround.hil.evaluate.method_choice import MethodChoice
 
 
@@ -27,7 +27,7 @@ class AddedEstimator(Estimator):
         super().__init__(model, camera)
         self.method, self._inner = name, inner
 
-    def _estimate(self, frame: Observation) -> PoseResult:
+    def _estimate(self, frame: StageRecord) -> PoseResult:
         result = self._inner.estimate(frame.image)
         frame.mark(self.method)
         return PoseResult(
@@ -64,13 +64,13 @@ def any_estimator(model: BoardModel, camera: CameraIntrinsics, choice: MethodCho
     Raises
     ------
     BoardModelError
-        As of ``estimator_by_name``.
+        As of ``make_estimator``.
     UserError
         If its package cannot be imported, or cannot make one.
     """
     plugin = plugins("estimator").get(choice.method)
     if plugin is None:
-        return estimator_by_name(model, camera, choice.method, choice.solver, choice.streams, choice.steps)
+        return make_estimator(model, camera, choice.method, choice.solver, choice.streams)
     make = _function(plugin)
     try:
         inner = make(model, camera)

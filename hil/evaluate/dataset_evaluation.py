@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from flyaround.hil.board.errors import BoardModelError
-from flyaround.hil.board.svd import BoardModel
-from flyaround.hil.board.svd.native.library import describe_library
+from flyaround.hil.board.estimation import BoardModel
+from flyaround.hil.board.hybrid.native.library import describe_library
+from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.evaluation_page import write_page
 from flyaround.hil.evaluate.evaluator import Evaluator, answer_in_worker, start_worker
 from flyaround.hil.evaluate.greyscale import about_pictures
@@ -40,7 +41,7 @@ def evaluate_dataset(
     folder: Path,
     report: Path,
     *,
-    methods: tuple[MethodChoice, ...] = (MethodChoice("svd"),),
+    methods: tuple[MethodChoice, ...] = (MethodChoice(HYBRID),),
     model: BoardModel | None = None,
     workers: int = 1,
     frames: Sequence[int] | None = None,

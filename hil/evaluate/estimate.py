@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 
 from flyaround.hil.board.errors import BoardModelError
-from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.added_estimators import any_estimator
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
@@ -23,9 +24,11 @@ from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Target
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
-    from flyaround.hil.board.svd import Estimator, PoseResult
+    from flyaround.hil.board.estimation import Estimator, PoseResult
 
 _MOST_IN_USE = 4  # estimators that one process keeps: some seconds to make, tens of megabytes each
 
@@ -35,7 +38,8 @@ def estimate(
     camera: Camera | str | Path,
     target: Target | str | Path = "tango",
     *,
-    method: str = "svd",
+    method: str = HYBRID,
+    sun_camera: Sequence[float] | None = None,
 ) -> PoseResult:
     """The pose of a target in one picture, as `flyaround estimate` gives it.
 
@@ -46,8 +50,10 @@ def estimate(
     image : (H, W) or (H, W, 3) uint8 or uint16 of the camera's size, or the file of one. Colour is taken in grey.
     camera : that took it: a camera, the name of a built-in one, or a file.
     target : the craft in it: a target, a name of `list_targets`, or a target file.
-    method : ``svd``, or another of ``flyaround.hil.board.methods.ALL_METHODS``;
+    method : ``hybrid``, or another of ``flyaround.hil.board.method_names.ALL_METHODS``;
         ``net:FILE`` is a network of `flyaround train`.
+    sun_camera : unit vector to the Sun in the camera frame, as ``sun_direction_camera`` of a truth record; None if it
+        is not known. ``hybrid`` searches it then; the other methods have no use for it.
 
     Returns
     -------
@@ -58,8 +64,11 @@ def estimate(
     Raises
     ------
     UserError
-        If the picture cannot be read or is not of the camera's size, or a name is unknown.
+        If the picture cannot be read or is not of the camera's size, a name is unknown, or ``sun_camera`` is no unit
+        vector.
     """
+    if sun_camera is not None and (len(sun_camera) != 3 or not abs(np.linalg.norm(sun_camera) - 1) <= 1e-3):
+        raise UserError(f"sun_camera {tuple(sun_camera)} is no unit vector: give three numbers of length 1")
     craft = target if isinstance(target, Target) else load_target(target)
     intrinsics = camera if isinstance(camera, Camera) else load_camera(camera)
     where = "the picture" if isinstance(image, np.ndarray) else str(image)
@@ -67,7 +76,8 @@ def estimate(
     checked = checked_picture(pixels, intrinsics, where)
     # one that remembers the pictures it was shown is made anew
     find = _made if MethodChoice(method).in_order else _kept
-    return find(_Craft(craft.name, craft.sha256, craft), intrinsics, method).estimate(checked)
+    estimator = find(_Craft(craft.name, craft.sha256, craft), intrinsics, method)
+    return estimator.estimate(checked, sun_camera=sun_camera)
 
 
 def checked_picture(

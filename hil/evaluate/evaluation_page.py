@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
+from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.evaluate.evaluation_plots import CAPTIONS, draw_plots
 from flyaround.hil.evaluate.failure_stage import KINDS
 from flyaround.hil.evaluate.failure_tiles import failure_tile

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 
-from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, Estimator
-from flyaround.hil.board.svd.image.noise import noise_sigma
-from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics, Estimator
+from flyaround.hil.board.hybrid.image.noise import noise_sigma
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.evaluate.added_estimators import any_estimator
 from flyaround.hil.evaluate.failure_stage import failure_kind
 from flyaround.hil.evaluate.greyscale import grey

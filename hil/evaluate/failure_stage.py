@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flyaround.hil.board.svd.hypotheses.edge_support import support
-from flyaround.hil.board.svd.image.edge_field import edge_field
-from flyaround.hil.board.svd.model.visibility import visible_samples
+from flyaround.hil.board.hybrid.hypotheses.edge_support import support
+from flyaround.hil.board.hybrid.image.edge_field import edge_field
+from flyaround.hil.board.hybrid.model.visibility import visible_samples
 from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
 from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flyaround.hil.board.svd import PoseResult
-    from flyaround.hil.board.svd.image.region import Region
-    from flyaround.hil.board.svd.model.prepared_target import PreparedTarget
+    from flyaround.hil.board.estimation import PoseResult
+    from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
+    from flyaround.hil.board.svd.region_of_interest import Region
 
 # In the order of the thesis's slides: region, edges, then what comes after them.
 KINDS = ("region", "edges", "ambiguity", "correspondence")

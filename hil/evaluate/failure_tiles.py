@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from flyaround.hil.board.svd.debug.overlay import draw_wireframe
+from flyaround.hil.board.hybrid.debug.overlay import draw_wireframe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
+    from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 
 # BGR, Okabe and Ito.
 TRUE, ESTIMATED = (115, 158, 0), (0, 159, 230)

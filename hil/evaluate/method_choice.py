@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.hil.board.methods import NETWORK
-from flyaround.hil.board.svd import BoardModel
+from flyaround.hil.board.estimation import BoardModel
+from flyaround.hil.board.method_names import HYBRID_TRACK, NETWORK
 from flyaround.hil.board_model.write import write_board_model
 
 if TYPE_CHECKING:
@@ -17,26 +17,21 @@ if TYPE_CHECKING:
 
 
 class MethodChoice(msgspec.Struct, frozen=True):
-    """A method with its solver and streams (None: the method's own), and steps towards ours."""
+    """A method with its solver and streams (None: the method's own)."""
 
     method: str
     solver: str | None = None
     streams: tuple[str, ...] | None = None
-    steps: tuple[str, ...] = ()
 
     @property
     def in_order(self) -> bool:
         """Whether its frames must come one after another, in one process."""
-        return self.method == "svd-track"
+        return self.method == HYBRID_TRACK
 
     @property
     def label(self) -> str:
         """Its name in tables."""
-        extra = [
-            *([self.solver] if self.solver else []),
-            *(self.streams or ()),
-            *(f"+{s}" for s in self.steps),
-        ]
+        extra = [*([self.solver] if self.solver else []), *(self.streams or ())]
         # of a network the file alone: names of files are made of this
         method = self.method
         if method.startswith(NETWORK):

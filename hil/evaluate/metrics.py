@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from flyaround.hil.evaluate.mean_predictor import MeanPredictor
-from flyaround.hil.evaluate.pose_errors import FrameRecord
+from flyaround.hil.evaluate.pose_errors import FrameScore
 from flyaround.hil.evaluate.pose_spread import PoseSpread, pose_spread
 from flyaround.simulator.runtime.arrays import vec3
 
@@ -187,7 +187,7 @@ def bootstrap_intervals(
 
 
 def summarise(
-    records: Iterable[FrameRecord],
+    records: Iterable[FrameScore],
     *,
     method: str = "",
     failures: Sequence[str] = (),
@@ -263,7 +263,7 @@ def metrics_json_schema() -> dict[str, Any]:
     return msgspec.json.schema(Metrics)
 
 
-def _figures(frames: Sequence[FrameRecord]) -> dict[str, Any]:
+def _figures(frames: Sequence[FrameScore]) -> dict[str, Any]:
     feasible = [r for r in frames if r.feasible]
     accepted = [r for r in frames if r.accepted]
     shares = {

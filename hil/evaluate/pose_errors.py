@@ -16,7 +16,7 @@ COARSE_DEG, COARSE_SHARE = 5.0, 0.05
 FINE_DEG, FINE_SHARE = 0.5, 0.005
 
 
-class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
+class FrameScore(msgspec.Struct, frozen=True, kw_only=True):
     """One frame's answer beside its truth.
 
     Parameters
@@ -94,7 +94,7 @@ def frame_record(
     feasible: bool = True,
     frame_class: str = "",
     covariance: ArrayLike | None = None,
-) -> FrameRecord:
+) -> FrameScore:
     """A record from two poses; a frame without an estimate keeps its errors as None.
 
     Parameters
@@ -117,7 +117,7 @@ def frame_record(
         shift = vec3(np.asarray(t_est_m, float) - np.asarray(t_true_m, float))
         turn = vec3(np.degrees(_rotation_between(q_true_wxyz, q_est_wxyz)))
         nees = _nees(np.concatenate([np.radians(turn), shift]), covariance)
-    return FrameRecord(
+    return FrameScore(
         range_m=range_m,
         E_T_m=E_T,
         e_t=e_t,
@@ -157,5 +157,5 @@ def _rotation_between(q_true_wxyz: ArrayLike, q_est_wxyz: ArrayLike) -> np.ndarr
     return v * (2 * np.arctan2(size, s) / size if size > 1e-12 else 2.0)
 
 
-def _within(r: FrameRecord, deg: float, share: float) -> bool:
+def _within(r: FrameScore, deg: float, share: float) -> bool:
     return r.E_R_deg is not None and r.e_t is not None and r.E_R_deg <= deg and r.e_t <= share

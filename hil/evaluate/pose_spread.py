@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flyaround.hil.evaluate.pose_errors import FrameRecord
+    from flyaround.hil.evaluate.pose_errors import FrameScore
 
 # A pose with a part beyond so many robust deviations is wrong: no spread makes a filter cope with it.
 WRONG_AT = 5.0
@@ -40,7 +40,7 @@ class PoseSpread(msgspec.Struct, frozen=True, kw_only=True):
     wrong: float
 
 
-def pose_spread(records: Sequence[FrameRecord]) -> PoseSpread | None:
+def pose_spread(records: Sequence[FrameScore]) -> PoseSpread | None:
     """The spread of a set of frames; None of fewer than ten accepted poses."""
     feasible = [r for r in records if r.feasible]
     accepted = [r for r in feasible if r.accepted]

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from flyaround.hil.evaluate.pose_errors import FrameRecord
+from flyaround.hil.board.method_names import name_in_file
+from flyaround.hil.evaluate.pose_errors import FrameScore
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.table_text import table_text
 
@@ -29,7 +30,7 @@ class EvaluatedFrame(msgspec.Struct, frozen=True, kw_only=True):
 
     frame: int
     method: str
-    record: FrameRecord
+    record: FrameScore
     reason: str
     failure: str
     confidence: float
@@ -70,6 +71,7 @@ def read_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
     lines = path.read_bytes().split(b"\n")
     try:
         before = msgspec.json.decode(lines[0], type=RunHeader)
+        before = msgspec.structs.replace(before, methods=tuple(name_in_file(m, path) for m in before.methods))
     except msgspec.DecodeError as error:
         raise UserError(f"{path} is not the record of an evaluation; name another folder with -o") from error
     if before != header:
@@ -77,19 +79,20 @@ def read_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
             f"{path.parent} holds an evaluation of something else (data set, model or methods differ);"
             " name another folder with -o"
         )
-    return _decoded(lines[1:-1])
+    return _decoded(lines[1:-1], path)
 
 
 def rows_there(path: Path) -> list[EvaluatedFrame]:
     """Rows of an evaluation, whatever it is of; none where there is no file."""
-    return _decoded(path.read_bytes().split(b"\n")[1:-1]) if path.is_file() else []
+    return _decoded(path.read_bytes().split(b"\n")[1:-1], path) if path.is_file() else []
 
 
-def _decoded(lines: Iterable[bytes]) -> list[EvaluatedFrame]:
+def _decoded(lines: Iterable[bytes], path: Path) -> list[EvaluatedFrame]:
     rows = []
     for line in lines:
         try:
-            rows.append(msgspec.json.decode(line, type=EvaluatedFrame))
+            row = msgspec.json.decode(line, type=EvaluatedFrame)
+            rows.append(msgspec.structs.replace(row, method=name_in_file(row.method, path)))
         except msgspec.DecodeError:
             continue
     return rows
@@ -99,7 +102,7 @@ def frames_csv(rows: Iterable[EvaluatedFrame]) -> bytes:
     """The table of all rows."""
     text = io.StringIO()
     axes = [f"shift_{a}_m" for a in "xyz"] + [f"turn_{a}_deg" for a in "xyz"]
-    plain = [n for n in FrameRecord.__struct_fields__ if n not in ("shift_camera_m", "turn_camera_deg")]
+    plain = [n for n in FrameScore.__struct_fields__ if n not in ("shift_camera_m", "turn_camera_deg")]
     names = ["frame", "method", *plain, *axes, "reason", "failure", "confidence", "total_ms"]
     writer = csv.DictWriter(text, fieldnames=names, lineterminator="\n")
     writer.writeheader()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
 
     Pictures = Iterable[tuple[str, NDArray[Any]]]
 
@@ -53,7 +53,7 @@ class PictureAudit:
 
 
 def audit_pictures(
-    rows: Sequence[LedgerRow], pictures: Pictures, place: CodePlace | None = None
+    rows: Sequence[FrameRecord], pictures: Pictures, place: CodePlace | None = None
 ) -> PictureAudit:
     """Read the code of each picture, and compare it with the ledger.
 

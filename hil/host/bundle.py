@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import msgspec
 
 import flyaround.hil
-from flyaround.hil.board.svd.native.library import CHECKSUMS
-from flyaround.hil.board.svd.propose.learned.learned_proposal import KIN
+from flyaround.hil.board.hybrid.native.library import CHECKSUMS
+from flyaround.hil.board.hybrid.propose.learned.learned_proposal import KIN
 from flyaround.hil.board_model.write import board_record
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic

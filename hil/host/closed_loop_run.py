@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 import numpy as np
 
-from flyaround.hil.host.ledger.frames_csv import ACCEPTED, LedgerRow
+from flyaround.hil.host.frame_record import ACCEPTED, FrameRecord
 from flyaround.hil.host.ledger.summary import SUMMARY_JSON, ClosedLoopFigures, LedgerSummary, summarise
 from flyaround.hil.host.pose_link import LinkedPoses, PoseLink, PoseQueue
 from flyaround.hil.navigation.closed_loop import (
@@ -83,7 +83,7 @@ class BoardPoses:
         """Remember what a picture was taken of: when, and where the camera looked."""
         self._looks[frame] = snapshot
 
-    def take(self, row: LedgerRow) -> None:
+    def take(self, row: FrameRecord) -> None:
         """The outcome of a picture."""
         snapshot = self._looks.pop(row.frame_id, None)
         if snapshot is None or row.outcome != ACCEPTED or row.q_wxyz is None or row.t_m is None:
@@ -124,7 +124,7 @@ class BoardLoop:
         Parameters
         ----------
         link : in lockstep, of the poses; None: each is there after the usual latency.
-        noise : of the board's poses; None: that of the estimator ``svd``.
+        noise : of the board's poses; None: that of the estimator ``hybrid``.
 
         Raises
         ------

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.hil.host.ledger.summary import LedgerSummary
     from flyaround.hil.host.recording.recorder import Recorder
     from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
@@ -37,7 +37,7 @@ class FlightOptions:
     closed_loop : fly on the poses, so told; None follows the plan.
     pose_link : of a closed loop in lockstep: when poses count as there; None: at their usual age, and later where
         the line's faults delay them.
-    pose_noise : of a closed loop, errors that the board's poses are taken to have; None: those of ``svd``.
+    pose_noise : of a closed loop, errors that the board's poses are taken to have; None: those of ``hybrid``.
     source : a folder whose pictures are sent instead of drawn ones.
     source_text, command : the scenario's file and the words on the command line, for the record of the run.
     time_code : drawn into a corner. workers, device_index : of the drawing.
@@ -96,7 +96,7 @@ class FlightRun:
         self,
         *,
         recorders: tuple[Recorder, ...] = (),
-        on_row: Callable[[LedgerRow], None] | None = None,
+        on_row: Callable[[FrameRecord], None] | None = None,
         on_listening: Callable[[str, str | None], None] | None = None,
         on_end: Callable[[LedgerSummary], None] | None = None,
     ) -> LedgerSummary:
@@ -121,7 +121,7 @@ class FlightRun:
         if options.time_code:
             frames = with_time_code(frames, faults=self._faults)
 
-        def take(row: LedgerRow) -> None:
+        def take(row: FrameRecord) -> None:
             if loop is not None:
                 loop.poses.take(row)
             if on_row is not None:

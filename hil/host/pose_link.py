@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.hil.navigation.pose_sources import PoseSource
     from flyaround.simulator.scenario.faults import Faults, LineFault
 
-# from mid-exposure to a pose: what `svd` takes for a picture of 1920 x 1200 on a slow core
+# from mid-exposure to a pose: what `hybrid` takes for a picture of 1920 x 1200 on a slow core
 LATENCY_S = 0.3
 ACTING = (Delay, Jitter, Drop)
 """Faults of the line that a link of poses knows."""

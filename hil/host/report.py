@@ -8,17 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from flyaround.hil.board.method_names import name_in_file
 from flyaround.hil.host.closed_loop_plots import plot_closed_loop
 from flyaround.hil.host.closed_loop_run import STEPS_CSV, read_steps
 from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
 from flyaround.hil.host.ledger.run_terms import RunTerms, read_terms
-from flyaround.hil.host.ledger.summary import (
-    SUMMARY_JSON,
-    LedgerSummary,
-    LinkTotals,
-    percentile,
-    summarise,
-)
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary, percentile, summarise
+from flyaround.hil.host.link_process.ipc import LinkTotals
 from flyaround.hil.host.recording.chrome_trace import write_trace
 from flyaround.hil.host.report_plots import draw_plots
 from flyaround.simulator.errors import UserError
@@ -29,7 +25,7 @@ from flyaround.simulator.runtime.untrusted_files import read_regular
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.hil.host.ledger.summary import ClosedLoopFigures
 
 REPORT_HTML = "report.html"
@@ -82,7 +78,7 @@ def write_report(folder: Path) -> Path:
     return page
 
 
-def _summary(folder: Path, rows: Sequence[LedgerRow]) -> LedgerSummary:
+def _summary(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
     path = folder / SUMMARY_JSON
     if not path.exists():
         return _summary_of_killed(folder, rows)
@@ -96,12 +92,12 @@ def _summary(folder: Path, rows: Sequence[LedgerRow]) -> LedgerSummary:
     )
 
 
-def _summary_of_killed(folder: Path, rows: Sequence[LedgerRow]) -> LedgerSummary:
+def _summary_of_killed(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
     """What is known of a run that could not close its books."""
     return summarise(rows, **_terms(folder, rows))
 
 
-def _terms(folder: Path, rows: Sequence[LedgerRow]) -> dict[str, Any]:
+def _terms(folder: Path, rows: Sequence[FrameRecord]) -> dict[str, Any]:
     """What a run without a summary was told; of ledgers older than run.json, what their rows say."""
     terms = read_terms(folder)
     if terms is not None:
@@ -143,6 +139,8 @@ def _record(terms: RunTerms | None, s: LedgerSummary) -> Markup:
     if board is not None:
         model = f"model {board.model or 'unnamed'} {board.model_sha256}".rstrip()
         lines.append(("board", f"{board.name}, method {board.method}, {model}"))
+    if terms.sun_sent:
+        lines.append(("given to the board", "direction to the Sun, with each frame"))
     if terms.command:
         lines.append(("command", shlex.join(terms.command)))
     text = element(
@@ -161,11 +159,15 @@ def _named_faults(terms: RunTerms) -> str:
 
 def _read(path: Path) -> LedgerSummary:
     try:
-        return msgspec.json.decode(read_regular(path, MOST_BYTES), type=LedgerSummary)
+        summary = msgspec.json.decode(read_regular(path, MOST_BYTES), type=LedgerSummary)
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): make it readable") from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(f"{path} is not a ledger summary of this version: {error}") from error
+    if summary.board is None:
+        return summary
+    board = msgspec.structs.replace(summary.board, method=name_in_file(summary.board.method, path))
+    return msgspec.structs.replace(summary, board=board)
 
 
 def _text(value: float | None, unit: str, digits: int = 3) -> str:
@@ -205,7 +207,7 @@ TIMES = (
 )
 
 
-def _times(rows: Sequence[LedgerRow]) -> Markup:
+def _times(rows: Sequence[FrameRecord]) -> Markup:
     """Percentiles of every time of a frame, over the frames that have it."""
     lines = []
     for label, name in TIMES:
@@ -218,7 +220,7 @@ def _times(rows: Sequence[LedgerRow]) -> Markup:
     return table(("time", "frames", "p50 [ms]", "p95 [ms]", "p99 [ms]", "max [ms]"), lines)
 
 
-def _faults(rows: Sequence[LedgerRow]) -> Markup:
+def _faults(rows: Sequence[FrameRecord]) -> Markup:
     """What became of the frames that were struck on purpose."""
     names = sorted({name for row in rows for name in row.faults})
     outcomes = sorted({row.outcome for row in rows if row.faults})
@@ -255,7 +257,7 @@ def _mistakes(s: LedgerSummary) -> str:
 
 def _page(
     s: LedgerSummary,
-    rows: Sequence[LedgerRow],
+    rows: Sequence[FrameRecord],
     plots: dict[str, bytes],
     steps: dict[str, list[str]],
     head: Markup,

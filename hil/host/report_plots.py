@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from flyaround.hil.host.ledger.frames_csv import ACCEPTED, DECLINED, DROPPED
+from flyaround.hil.host.frame_record import ACCEPTED, DECLINED, DROPPED
 from flyaround.simulator.reports.plots import DIM, INK, figure_with_axes, png
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
 
 HEIGHT = 3.6  # inches
 BLUE, GREEN, RED, ORANGE = "#2f6fb0", "#2f9e62", "#c8453b", "#e08a1e"
@@ -46,7 +46,7 @@ def outcome_colour(outcome: str) -> str:
     return {ACCEPTED: GREEN, DECLINED: ORANGE}.get(outcome, RED)
 
 
-def kind_of(row: LedgerRow) -> str:
+def kind_of(row: FrameRecord) -> str:
     """The row's outcome; an accepted pose that the truth contradicts is a kind of its own."""
     return WRONG if row.outcome == ACCEPTED and row.wrong else row.outcome
 
@@ -55,7 +55,7 @@ def _title(ax: Axes, text: str) -> None:
     ax.set_title(text, loc="left", fontsize=11, color=INK, fontweight="bold")
 
 
-def plot_latency(rows: Sequence[LedgerRow], deadline_ms: float | None) -> Figure | None:
+def plot_latency(rows: Sequence[FrameRecord], deadline_ms: float | None) -> Figure | None:
     """Histogram and cumulative share of the end-to-end latency."""
     e2e = np.sort([row.e2e_ms for row in rows if row.e2e_ms is not None])
     if not len(e2e):
@@ -82,7 +82,7 @@ def plot_latency(rows: Sequence[LedgerRow], deadline_ms: float | None) -> Figure
     return figure
 
 
-def plot_timeline(rows: Sequence[LedgerRow], deadline_ms: float | None) -> Figure | None:
+def plot_timeline(rows: Sequence[FrameRecord], deadline_ms: float | None) -> Figure | None:
     """Latency frame by frame, with drops marked where they happened."""
     answered = [row for row in rows if row.e2e_ms is not None]
     dropped = [row for row in rows if row.e2e_ms is None]
@@ -115,7 +115,7 @@ def plot_timeline(rows: Sequence[LedgerRow], deadline_ms: float | None) -> Figur
     return figure
 
 
-def plot_jitter(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
+def plot_jitter(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
     """How unevenly answers come: change of latency from frame to frame, and lateness of sending."""
     e2e = np.array([row.e2e_ms for row in rows if row.e2e_ms is not None])
     lag = np.array([row.send_lag_ms for row in rows if row.send_lag_ms is not None])
@@ -137,7 +137,7 @@ def plot_jitter(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure
     return figure
 
 
-def plot_outcomes(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
+def plot_outcomes(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
     """Frames by outcome and cause."""
     if not rows:
         return None
@@ -157,7 +157,7 @@ def plot_outcomes(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figu
     return figure
 
 
-def plot_stages(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
+def plot_stages(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
     """Where the time of an answered frame goes: link out, waiting, each board stage, link back."""
     answered = [row for row in rows if row.e2e_ms is not None]
     names = list(dict.fromkeys(name for row in answered for name in row.stages_ms))
@@ -187,7 +187,7 @@ def plot_stages(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure
     return figure
 
 
-def plot_errors(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
+def plot_errors(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
     """Pose errors over simulated time: accepted, accepted though wrong, and declined apart."""
     known = [row for row in rows if row.E_T_m is not None and row.E_R_deg is not None]
     if not known:
@@ -218,7 +218,7 @@ def plot_errors(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure
     return figure
 
 
-def plot_camera(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
+def plot_camera(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
     """How old frames were when they were used, over the flight, and how well the camera kept its latency."""
     stale = [(row.t_s, row.staleness_ms, kind_of(row)) for row in rows if row.staleness_ms is not None]
     errors = np.array([abs(row.handover_error_ms) for row in rows if row.handover_error_ms is not None])
@@ -246,7 +246,7 @@ def plot_camera(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure
     return figure
 
 
-def plot_drops(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
+def plot_drops(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
     """When frames were dropped, by cause, and what struck frames on purpose."""
     causes = sorted({row.outcome for row in rows if row.outcome.startswith(DROPPED)})
     faults = sorted({name for row in rows for name in row.faults})
@@ -269,7 +269,7 @@ def plot_drops(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure 
     return figure
 
 
-PLOTS: dict[str, Callable[[Sequence[LedgerRow], float | None], Figure | None]] = {
+PLOTS: dict[str, Callable[[Sequence[FrameRecord], float | None], Figure | None]] = {
     "latency": plot_latency,
     "timeline": plot_timeline,
     "jitter": plot_jitter,
@@ -281,7 +281,7 @@ PLOTS: dict[str, Callable[[Sequence[LedgerRow], float | None], Figure | None]] =
 }
 
 
-def draw_plots(rows: Sequence[LedgerRow], deadline_ms: float | None) -> dict[str, bytes]:
+def draw_plots(rows: Sequence[FrameRecord], deadline_ms: float | None) -> dict[str, bytes]:
     """PNG of each plot that the rows have data for, by name, in the order of the report."""
     figures = {name: plot(rows, deadline_ms) for name, plot in PLOTS.items()}
     return {name: png(figure, dpi=130) for name, figure in figures.items() if figure is not None}

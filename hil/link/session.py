@@ -251,6 +251,7 @@ def answer_hello(
         terms,
         encoding=next((e for e in encodings if hello.encodings & (1 << e)), Encoding.RAW),
         pixel_format=chosen,
+        takes_fields=hello.takes_fields,
         window=max(1, min(hello.window, terms.window)),
     )
 

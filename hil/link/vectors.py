@@ -31,6 +31,7 @@ from flyaround.hil.link.packets.messages import (
     PoseMessage,
     TimeSyncReply,
     TimeSyncRequest,
+    Transfer,
     TruthMessage,
     TruthPolicy,
 )
@@ -50,6 +51,7 @@ _CAMERA = {
 
 EXAMPLES: List[Tuple[str, Message]] = [
     ("hello", Hello(7, 2, "tango", "5a" * 32, "svd", "bench board, aarch64", 0b01111)),
+    ("hello_fields", Hello(1, 1, "tango", "5a" * 32, "mine", "a board", 1, takes_fields=True)),
     (
         "hello_ack",
         HelloAck(
@@ -91,6 +93,24 @@ EXAMPLES: List[Tuple[str, Message]] = [
             1795231900129456000,
         ),
     ),
+    (
+        "frame_header_fields",
+        FrameHeader(
+            42,
+            64,
+            48,
+            8,
+            Encoding.RAW,
+            3072,
+            1,
+            0.012,
+            4.2,
+            987654331012345,
+            "2026-11-21T03:31:40.223456Z",
+            sun_camera=(0.6, 0.0, -0.8),
+            transfer=Transfer.SRGB,
+        ),
+    ),
     ("frame_chunk", FrameChunk(41, 3, 786432, bytes(range(256)))),
     (
         "pose_accepted",
@@ -110,6 +130,20 @@ EXAMPLES: List[Tuple[str, Message]] = [
         "pose_declined",
         PoseMessage(
             42, accepted=False, reason="too few lines: 3 of at least 5", receive_ns=1, start_ns=2, end_ns=3
+        ),
+    ),
+    (
+        "pose_covariance",
+        PoseMessage(
+            43,
+            accepted=True,
+            q_camera_from_target_wxyz=(1.0, 0.0, 0.0, 0.0),
+            t_camera_from_target_m=(0.0, 0.0, 9.75),
+            confidence=0.5,
+            receive_ns=1,
+            start_ns=2,
+            end_ns=3,
+            covariance=tuple((k + 1) / 1024 for k in range(21)),
         ),
     ),
     ("credit", Credit(42, 2)),

@@ -93,8 +93,8 @@ class Snapshot:
 class PoseNoise:
     """Errors of accepted poses: normal, a part of them remembered from pose to pose; how often there is a pose.
 
-    The defaults are those of the estimator `svd` on Tango with the SPEED camera, measured along closed loops with the
-    target seen from everywhere (``python -m tools.studies.pose_errors``; docs/hil_closed_loop.md).
+    The defaults are those of the estimator `hybrid` on Tango with the SPEED camera, measured along closed loops with
+    the target seen from everywhere (``python -m tools.studies.pose_errors``; docs/hil_closed_loop.md).
 
     Parameters
     ----------

@@ -9,9 +9,9 @@ import cv2
 import msgspec
 import numpy as np
 
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.estimation.vectors import swing
 from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
-from flyaround.hil.board.svd import CameraIntrinsics
-from flyaround.hil.board.svd.geometry.vectors import swing
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png

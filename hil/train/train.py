@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from flyaround.hil.evaluate.pose_errors import FrameRecord
+    from flyaround.hil.evaluate.pose_errors import FrameScore
     from flyaround.hil.train.layers import Tree
     from flyaround.hil.train.residual_network import Architecture
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -192,7 +192,7 @@ class PoseTraining:
         return attitude + PLACE_WEIGHT * where, np.array([attitude.item(), where.item()]), seen
 
 
-def _judged(file: NetworkFile, folder: Path, known: TrainingSet) -> list[FrameRecord]:
+def _judged(file: NetworkFile, folder: Path, known: TrainingSet) -> list[FrameScore]:
     """The held-out frames' records, by the estimator itself."""
     estimator = NetworkEstimator(file, board_model(load_target(known.target[0])), known.camera)
     records = []
@@ -210,7 +210,7 @@ def _judged(file: NetworkFile, folder: Path, known: TrainingSet) -> list[FrameRe
     return records
 
 
-def _errors(records: list[FrameRecord]) -> HeldOutErrors:
+def _errors(records: list[FrameScore]) -> HeldOutErrors:
     """RMS about each axis, across and along the line of sight over the range; a wrong one in twenty left out."""
     turns = np.array([r.turn_camera_deg for r in records])
     shifts = np.array([r.shift_camera_m for r in records]) / np.array([r.range_m for r in records])[:, None]

@@ -13,12 +13,12 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from flyaround.simulator.camera.detector.limits import DETECTOR, OPTICS, within
+from flyaround.simulator.camera.detector.limits import DETECTOR, OPTICS
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.sections import Section
+from flyaround.simulator.runtime.sections import Section, within
 from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular
 
 MOST_KERNEL_BYTES = 100_000_000
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flyaround.simulator.camera.detector.sunlight import Curve
+    from flyaround.simulator.camera.detector.response import Curve
 
 _Share = Annotated[float, Meta(ge=0, le=1)]
 _CurvePoint = tuple[Annotated[float, within(OPTICS["wavelength_m"], 1e9)], _Share]

@@ -6,6 +6,7 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -31,7 +32,7 @@ from flyaround.simulator.runtime.files import empty_folder
 from flyaround.simulator.runtime.folder_lock import lock_name, only_writer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from flyaround.simulator.dataset.ray_frames import RayCluster
     from flyaround.simulator.scenario.plan import DocumentPlan
@@ -65,6 +66,7 @@ def capture(
     labels: tuple[str, ...] | None = None,
     sensors: tuple[str, ...] = (),
     split: Ratio | None = None,
+    beside: Mapping[str, bytes] = MappingProxyType({}),
     resume: bool = False,
     workers: int = 1,
     cluster: RayCluster | None = None,
@@ -86,6 +88,7 @@ def capture(
     labels : layers beyond truth and mask, out of ``flyaround.simulator.labels.request.LAYERS``; the plan's own
         unless given.
     split : shares of training, validation and test frames; a recipe's own unless given.
+    beside : files of the caller's by name, written beside the card before the first frame.
     tell : is given a sentence for each format of what it leaves out, before anything is drawn.
     sensors : of other packages, what each measures of a frame beside its picture (docs/plugins.md).
     workers : processes that draw, check and encode, each with a renderer of its own; the bytes do not depend on it.
@@ -104,7 +107,7 @@ def capture(
         tell(sentence)
     with _store_for(folder, resume=resume) as store:
         drawing = SetDrawing(workers, device_index, cluster)
-        summary = _capture(plan, store, planned, drawing, progress, resume=resume)
+        summary = _capture(plan, store, planned, drawing, beside, progress, resume=resume)
         if other is None:
             return summary
         second = capture(
@@ -154,6 +157,7 @@ def _capture(
     store: Store,
     planned: DatasetCard,
     drawing: SetDrawing,
+    beside: Mapping[str, bytes],
     progress: Callable[[int, int], None],
     *,
     resume: bool,
@@ -177,6 +181,8 @@ def _capture(
                 _refuse_without_room(store, plan, labels, formats, plan.n_frames - len(there.kept))
         missing = [k for k in range(plan.n_frames) if k not in there.kept]
         with DatasetWriter(store, card) as writer:
+            if beside:
+                store.write(list(beside.items()))
             exports = ExportSink(store, card, card.split, there.kept)
             frames = run_frames(
                 plan, producer, [writer, exports], labels=lambda k: _request(plan, k, labels), numbers=missing

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
-from flyaround.simulator.runtime.sections import Section
+from flyaround.simulator.camera.detector.shutter import EXPOSURE_S
+from flyaround.simulator.runtime.sections import Section, within
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,8 +31,8 @@ class AutoExposure(Section, frozen=True, kw_only=True):
     # time in which the logarithm of the exposure covers 63 % of a step
     lag_s: Annotated[float, Meta(ge=0.01, le=600)] = 2.0
     # limits; where nothing is lit the longest is wanted
-    shortest_s: Annotated[float, Meta(gt=0, le=10)] = 1e-5
-    longest_s: Annotated[float, Meta(gt=0, le=10)] = 0.1
+    shortest_s: Annotated[float, within(EXPOSURE_S)] = 1e-5
+    longest_s: Annotated[float, within(EXPOSURE_S)] = 0.1
 
     def wanted_s(self, radiance_w_m2_sr: float, full_scale_j_m2_sr: float) -> float:
         """Exposure that brings a radiance to the level [s].

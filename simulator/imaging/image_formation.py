@@ -10,15 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flyaround.simulator.camera.detector.electrons import (
-    detect,
-    detector_sigma,
-    electrons_per_radiance,
-    white_balance,
-)
 from flyaround.simulator.camera.detector.image_noise import arithmetic_of, draw_noise, start_noise
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.psf import blur, defocus_px
+from flyaround.simulator.camera.detector.readout import detect, detector_sigma
+from flyaround.simulator.camera.detector.response import electrons_per_radiance, white_balance
 from flyaround.simulator.camera.detector.shading import glow, veiling_glare, vignetting
 from flyaround.simulator.runtime.threads import pieces_of, share_out, threads
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2, sunlight_balance

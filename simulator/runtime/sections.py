@@ -36,3 +36,14 @@ def bounded(default: float, low: float, high: float) -> Any:  # noqa: ANN401 - a
 def bounds_of(kind: Any) -> dict[str, tuple[float, float]]:  # noqa: ANN401 - a dataclass or one of its instances
     """Return the smallest and largest value of each field of a dataclass that has bounds."""
     return {f.name: f.metadata["bounds"] for f in fields(kind) if f.metadata}
+
+
+def within(bounds: tuple[float, float], per_unit: float = 1) -> Meta:
+    """Return the constraint of a file's key by the bounds of the field that it sets.
+
+    Parameters
+    ----------
+    per_unit : units of the key to a unit of the field.
+    """
+    low, high = (x if per_unit == 1 else float(f"{x * per_unit:.12g}") for x in bounds)
+    return Meta(ge=low, le=high)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from msgspec import Meta
-
-from flyaround.simulator.camera.detector.limits import DETECTOR, SENSOR, within
+from flyaround.simulator.camera.detector.limits import DETECTOR, SENSOR
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor, with_bits
-from flyaround.simulator.camera.detector.shutter import Shutter
+from flyaround.simulator.camera.detector.shutter import EXPOSURE_S, READOUT_S, Shutter
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.camera.lens.files import CameraFile, read_camera_file
 from flyaround.simulator.camera.lens.files_native import PitchUm
@@ -18,7 +16,7 @@ from flyaround.simulator.camera.lens.intrinsics import CONSISTENT
 from flyaround.simulator.camera.sections import DetectorSection, read_part, read_sensor
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.imaging.auto_exposure import AutoExposure
-from flyaround.simulator.runtime.sections import Section
+from flyaround.simulator.runtime.sections import Section, within
 from flyaround.simulator.scene.illumination.bands import Bands
 from flyaround.simulator.scene.state import Quality
 
@@ -36,14 +34,14 @@ class SensorSection(Section, frozen=True, kw_only=True):
     """
 
     preset: Literal["speed", "thesis", "ideal", "imx174", "cmv4000"] = "speed"
-    exposure_s: Annotated[float, Meta(gt=0, le=10)] = 0.001
+    exposure_s: Annotated[float, within(EXPOSURE_S)] = 0.001
     full_scale_j_m2_sr: Annotated[float, within(SENSOR["full_scale_j_m2_sr"])] | None = None
     blur_sigma_px: Annotated[float, within(SENSOR["blur_sigma_px"])] | None = None
     speckle_variance: Annotated[float, within(SENSOR["speckle_variance"])] | None = None
     gaussian_variance: Annotated[float, within(SENSOR["gaussian_variance"])] | None = None
     bits: Annotated[int, within(SENSOR["bits"])] | None = None
     shutter: Literal["global", "rolling"] = "global"
-    readout_s: Annotated[float, Meta(ge=0, le=10)] = 0.0
+    readout_s: Annotated[float, within(READOUT_S)] = 0.0
     motion_blur: bool = True
     pixel_pitch_um: tuple[PitchUm, PitchUm] | None = None
     detector: DetectorSection | None = None

@@ -57,5 +57,10 @@ def toml_value(value: Any) -> str:  # noqa: ANN401 - a TOML value is anything
     """A value as TOML writes it."""
     if isinstance(value, list | tuple):
         return "[" + ", ".join(toml_value(v) for v in value) + "]"
-    # JSON writes texts, numbers, true and false as TOML does
-    return json.dumps(value) if not isinstance(value, float) else repr(value)
+    if isinstance(value, float):
+        return repr(value)
+    if not isinstance(value, str):
+        return json.dumps(value)
+    # JSON writes texts as TOML does, but for pairs of surrogates and for DEL
+    text = value.encode(errors="replace").decode()
+    return json.dumps(text, ensure_ascii=max(text, default="") <= "\uffff").replace("\x7f", "\\u007f")

@@ -8,7 +8,13 @@ import numpy as np
 from msgspec import UnsetType
 
 from flyaround.simulator.camera.detector.limits import optics_problem, response_problem, sensor_problem
-from flyaround.simulator.camera.lens.camera_model import camera_problem
+from flyaround.simulator.camera.detector.shutter import EXPOSURE_S, READOUT_S
+from flyaround.simulator.camera.lens.camera_model import (
+    CENTRE_PX,
+    FOCAL_PX,
+    LARGEST_IMAGE_PX,
+    camera_problem,
+)
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.world.ephemeris.body import body_named
 from flyaround.simulator.world.time.instant import Instant
@@ -17,7 +23,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.world.ephemeris.body import BodyState
 
-LARGEST_IMAGE_PX = 16384  # what every OpenGL 4 driver can draw
 FARTHEST_TARGET_M = 1e6
 MOST_STRETCH = 0.2
 FASTEST_M_S, FASTEST_RAD_S = 1e6, 1e4  # far beyond any craft
@@ -37,12 +42,12 @@ def scene_problem(scene: SceneState) -> str | None:
     ranges = (
         ("scene.camera.width_px", c.width_px, 1, LARGEST_IMAGE_PX),
         ("scene.camera.height_px", c.height_px, 1, LARGEST_IMAGE_PX),
-        ("scene.camera.fx_px", c.fx_px, 1.0, 1e7),
-        ("scene.camera.fy_px", c.fy_px, 1.0, 1e7),
-        ("scene.camera.cx_px", c.cx_px, -1e5, 1e5),
-        ("scene.camera.cy_px", c.cy_px, -1e5, 1e5),
-        ("scene.exposure_s", scene.exposure_s, 1e-9, 1e4),
-        ("scene.shutter.readout_s", scene.shutter.readout_s, 0.0, 10.0),
+        ("scene.camera.fx_px", c.fx_px, *FOCAL_PX),
+        ("scene.camera.fy_px", c.fy_px, *FOCAL_PX),
+        ("scene.camera.cx_px", c.cx_px, *CENTRE_PX),
+        ("scene.camera.cy_px", c.cy_px, *CENTRE_PX),
+        ("scene.exposure_s", scene.exposure_s, *EXPOSURE_S),
+        ("scene.shutter.readout_s", scene.shutter.readout_s, *READOUT_S),
         ("scene.seed", scene.seed, 0, 2**63 - 1),
         ("scene.frame_index", scene.frame_index, 0, 2**31 - 1),
         ("scene.sun_visible_fraction", scene.sun_visible_fraction, 0.0, 1.0),

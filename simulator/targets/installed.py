@@ -102,6 +102,7 @@ def remove(name: str, built_in: Sequence[str]) -> Path:
         raise UserError(f"no target called {name!r} in {user_folder()}; added there: {known}")
     try:
         path.unlink()
+        path.with_suffix(".run.toml").unlink(missing_ok=True)
         shutil.rmtree(sheet_folder(name), ignore_errors=True)
     except OSError as error:
         raise UserError(f"cannot remove {path}: {error.strerror}; check its permissions") from error

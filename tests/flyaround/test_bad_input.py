@@ -160,7 +160,7 @@ def test_check_and_evaluation_of_something_else(capsys, tmp_path):
 
 
 def test_unknown_method_and_quality(capsys, tmp_path):
-    _fails(capsys, "estimate", tmp_path / "a.png", "--method", "magic", says=("magic", "svd"))
+    _fails(capsys, "estimate", tmp_path / "a.png", "--method", "magic", says=("magic", "hybrid"))
     _fails(capsys, "render", "tango-flyaround", "--quality", "best", says=("best", "draft"))
 
 

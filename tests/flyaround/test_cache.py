@@ -7,7 +7,7 @@ from flyaround.__main__ import run
 
 def test_the_cache_is_listed_and_cleared(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
-    (tmp_path / "maps-v1-a.npy").write_bytes(bytes(2_000_000))
+    (tmp_path / "maps-0123456789abcdef0123.npy").write_bytes(bytes(2_000_000))
     assert run(["cache", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["size_bytes"] == 2_000_000

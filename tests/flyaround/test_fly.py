@@ -24,6 +24,7 @@ def test_fly_writes_messages_and_a_replay(tmp_path: Path) -> None:
         "chaser.aem",
         "flight.npz",
         "replay.toml",
+        "run.toml",
     }
     flown = plan_flight(load_scenario("tango-close-3m"), every_s=5.0)
     again = plan_flight(load_scenario(out / "replay.toml"), every_s=5.0)

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from flyaround.__main__ import run
-from flyaround.hil.board.svd import BoardModel as BoardView
+from flyaround.hil.board.estimation import BoardModel as BoardView
 from flyaround.hil.board_model.write import write_board_model
 from flyaround.simulator.dataset.check.verify import check_dataset
 from flyaround.simulator.errors import UserError

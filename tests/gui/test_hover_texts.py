@@ -85,7 +85,7 @@ def console(frame: Frame, table: CommandTable) -> Console:
     )
     console.jobs.estimates.on = True
     for k in range(3):
-        console.jobs.estimates.newest = compared(picture, "svd", answer, float(k))
+        console.jobs.estimates.newest = compared(picture, "hybrid", answer, float(k))
         console.jobs.estimates.history.append(console.jobs.estimates.newest)
     for k, outcome in enumerate(("accepted", "declined", "dropped:timeout")):
         console.jobs.hil._add(row(k, outcome, 80.0, ("drop",)))

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from flyaround.gui.window import import_parts
+from flyaround.gui.surface import import_parts
 from flyaround.simulator.errors import UserError
 
 

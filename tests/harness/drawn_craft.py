@@ -7,8 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from flyaround.hil.board.svd import BoardModel, CameraIntrinsics
-from flyaround.hil.board.svd.geometry import quaternion as quat
+from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
+from flyaround.hil.board.estimation import quaternion as quat
 
 CAMERA = CameraIntrinsics(960, 600, 1500.0, 1500.0, 479.5, 299.5)
 NOISE_DN = 12.0

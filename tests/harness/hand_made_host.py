@@ -36,8 +36,8 @@ class HandMadeHost:
         self._sessions = 0
         self.link: Link | None = None
 
-    def meet(self, timeout_s: float = PATIENCE_S) -> Hello:
-        """The HELLO of the next board, answered."""
+    def meet(self, timeout_s: float = PATIENCE_S, **terms: object) -> Hello:
+        """The HELLO of the next board, answered on these terms besides the usual ones."""
         transport = self._listener.accept(timeout_s)
         assert transport is not None, "no board came"
         if self.link is not None:
@@ -47,11 +47,11 @@ class HandMadeHost:
         hello = self.link.recv(timeout_s)
         assert isinstance(hello, Hello)
         self.link.session_id = 100 + self._sessions
-        self.link.send(HelloAck(CAMERA, 64, 48, window=1))
+        self.link.send(HelloAck(CAMERA, 64, 48, window=1, **terms))
         return hello
 
-    def send_frame(self, frame_id: int, level: int = 0) -> None:
-        """A grey frame."""
+    def send_frame(self, frame_id: int, level: int = 0, **fields: object) -> None:
+        """A grey frame, with these fields of its header."""
         image = np.full((48, 64), level, np.uint8)
         data = encode_image(image, Encoding.RAW, PixelFormat.Mono8)
         header = FrameHeader(
@@ -66,6 +66,7 @@ class HandMadeHost:
             0.1 * frame_id,
             now_ns(),
             "2026-01-01T00:00:00Z",
+            **fields,
         )
         self.link.send(header)
         for chunk in chunks(frame_id, data, 1 << 18):

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from flyaround.gui.window import import_parts
+from flyaround.gui.surface import import_parts
 
 CONTROLS = frozenset(
     {

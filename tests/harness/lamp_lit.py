@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from flyaround.hil.board.svd import CameraIntrinsics
-from flyaround.hil.board.svd.geometry import quaternion as quat
-from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
-from flyaround.hil.board.svd.image.observation import Observation
-from flyaround.hil.board.svd.model.many_groups import blurred
-from flyaround.hil.board.svd.model.prepared_target import PreparedTarget, faces_of
-from flyaround.hil.board.svd.model.rasteriser import draw_faces, order_faces
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.model.many_groups import blurred
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
 
 FINE, SIGMA = 3, 3.0
 

@@ -16,7 +16,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from flyaround.gui.window import Window
+    from flyaround.gui.surface import Surface
     from flyaround.simulator.runtime.arrays import FloatArray
 
 Box = tuple[float, float, float, float]
@@ -68,7 +68,7 @@ def faults_of(runs: Sequence[TextRun]) -> list[str]:
     return list(dict.fromkeys(faults))
 
 
-def drawn_texts(window: Window) -> list[TextRun]:
+def drawn_texts(window: Surface) -> list[TextRun]:
     """Every line of letters that the last frame drew."""
     imgui = window.imgui
     glyphs = _glyphs(window)
@@ -94,7 +94,7 @@ def _array(buffer: Any, kind: np.dtype) -> np.ndarray:
     return np.frombuffer(raw, kind).copy()
 
 
-def _glyphs(window: Window) -> Glyphs:
+def _glyphs(window: Surface) -> Glyphs:
     """The letters of both fonts at the size that panels have."""
     imgui = window.imgui
     size = imgui.get_style().font_size_base * imgui.get_style().font_scale_main

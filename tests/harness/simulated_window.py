@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from flyaround.gui.keyboard import Keyboard
-from flyaround.gui.window import import_parts
+from flyaround.gui.surface import import_parts
 from tests.harness.headless_imgui import HeadlessWindow
 
 REPEAT_DELAY_S, REPEAT_EVERY_S = 0.25, 0.04

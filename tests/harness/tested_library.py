@@ -4,7 +4,7 @@ import hashlib
 import os
 from pathlib import Path
 
-from flyaround.hil.board.svd.native import library
+from flyaround.hil.board.hybrid.native import library
 
 _MADE = Path(os.environ["FLYAROUND_TESTED_LIBRARY"])
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import cv2
 import pytest
 
-from flyaround.hil.board.svd.native import library
-from flyaround.hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
+from flyaround.hil.board.hybrid.native import library
+from flyaround.hil.board.hybrid.propose.learned.view_subspaces import ViewSubspaces
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.targets.library import load_target
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from flyaround.hil.board.svd import BoardModel
+    from flyaround.hil.board.estimation import BoardModel
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from flyaround.__main__ import run
-from flyaround.hil.board.svd.native import library
+from flyaround.hil.board.hybrid.native import library
 
 ROOT = Path(__file__).parents[2]
 
@@ -39,7 +39,7 @@ def wheel(tmp_path_factory):
     return next(folder.glob("*.whl"))
 
 
-NATIVE = "flyaround/hil/board/svd/native"
+NATIVE = "flyaround/hil/board/hybrid/native"
 
 
 def test_the_wheel_is_of_its_platform_and_carries_its_libraries_and_those_of_boards(wheel):

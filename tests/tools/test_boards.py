@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 
 from flyaround.hil.board.agent import describe_board
-from flyaround.hil.host.ledger.frames_csv import LedgerRow, LedgerWriter
+from flyaround.hil.host.frame_record import FrameRecord
+from flyaround.hil.host.ledger.frames_csv import LedgerWriter
 from flyaround.hil.host.ledger.summary import SUMMARY_JSON, Board, summarise
 from flyaround.hil.link.packets.messages import Hello
 from flyaround.simulator.errors import UserError
@@ -124,10 +125,10 @@ def test_a_line_that_is_slow_has_smaller_pictures(tmp_path: Path) -> None:
     assert msgspec.structs.replace(smaller, sensor=whole.sensor) == whole
 
 
-def rows(n: int = 40) -> list[LedgerRow]:
+def rows(n: int = 40) -> list[FrameRecord]:
     made = []
     for k in range(n):
-        row = LedgerRow(
+        row = FrameRecord(
             frame_id=k, epoch_utc="2026-08-20T09:30:00Z", t_s=0.1 * k, exposure_s=0.001, outcome="declined"
         )
         if k % 4:
@@ -136,7 +137,7 @@ def rows(n: int = 40) -> list[LedgerRow]:
     return made
 
 
-def turned(row: LedgerRow, deg: float, shift_m: float) -> LedgerRow:
+def turned(row: FrameRecord, deg: float, shift_m: float) -> FrameRecord:
     half = np.radians(deg) / 2
     return replace(row, q_wxyz=(np.cos(half), 0.0, np.sin(half), 0.0), t_m=(shift_m, 0.0, 10.0))
 
@@ -174,7 +175,7 @@ def write_run(folder: Path, name: str) -> Path:
     for row in rows():
         writer.add(row)
     writer.close()
-    board = Board(name=name, model="tango", method="svd", encoding="raw", window=2)
+    board = Board(name=name, model="tango", method="hybrid", encoding="raw", window=2)
     told = summarise(
         rows(),
         started_utc="",
@@ -209,9 +210,9 @@ def test_a_board_with_a_long_name_still_tells_its_versions(monkeypatch: pytest.M
     monkeypatch.setattr(
         platform, "node", lambda: "a-machine-with-the-longest-name-that-anybody-has-given-one-so-far"
     )
-    monkeypatch.setattr("flyaround.hil.board.svd.native.library.describe_library", lambda: "native")
+    monkeypatch.setattr("flyaround.hil.board.hybrid.native.library.describe_library", lambda: "native")
     monkeypatch.setattr(platform, "machine", lambda: "aarch64")
-    said = Hello.decode(describe_board("tango", "", "svd", compiled=True).encode()).board
+    said = Hello.decode(describe_board("tango", "", "hybrid", compiled=True).encode()).board
     assert len(said) == Hello.BOARD_BYTES
     assert said.startswith("a-machine")
     assert said.endswith(", native")

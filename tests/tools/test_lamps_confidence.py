@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.hil.board.svd.decide.confidence import (
+from flyaround.hil.board.hybrid.decide.confidence import (
     ACCEPT_AT,
     LAMPS_AGREED,
     LAMPS_SOUGHT,
     Evidence,
     confidence,
 )
-from flyaround.hil.board.svd.hypotheses.hypothesis import PoseFit
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
 from tools.studies.lamps_confidence import Judged, JudgedFrame, accepted, chosen_shift, counts
 
 SEEN = Evidence(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flyaround.hil.board.svd.propose.learned.network import INPUT_PX
+from flyaround.hil.board.hybrid.propose.learned.network import INPUT_PX
 from tools.train.lit_samples import LitViews, sample_lit
 from tools.train.lit_views import FARTHEST_RAD, LIGHTS, directions, surface_labels
 from tools.train.proposal_views import VIEW_PX

@@ -1,18 +1,16 @@
-"""What the studies change on purpose: the model's corners, one step of a method at a time."""
+"""What the studies change on purpose: the model's corners, one setting of a method at a time."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from flyaround.hil.board.svd import CameraIntrinsics, make_estimator
-from flyaround.hil.board.svd.published.published_estimator import PublishedEstimator
-from flyaround.hil.board.svd.published.settings import SVD_2018, SVD_THESIS, PublishedConfig
-from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.methods import make_estimator
+from flyaround.hil.board.svd.pipeline import PublishedEstimator
+from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.evaluate.metrics import summarise
 from flyaround.hil.evaluate.pose_errors import frame_record
 from flyaround.hil.evaluate.result_rows import EvaluatedFrame
@@ -20,10 +18,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.library import load_target
 from tools.studies.paired_tables import mcnemar, paired, table, units_table, write_into_page
 from tools.studies.published_methods import (
-    FEW,
     PUBLISHED,
-    TOWARDS_OURS,
-    TOWARDS_THESIS,
     compared,
     wrong_model,
 )
@@ -48,46 +43,12 @@ def test_a_wrong_model_is_wrong_by_what_was_asked_and_stays_joined() -> None:
     assert np.array_equal(wrong_model(model, 0.005).vertices_m, wrong.vertices_m)
 
 
-def configs(choices: Sequence[MethodChoice]) -> list[PublishedConfig]:
+def test_no_method_of_the_studies_is_measured_twice() -> None:
     model = board_model(load_target("cubesat-1u"))
     camera = CameraIntrinsics(320, 240, 500.0, 500.0, 159.5, 119.5)
-    made = []
-    for c in choices:
-        estimator = make_estimator(model, camera, c.method, c.solver, c.streams, c.steps)
-        assert isinstance(estimator, PublishedEstimator)
-        made.append(estimator.config)
-    return made
-
-
-def test_each_row_of_the_ablation_is_one_step_from_a_published_method_and_the_last_all() -> None:
-    thesis, *one, every = configs((FEW[0], *TOWARDS_OURS))
-    changed = [
-        [f.name for f in fields(thesis) if getattr(c, f.name) != getattr(thesis, f.name)]
-        for c in (*one, every)
-    ]
-    assert changed[:-1] == [["streams"], ["regions"], ["top"], ["rank"], ["finish"]]
-    assert set(changed[-1]) == {"streams", "regions", "top", "rank", "finish"}
-    old = replace(SVD_2018, name="svd-thesis")
-    # all steps of the thesis together make its version of the published one
-    for c in configs(TOWARDS_THESIS):
-        old = replace(
-            old,
-            **{
-                f.name: getattr(c, f.name)
-                for f in fields(c)
-                if getattr(c, f.name) != getattr(SVD_2018, f.name)
-            },
-        )
-    assert old == SVD_THESIS
-
-
-def test_no_method_of_the_studies_is_measured_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        "flyaround.hil.board.svd.methods.PublishedEstimator", lambda _model, _camera, config: str(config)
-    )
-    model, camera = None, CameraIntrinsics(320, 240, 500.0, 500.0, 159.5, 119.5)
-    made = {make_estimator(model, camera, c.method, c.solver, c.streams, c.steps) for c in PUBLISHED}  # type: ignore[arg-type]
-    assert len(made) == len(PUBLISHED) == len({c.label for c in PUBLISHED})
+    made = [make_estimator(model, camera, c.method, c.solver, c.streams) for c in PUBLISHED]
+    configs = {e.config for e in made if isinstance(e, PublishedEstimator)}
+    assert len(configs) == len(PUBLISHED) == len({c.label for c in PUBLISHED})
 
 
 def test_the_table_says_what_was_not_there() -> None:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from flyaround.hil.host.ledger.frames_csv import ACCEPTED, DECLINED, LedgerRow, pose_errors, read_ledger
+from flyaround.hil.host.frame_record import ACCEPTED, DECLINED, FrameRecord, pose_errors
+from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
 from flyaround.simulator.errors import UserError
 
@@ -48,7 +49,7 @@ class Agreement:
         return self.accepted > 0 and self.same >= SHARE * self.frames and self.near >= SHARE * self.accepted
 
 
-def agreement(host: Sequence[LedgerRow], board: Sequence[LedgerRow]) -> Agreement:
+def agreement(host: Sequence[FrameRecord], board: Sequence[FrameRecord]) -> Agreement:
     """A board's rows beside the host's, frame by frame.
 
     Raises

@@ -17,10 +17,11 @@ import cv2
 import msgspec
 import numpy as np
 
+from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.gige.camera import CameraSettings, GigeCamera
 from flyaround.hil.board.gige.camera_board import camera_of_part
-from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
-from flyaround.hil.board.svd.debug.overlay import draw_wireframe, grey
+from flyaround.hil.board.hybrid.debug.overlay import draw_wireframe, grey
+from flyaround.hil.board.methods import make_estimator
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
@@ -45,7 +46,7 @@ def seen(settings: CameraSettings, camera: dict[str, object], model: BoardModel)
     if frame is None:
         raise SystemExit("no picture came: run it again")
     lens = CameraIntrinsics.from_dict(camera_of_part(camera, frame.roi_px))
-    result = make_estimator(model, lens, "svd").estimate(frame.image)
+    result = make_estimator(model, lens).estimate(frame.image)
     scale = SIDE / frame.image.shape[0]
     canvas = cv2.resize(grey(frame.image, 255.0), (SIDE, SIDE), interpolation=cv2.INTER_AREA)
     draw_wireframe(

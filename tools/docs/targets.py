@@ -59,7 +59,7 @@ The format is described in [formats/target.md](formats/target.md); `flyaround ta
 
 What is drawn and labelled is as right for an added craft as for these. The pose estimator is not: it has a learned
 proposal for seven of them, and its confidence was fitted on Tango. Of an added craft expect about half of the poses
-to be right and few or none to be accepted; [what training one takes](svd.md#a-craft-of-your-own). Check the exposure
+to be right and few or none to be accepted; [what training one takes](hybrid.md#a-craft-of-your-own). Check the exposure
 too: `capture` says how much of the craft is burnt out, and proposes an exposure.
 
 `python -m tools.validation.outline PICTURE --side=+y [--target NAME] [--outline FILE.json] [-o OUT.png]` holds a

@@ -28,8 +28,9 @@ from flyaround.simulator.targets.library import load_target
 BOARD = """
 import json, sys, time
 import cv2, numpy as np
-from flyaround.hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
-import flyaround.hil.board.svd.image.observation as observation
+from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
+from flyaround.hil.board.methods import make_estimator
+import flyaround.hil.board.hybrid.image.observation as observation
 cv2.setNumThreads(1)
 # stages by processor time: other work on the machine counts nothing
 observation.time.perf_counter = time.process_time

@@ -18,7 +18,8 @@ import cv2
 import msgspec
 import numpy as np
 
-from flyaround.hil.board.svd import CameraIntrinsics, make_estimator
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.methods import make_estimator
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.host.closed_loop_run import scene_flown
@@ -33,7 +34,7 @@ from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import Plan, plan_flight
 
 if TYPE_CHECKING:
-    from flyaround.hil.board.svd import Estimator
+    from flyaround.hil.board.estimation import Estimator
     from flyaround.simulator.loop import FrameProducer
     from flyaround.simulator.scenario.scenario import Scenario
 
@@ -91,7 +92,7 @@ def replace_attitude(scenario: Scenario, q_wxyz: tuple[float, ...]) -> Scenario:
 def fly(plan: Plan, draw: FrameProducer[Frame], pose: str) -> tuple[ClosedLoopResult, DrawnPoses]:
     """One flight; with ``pose`` "truth" it is flown on the truth, and the estimator only watches."""
     intrinsics = CameraIntrinsics.from_dict(msgspec.to_builtins(plan.camera))
-    drawn = DrawnPoses(plan, draw, make_estimator(board_model(plan.target), intrinsics, "svd"))
+    drawn = DrawnPoses(plan, draw, make_estimator(board_model(plan.target), intrinsics))
     true = TruePoses(PoseNoise(), LATENCY_S)
     mass = plan.target.mass
     flown_on = true.arrived if pose == "truth" else drawn.arrived

@@ -22,15 +22,23 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from flyaround.hil.board.svd import CameraIntrinsics
-from flyaround.hil.board.svd.decide.confidence import ACCEPT_AT, LAMPS_BIAS, Evidence, confidence, decide
-from flyaround.hil.board.svd.decide.near_minima import check_near_minima
-from flyaround.hil.board.svd.estimator import CLEAR, LIKELY, PREPARE, REFINE, ROUNDS, SELECT, PoseEstimator
-from flyaround.hil.board.svd.hypotheses.ambiguity import same_end
-from flyaround.hil.board.svd.hypotheses.hypothesis import PoseFit
-from flyaround.hil.board.svd.image.observation import Observation
-from flyaround.hil.board.svd.refine.settling import settle
-from flyaround.hil.board.svd.stages import run
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.hybrid.decide.confidence import ACCEPT_AT, LAMPS_BIAS, Evidence, confidence, decide
+from flyaround.hil.board.hybrid.decide.near_minima import check_near_minima
+from flyaround.hil.board.hybrid.estimator import (
+    CLEAR,
+    LIKELY,
+    PoseEstimator,
+    choose,
+    propose_learned,
+    propose_many_scales,
+    ranked,
+)
+from flyaround.hil.board.hybrid.hypotheses.ambiguity import same_end
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.prepare import prepare
+from flyaround.hil.board.hybrid.refine.settling import settle
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
@@ -43,7 +51,7 @@ from tools.studies.published_methods import wrong_model
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flyaround.hil.board.svd.stages import Search
+    from flyaround.hil.board.hybrid.search_states import Choice
 
 Array = np.ndarray[Any, Any]
 
@@ -82,29 +90,23 @@ def judged_frame(estimator: PoseEstimator, image: NDArray[Any], q: Array, t: Arr
     ----------
     q : (4,) true attitude, camera from target. t : (3,) true position [m].
     """
-    search = estimator.search(Observation(image))
-    run(PREPARE, search)
-    if search.lamps is None or search.learned is not search.lamps:
+    lit = prepare(estimator.setup, Observation(image))
+    if not lit.by_lamps or lit.learned is None:
         return None
-    seen = []
-    for turn in ROUNDS[:2]:
-        search.thorough, search.aligned = turn.thorough, []
-        run((*turn.generators, *turn.refiners), search)
-        if not search.hypotheses:
-            return None
-        run((*REFINE, *SELECT), search)
-        seen.append(_judged(search, q, t))
-        if not turn.thorough:
-            search.selection = check_near_minima(search.target, search.frame, search.selected)
-            seen.append(_judged(search, q, t))
-    return JudgedFrame(*seen)
+    proposals = propose_learned(lit)
+    if not proposals.hypotheses:
+        return None
+    first = choose(ranked(proposals))
+    leant = replace(first, selection=check_near_minima(estimator.target, lit.frame, first.selection))
+    second = choose(ranked(propose_many_scales(first.proposals, lit.learned)))
+    return JudgedFrame(*(_judged(choice, q, t) for choice in (first, leant, second)))
 
 
-def _judged(search: Search, q: Array, t: Array) -> Judged:
-    selection = search.selected
-    pose = settle(search.target, search.frame, selection.close, selection.best)
+def _judged(choice: Choice, q: Array, t: Array) -> Judged:
+    selection, setup = choice.selection, choice.image.setup
+    pose = settle(setup.target, choice.image.frame, selection.close, selection.best)
     _, share, deg = frame_errors(q, t, pose.q, pose.t)
-    evidence = replace(selection.evidence, tried=search.tried, looked=True, lamps=True)
+    evidence = replace(selection.evidence, tried=setup.tried, looked=True, lamps=True)
     return Judged(evidence, deg <= COARSE_DEG and share <= COARSE_SHARE, pose)
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flyaround.hil.evaluate.metrics import MethodMetrics
-    from flyaround.hil.evaluate.pose_errors import FrameRecord
+    from flyaround.hil.evaluate.pose_errors import FrameScore
     from flyaround.hil.evaluate.result_rows import EvaluatedFrame
 
 # A pose within this angle of the truth is of the right figure, however coarse.
@@ -66,9 +66,9 @@ def table(rows: Sequence[tuple[str, MethodMetrics]], differ: Sequence[str] = ())
     return "\n".join(lines)
 
 
-def units_table(records: Sequence[tuple[str, Sequence[FrameRecord]]]) -> str:
+def units_table(records: Sequence[tuple[str, Sequence[FrameScore]]]) -> str:
     """Means of position and attitude errors over several choices of frames, in degrees and in radians."""
-    chosen: dict[str, Callable[[FrameRecord], bool]] = {
+    chosen: dict[str, Callable[[FrameScore], bool]] = {
         "every pose": lambda _: True,
         "accepted": lambda r: r.accepted,
         f"right within {RIGHT_DEG:g} deg": lambda r: r.E_R_deg is not None and r.E_R_deg < RIGHT_DEG,

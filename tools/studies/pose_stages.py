@@ -1,4 +1,4 @@
-"""Which stage of `svd` loses a pose: each picture of a data set, judged stage by stage with the truth at hand.
+"""Which stage of `hybrid` loses a pose: each picture of a data set, judged stage by stage with the truth at hand.
 
     python -m tools.studies.pose_stages SET            # a table in Markdown, a line a picture
     python -m tools.studies.pose_stages SET --limit 10
@@ -27,19 +27,19 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from flyaround.hil.board.svd import CameraIntrinsics
-from flyaround.hil.board.svd.estimator import PREPARE, ROUNDS, PoseEstimator
-from flyaround.hil.board.svd.geometry import quaternion as quat
-from flyaround.hil.board.svd.hypotheses.edge_support import support
-from flyaround.hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
-from flyaround.hil.board.svd.image.edge_field import edge_field
-from flyaround.hil.board.svd.image.observation import Observation
-from flyaround.hil.board.svd.image.region import Region
-from flyaround.hil.board.svd.model.image_patch import cut_patch, target_box
-from flyaround.hil.board.svd.refine.close import CLOSE_PX
-from flyaround.hil.board.svd.refine.final import refine_to_end
-from flyaround.hil.board.svd.refine.parallel import draw, draw_shadows
-from flyaround.hil.board.svd.stages import run
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.hybrid.estimator import PoseEstimator, propose_learned
+from flyaround.hil.board.hybrid.hypotheses.edge_support import support
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit, Source
+from flyaround.hil.board.hybrid.image.edge_field import edge_field
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.hybrid.prepare import prepare
+from flyaround.hil.board.hybrid.refine.close import CLOSE_PX
+from flyaround.hil.board.hybrid.refine.final import refine_to_end
+from flyaround.hil.board.hybrid.refine.parallel import draw, draw_shadows
+from flyaround.hil.board.svd.region_of_interest import Region
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
@@ -51,8 +51,8 @@ from flyaround.simulator.targets.library import load_target
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flyaround.hil.board.svd.propose.learned.learned_proposal import LearnedProposal
-    from flyaround.hil.board.svd.stages import Search
+    from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LearnedProposal
+    from flyaround.hil.board.hybrid.search_states import PreparedImage
 
 Array = np.ndarray[Any, Any]
 
@@ -149,11 +149,9 @@ def stage_row(
     """
     target = estimator.target
     result = estimator.estimate(image)
-    search = estimator.search(Observation(image))
-    run(PREPARE, search)
-    run(ROUNDS[0].generators, search)
-    frame, box = search.frame, target_box(target, q, t)
-    held, large = max((_holds(r, box) for r in search.regions), default=(0.0, 0.0))
+    search = propose_learned(prepare(estimator.setup, Observation(image)))
+    frame, box = search.image.frame, target_box(target, q, t)
+    held, large = max((_holds(r, box) for r in search.image.regions), default=(0.0, 0.0))
     off, size = min(
         (_beside(estimator, p, q, t) for p in search.places), default=(9.0, 0.0), key=lambda v: v[0]
     )
@@ -172,14 +170,14 @@ def stage_row(
     )
     drawn = support(q, t, target.samples, target.occ, field, target.camera, target.spacing_m).drawn
     source = Source(region, field)
-    stays, true_score = _refined(search, source, q, t)
+    stays, true_score = _refined(search.image, source, q, t)
     _, e_t, E_R = frame_errors(q, t, stays.q, stays.t)
     got_q, got_t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     if got_q is None or got_t is None:
         error, returned = (9.0, 180.0), 0.0
     else:
         _, share, deg = frame_errors(q, t, got_q, got_t)
-        error, returned = (share, deg), _score_at(search, source, box, got_q, got_t)
+        error, returned = (share, deg), _score_at(search.image, source, box, got_q, got_t)
     return StageRow(
         frame_index,
         float(np.linalg.norm(t)),
@@ -220,9 +218,9 @@ def _beside(estimator: PoseEstimator, place: LearnedProposal, q: Array, t: Array
     return off, place.crop.diameter_px / wide
 
 
-def _refined(search: Search, source: Source, q: Array, t: Array) -> tuple[Hypothesis, float]:
+def _refined(image: PreparedImage, source: Source, q: Array, t: Array) -> tuple[Hypothesis, float]:
     """A pose beside the truth refined to its end, and the better score of that and of the truth refined."""
-    target, frame = search.target, search.frame
+    target, frame = image.setup.target, image.frame
     patch = cut_patch(target, frame, target_box(target, q, t), CLOSE_PX)
     beside = quat.turned(q, np.array([TURN_RAD, 0.0, 0.0]))
     ends = [
@@ -237,10 +235,12 @@ def _refined(search: Search, source: Source, q: Array, t: Array) -> tuple[Hypoth
     return ends[0], max(e.score for e in ends)
 
 
-def _score_at(search: Search, source: Source, box: tuple[int, int, int, int], q: Array, t: Array) -> float:
-    patch = cut_patch(search.target, search.frame, box, CLOSE_PX)
-    h = draw(search.target, patch, Hypothesis(PoseFit(q, t), source))
-    return draw_shadows(search.target, patch, h).score
+def _score_at(
+    image: PreparedImage, source: Source, box: tuple[int, int, int, int], q: Array, t: Array
+) -> float:
+    patch = cut_patch(image.setup.target, image.frame, box, CLOSE_PX)
+    h = draw(image.setup.target, patch, Hypothesis(PoseFit(q, t), source))
+    return draw_shadows(image.setup.target, patch, h).score
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""The studies of docs/svd_results.md: methods, solvers, streams, steps towards ours, a wrong model, a wrong exposure.
+"""The studies of docs/svd_results.md: methods, solvers, streams, a wrong model, a wrong exposure.
 
 ``python -m tools.studies.published_methods SET REPORTS --parts methods --feasible 30`` prints tables in Markdown.
 """
@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from flyaround.hil.board.svd import BoardModel
-from flyaround.hil.board.svd.published.settings import OF_OURS, OF_THESIS, SOLVERS
+from flyaround.hil.board.estimation import BoardModel
+from flyaround.hil.board.method_names import HYBRID
+from flyaround.hil.board.svd.settings import SOLVERS
 from flyaround.hil.evaluate.dataset_evaluation import ROWS, evaluate_dataset, method_metrics
 from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
 from flyaround.hil.evaluate.result_rows import EvaluatedFrame, rows_there
@@ -37,23 +38,17 @@ if TYPE_CHECKING:
 FEW = tuple(MethodChoice("svd-thesis", s) for s in ("p3p", *(s for s in SOLVERS if s != "p3p")))
 ALL = tuple(MethodChoice("svd-2018", s) for s in SOLVERS if s not in ("p3p", "ap3p"))
 
-# Its own two streams are the first of ``FEW``, all three the first of ``TOWARDS_OURS``.
+# The method's own two streams are the first of ``FEW``.
 STREAMS = tuple(
-    MethodChoice("svd-thesis", None, k) for k in (("wge",), ("sh",), ("lsd",), ("wge", "sh", "harris"))
+    MethodChoice("svd-thesis", None, k)
+    for k in (("wge",), ("sh",), ("lsd",), ("wge", "sh", "lsd"), ("wge", "sh", "harris"))
 )
-
-# Each thing that ours has and the thesis's version has not, alone and then all; the same between published ones.
-TOWARDS_OURS = (
-    *(MethodChoice("svd-thesis", None, None, (step,)) for step in OF_OURS),
-    MethodChoice("svd-thesis", None, None, tuple(OF_OURS)),
-)
-TOWARDS_THESIS = tuple(MethodChoice("svd-2018", None, None, (step,)) for step in OF_THESIS)
-PUBLISHED = (*FEW, *ALL, *STREAMS, *TOWARDS_THESIS, *TOWARDS_OURS)
+PUBLISHED = (*FEW, *ALL, *STREAMS)
 
 # Waves that make up the shift of a wrong model.
 WAVES = 60
 
-SVD = MethodChoice("svd")
+BEST = MethodChoice(HYBRID)
 METHODS = (MethodChoice("svd-2018"), MethodChoice("svd-thesis"))
 
 MODEL_ERRORS_M = (0.002, 0.005)
@@ -155,9 +150,7 @@ class Study:
             "methods": self.methods,
             "units": self.units,
             "solvers": lambda: self.published((*FEW, *ALL), FEW[0]),
-            "streams": lambda: self.published((FEW[0], *STREAMS[:3], TOWARDS_OURS[0], STREAMS[3]), FEW[0]),
-            "thesis": lambda: self.published((ALL[0], *TOWARDS_THESIS, FEW[0]), ALL[0]),
-            "ablation": lambda: self.published((FEW[0], *TOWARDS_OURS), FEW[0]),
+            "streams": lambda: self.published((FEW[0], *STREAMS), FEW[0]),
             "model": self.bent,
             "exposure": self.exposure,
         }
@@ -194,8 +187,8 @@ class Study:
     def methods(self) -> str:
         """The three methods; the published ones on as many frames as there are."""
         return compared(
-            [*self.rows("methods", METHODS), *self.rows("svd", [SVD])],
-            [*(c.label for c in METHODS), SVD.label],
+            [*self.rows("methods", METHODS), *self.rows(HYBRID, [BEST])],
+            [*(c.label for c in METHODS), BEST.label],
             METHODS[1].label,
         )
 
@@ -208,19 +201,19 @@ class Study:
 
     def bent(self) -> str:
         """The best method given a wrong model."""
-        found = {"exact": self.rows("svd", [SVD])}
+        found = {"exact": self.rows(HYBRID, [BEST])}
         for sigma in MODEL_ERRORS_M:
             wrong = wrong_model(self.model, sigma)
-            found[f"bent by {1e3 * sigma:g} mm"] = self.rows(f"model-{sigma}", [SVD], model=wrong)
+            found[f"bent by {1e3 * sigma:g} mm"] = self.rows(f"model-{sigma}", [BEST], model=wrong)
         return together(found)
 
     def exposure(self) -> str:
         """The best method given a wrong exposure."""
-        found = {"right exposure": self.rows("svd", [SVD])}
+        found = {"right exposure": self.rows(HYBRID, [BEST])}
         for factor in EXPOSURE_FACTORS:
             place = self.reports / f"set-exposure-{factor}"
             other = expose(self.folder, place, factor, self.frames) if self.evaluate else place
-            found[f"exposure x {factor:g}"] = self.rows(f"exposure-{factor}", [SVD], of=other)
+            found[f"exposure x {factor:g}"] = self.rows(f"exposure-{factor}", [BEST], of=other)
         return together(found)
 
 
@@ -256,7 +249,7 @@ def main() -> int:
     parser.add_argument(
         "--parts",
         default="methods",
-        help="with commas: methods,units,solvers,streams,thesis,ablation,model,exposure",
+        help="with commas: methods,units,solvers,streams,model,exposure",
     )
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--feasible", type=int, help="the first so many feasible frames alone")

@@ -34,8 +34,9 @@ import cv2
 import msgspec
 import numpy as np
 
-from flyaround.hil.board.svd import CameraIntrinsics
-from flyaround.hil.board.svd.estimator import PoseEstimator
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.hybrid.decide.confidence import Evidence
+from flyaround.hil.board.hybrid.estimator import PoseEstimator
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.evaluate.metrics import wilson_interval
 from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
@@ -56,7 +57,7 @@ from tools.studies.published_methods import wrong_model
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flyaround.hil.board.svd.base import PoseResult
+    from flyaround.hil.board.estimation.result import PoseResult
     from flyaround.simulator.compare.references import Reference
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray
     from flyaround.simulator.scene.state import SceneState
@@ -209,7 +210,8 @@ def swap_row(estimator: PoseEstimator, image: ByteArray, twin: Twin) -> tuple[Sw
         errors = (9.0, 9.0, 180.0)
     else:
         errors = frame_errors(np.asarray(pose.q_wxyz), np.asarray(pose.t_m), q, t)
-    score = 0.0 if result.evidence is None or result.evidence.score is None else result.evidence.score
+    evidence = result.evidence
+    score = (evidence.score if isinstance(evidence, Evidence) else None) or 0.0
     like = correlation(twin.reference.image[twin.on], image[twin.on])
     return SwapRow(like, float(errors[2]), float(errors[1]), float(errors[0]), score, result.accepted), result
 

@@ -1,7 +1,7 @@
 """Trains a target's learned proposal on views drawn by `proposal_views`; needs the extra `train`.
 
 python -m tools.train.proposal_views tango -n 30000 -o VIEWS
-python -m tools.train.learned_proposal tango VIEWS -o hil/board/svd/propose/learned/weights/tango.npz --minutes 50
+python -m tools.train.learned_proposal tango VIEWS -o hil/board/hybrid/propose/learned/weights/tango.npz --minutes 50
 
 A craft that is not the first may begin with what another's network sees (`--start tango`): a third of the time is
 enough.
@@ -18,10 +18,10 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from flyaround.hil.board.svd.geometry import quaternion as quat
-from flyaround.hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, even_attitudes
-from flyaround.hil.board.svd.propose.learned.learned_proposal import shipped_network
-from flyaround.hil.board.svd.propose.learned.network import INPUT_PX, STRIDES, VERSION, ProposalNetwork
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.hybrid.propose.learned.attitude_basis import ANCHORS, bumps, even_attitudes
+from flyaround.hil.board.hybrid.propose.learned.learned_proposal import shipped_network
+from flyaround.hil.board.hybrid.propose.learned.network import INPUT_PX, STRIDES, VERSION, ProposalNetwork
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.train.attitude_loss import cross_entropy, robust, soft_classes
 from flyaround.hil.train.fitting import RATE, Budget, fit

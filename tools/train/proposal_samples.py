@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.hil.board.svd.geometry import quaternion as quat
-from flyaround.hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.hybrid.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
 from tools.train.proposal_views import FILLED as VIEW_FILLED
 from tools.train.proposal_views import VIEW_PX
 

@@ -1,6 +1,6 @@
 """Trains the saliency of the target on labelled data sets: measures of cells inside and outside of its mask.
 
-    python -m tools.train.saliency DIR... -o hil/board/svd/propose/saliency.npz
+    python -m tools.train.saliency DIR... -o hil/board/hybrid/propose/saliency.npz
 
 The shipped weights were trained on frames of ``eval-earth`` (seed 4201, and frames 40 to 149 of seed 4102) and a few of
 ``eval-black``, each once as it is and once with other exposure, more noise and mirrored.
@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.hil.board.svd.image.edge_field import shrink
-from flyaround.hil.board.svd.image.noise import noise_sigma
-from flyaround.hil.board.svd.propose.regions import REDUCTION
-from flyaround.hil.board.svd.propose.saliency import CELL_PX, measures
+from flyaround.hil.board.hybrid.image.edge_field import shrink
+from flyaround.hil.board.hybrid.image.noise import noise_sigma
+from flyaround.hil.board.hybrid.propose.regions import REDUCTION
+from flyaround.hil.board.hybrid.propose.saliency import CELL_PX, measures
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
 

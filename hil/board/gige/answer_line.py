@@ -66,6 +66,11 @@ class AnswerLine:
         """The camera JSON object that the host names."""
         return self._terms.camera
 
+    @property
+    def takes_fields(self) -> bool:
+        """Whether the host takes optional fields."""
+        return self._terms.takes_fields
+
     def send(self, pose: PoseMessage) -> None:
         """One answer; earlier pictures without one get none."""
         try:

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Callable, Dict, Optional, Tuple
 
-from flyaround.hil.board.answering import BoardEstimator, estimated_pose
+from flyaround.hil.board.answering import BoardEstimator, FrameContext, estimated_pose
 from flyaround.hil.board.files import read_bounded
 from flyaround.hil.board.frame_server import BoardSummary
 from flyaround.hil.board.gige.answer_line import AnswerLine
@@ -173,14 +173,14 @@ class _Session:
         assert self._estimator is not None  # noqa: S101 - made above
         if self._first_ns is None:
             self._first_ns = frame.camera_time_ns
-        pose = estimated_pose(
-            self._estimator,
-            frame.image,
+        context = FrameContext(
             frame.number,
-            t_s=(frame.camera_time_ns - self._first_ns) * 1e-9,
-            receive_ns=frame.received_ns,
-            start_ns=now_ns(),
+            (frame.camera_time_ns - self._first_ns) * 1e-9,
+            frame.received_ns,
+            now_ns(),
+            takes_fields=self._line is not None and self._line.takes_fields,
         )
+        pose = estimated_pose(self._estimator, frame.image, context)
         self._frames += 1
         self._accepted += pose.accepted
         if self._line is not None:

@@ -8,8 +8,8 @@ from typing import Tuple
 import cv2
 import numpy as np
 
-from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
-from flyaround.hil.board.svd.image.edge_field import area_mean
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.hybrid.image.edge_field import area_mean
 
 Array = np.ndarray
 

@@ -13,15 +13,16 @@ from typing import Tuple
 import numpy as np
 
 from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.estimation.estimator import Estimator
+from flyaround.hil.board.estimation.record import StageRecord
+from flyaround.hil.board.estimation.result import PoseResult
+from flyaround.hil.board.estimation.target_model import BoardModel
+from flyaround.hil.board.estimation.vectors import swing
 from flyaround.hil.board.net.attitude_classes import mean_attitude, shares
 from flyaround.hil.board.net.network_camera import PictureReducer, standardised
 from flyaround.hil.board.net.network_file import NetworkFile
-from flyaround.hil.board.svd.base import Estimator, PoseResult
-from flyaround.hil.board.svd.geometry import quaternion as quat
-from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
-from flyaround.hil.board.svd.geometry.vectors import swing
-from flyaround.hil.board.svd.image.observation import Observation
-from flyaround.hil.board.svd.model.target_model import BoardModel
 
 Array = np.ndarray
 
@@ -61,7 +62,7 @@ class NetworkEstimator(Estimator):
         self._net = network.open()
         self._reduce = PictureReducer.prepare(network.camera, camera)
 
-    def _estimate(self, frame: Observation) -> PoseResult:
+    def _estimate(self, frame: StageRecord) -> PoseResult:
         picture = standardised(self._reduce(frame.image))
         frame.mark("reduce")
         place, attitude = self.network.run(self._net, picture)

@@ -1,23 +1,7 @@
-"""The Sharma-Ventura-D'Amico pose estimator. numpy and OpenCV only, Python >= 3.9."""
+"""Sharma, Ventura & D'Amico (2018) and the variant of Sharma's thesis, as published: numpy and OpenCV only.
 
-from __future__ import annotations
-
-from flyaround.hil.board.errors import BoardModelError
-from flyaround.hil.board.svd.base import Estimator, PoseResult
-from flyaround.hil.board.svd.estimator import PoseEstimator
-from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
-from flyaround.hil.board.svd.hypotheses.ambiguity import Alternative
-from flyaround.hil.board.svd.methods import METHODS, make_estimator
-from flyaround.hil.board.svd.model.target_model import BoardModel
-
-__all__ = [
-    "METHODS",
-    "Alternative",
-    "BoardModel",
-    "BoardModelError",
-    "CameraIntrinsics",
-    "Estimator",
-    "PoseEstimator",
-    "PoseResult",
-    "make_estimator",
-]
+A file for each stage, in the order of the pipeline: ``weak_gradients``, ``region_of_interest``, ``line_streams`` (with
+``ellipses``, an option), ``segment_merging``, ``perceptual_groups`` and ``wireframe_groups``, ``correspondence``,
+``pose_solvers``, ``refinement``. ``pipeline`` runs them, ``settings`` holds what differs between the two.
+Nothing here imports ``hybrid`` or compiled code.
+"""

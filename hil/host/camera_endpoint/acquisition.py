@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from flyaround.hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat, pixels_of
 from flyaround.hil.host.camera_endpoint.messages import FrameTaken, FrameWanted, PictureOutcome
 from flyaround.hil.host.camera_endpoint.registers import CONTINUOUS, SINGLE_FRAME, TICKS_PER_S, Place
-from flyaround.hil.host.link_process.ipc import FrameJob
+from flyaround.hil.host.frame_record import FrameRecord, FrameTimes
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -202,24 +202,19 @@ class Acquisition:
         self._stream.start(block, to, time.monotonic(), interval_s=self._interval_s, delay_s=delay_s)
         registers[Place.FRAMES_SENT] = registers[Place.FRAMES_SENT] + 1
         if self.answers is not None:
-            self.answers.sent(self._job(due, taken), self._sent)
+            self.answers.sent(_record(due), self._sent)
         self._sent += 1
         return True
 
-    def _job(self, due: _Due, taken: FrameTaken) -> FrameJob:
-        """A picture as the ledger knows it; the stream has its pixels."""
-        now_ns = time.monotonic_ns()
-        return FrameJob(
-            slot=0,
-            frame_id=due.request_id,
-            shape=taken.image.shape,
-            dtype=taken.image.dtype.str,
-            bits=self._registers.terms.bits,
-            epoch_utc="",
-            t_s=0.0,
-            exposure_s=due.exposure_s,
-            due_ns=None,
-            truth=None,
-            latency_s=(now_ns - due.asked_ns) * 1e-9 - due.exposure_s,
-            ready_ns=now_ns,
-        )
+
+def _record(due: _Due) -> FrameRecord:
+    """Return the record of a picture that is sent; scene and times of the flight are known where it is drawn."""
+    now_ns = time.monotonic_ns()
+    latency_s = (now_ns - due.asked_ns) * 1e-9 - due.exposure_s
+    return FrameRecord(
+        frame_id=due.request_id,
+        epoch_utc="",
+        t_s=0.0,
+        exposure_s=due.exposure_s,
+        times=FrameTimes(latency_s=latency_s, ready_ns=now_ns),
+    )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from flyaround.hil.host.link_process.board_session import BoardSession
 from flyaround.hil.host.link_process.in_flight import FramesInFlight
-from flyaround.hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, Terms
+from flyaround.hil.host.link_process.ipc import BoardDown, BoardUp, Terms
 from flyaround.hil.host.link_process.pending import PendingLinks
 from flyaround.hil.link.clock import now_ns
 from flyaround.hil.link.packets.messages import ErrorCode
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
     from flyaround.hil.host.camera_endpoint.messages import AnswerTerms
-    from flyaround.hil.host.link_process.ipc import FrameResult
+    from flyaround.hil.host.frame_record import FrameRecord
 
 BUSY = "another board answers for this camera: stop it first"
 STOPPED = "the camera was stopped"
@@ -45,7 +45,7 @@ class AnswerPort:
     """
 
     def __init__(
-        self, terms: AnswerTerms, report: Callable[[FrameResult], None], note: Callable[[str], None]
+        self, terms: AnswerTerms, report: Callable[[FrameRecord], None], note: Callable[[str], None]
     ) -> None:
         self._listener = listen(terms.link.url)
         self._key = terms.link.key
@@ -91,19 +91,22 @@ class AnswerPort:
             self._pending.turn_away(BUSY)
             self._board.listen()
 
-    def sent(self, job: FrameJob, number: int) -> None:
+    def sent(self, record: FrameRecord, number: int) -> None:
         """A picture is on its way to the board.
 
         Parameters
         ----------
-        job : ``frame_id`` is what its outcome is reported by. number : what the board calls it.
+        record : FrameRecord
+            With the ``frame_id`` that its outcome is reported by.
+        number : int
+            The board's number of the picture.
         """
-        job = replace(job, handed_over_ns=now_ns())
+        record = record.at(handed_over_ns=now_ns())
         if self._board.link is None or self._board.ack is None:
-            self._report(job.result("dropped:disconnected", "no board was connected"))
+            self._report(record.ended("dropped:disconnected", "no board was connected"))
             return
-        self._requests[number] = job.frame_id
-        flight = self._in_flight.start(replace(job, frame_id=number), now_ns())
+        self._requests[number] = record.frame_id
+        flight = self._in_flight.start(replace(record, frame_id=number), now_ns())
         self._in_flight.sent(flight, now_ns())
 
     def restart(self) -> None:
@@ -131,8 +134,8 @@ class AnswerPort:
         self._pending.add(transport)
         return self._pending.hear([transport])
 
-    def _came_to(self, result: FrameResult) -> None:
-        self._report(replace(result, frame_id=self._requests.pop(result.frame_id)))
+    def _came_to(self, record: FrameRecord) -> None:
+        self._report(replace(record, frame_id=self._requests.pop(record.frame_id)))
 
     def _told(self, event: object) -> None:
         if isinstance(event, BoardUp):

@@ -8,22 +8,19 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 import msgspec
-import numpy as np
 
-from flyaround.hil.host.ledger.frames_csv import LedgerWriter, ledger_row, pose_errors
+from flyaround.hil.host.frame_record import FrameRecord, complete
+from flyaround.hil.host.ledger.frames_csv import LedgerWriter
 from flyaround.hil.host.ledger.run_terms import FlownRecord, run_terms, write_terms
 from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerTally, summarise
-from flyaround.simulator.frame import NO_RADIANCE, Frame
 from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from flyaround.hil.host.ledger.summary import LedgerSummary
-    from flyaround.hil.host.link_process.ipc import FrameResult, LinkConfig
+    from flyaround.hil.host.link_process.ipc import LinkConfig
     from flyaround.simulator.scene.state import SceneState
-
-_NO_IMAGE = np.zeros((0, 0), np.uint8)
 
 
 class CameraLedger:
@@ -64,22 +61,19 @@ class CameraLedger:
         """A picture that the endpoint has now, and that may be sent."""
         self._open[request_id] = scene, drawing_ms
 
-    def came_to(self, request_id: int, result: FrameResult | None) -> None:
+    def came_to(self, request_id: int, record: FrameRecord | None) -> None:
         """The outcome of a picture; None where it was not sent."""
         scene, drawing_ms = self._open.pop(request_id)
-        if result is None:
+        if record is None:
             return
-        frame = Frame(scene, _NO_IMAGE, NO_RADIANCE, None, stage_ms={"render": drawing_ms})
-        q, t = scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m
+        truth = scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m
         row = replace(
-            ledger_row(frame, result, self._utc_minus_monotonic_ns),
-            frame_id=request_id,
-            truth_q_wxyz=q,
-            truth_t_m=t,
+            complete(record, truth, self._utc_minus_monotonic_ns),
+            epoch_utc=scene.epoch_utc,
+            t_s=scene.t_s,
+            exposure_s=scene.exposure_s,
+            render_ms=drawing_ms,
         )
-        if row.q_wxyz is not None and row.t_m is not None:
-            error_m, error_deg = pose_errors(row.q_wxyz, row.t_m, q, t)
-            row = replace(row, E_T_m=error_m, E_R_deg=error_deg)
         self._tally.add(row)
         if self._writer is not None:
             self._writer.add(row)

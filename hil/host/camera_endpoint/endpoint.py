@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
     from flyaround.hil.host.camera_endpoint.messages import EndpointConfig
-    from flyaround.hil.host.link_process.ipc import FrameResult
+    from flyaround.hil.host.frame_record import FrameRecord
 
     Peer = tuple[str, int]
 
@@ -368,8 +368,8 @@ class CameraEndpoint:
         self._registers[Place.ACQUISITION_STOP] = 0
         self._acquisition.stop()
 
-    def _came_to(self, result: FrameResult) -> None:
-        self._pipe.send(PictureOutcome(result.frame_id, result))
+    def _came_to(self, record: FrameRecord) -> None:
+        self._pipe.send(PictureOutcome(record.frame_id, record))
 
 
 _WRITES = (GvcpCommand.WRITE_REGISTER, GvcpCommand.WRITE_MEMORY)

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 
     from flyaround.hil.host.camera_endpoint.interface import Interface
     from flyaround.hil.host.camera_endpoint.registers import CameraTerms
-    from flyaround.hil.host.link_process.ipc import FrameResult, LinkConfig
+    from flyaround.hil.host.frame_record import FrameRecord
+    from flyaround.hil.host.link_process.ipc import LinkConfig
     from flyaround.hil.link.packets.messages import HelloAck
 
 
@@ -93,10 +94,10 @@ class FrameTaken:
 
 @dataclass(frozen=True)
 class PictureOutcome:
-    """What a board made of a picture that was taken; ``result`` is None where it was not sent."""
+    """What a board made of a picture that was taken; ``record`` is None where it was not sent."""
 
     request_id: int
-    result: FrameResult | None
+    record: FrameRecord | None
 
 
 @dataclass(frozen=True)

@@ -100,7 +100,8 @@ class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
 class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
     """The terms of a run, written when its ledger begins: all that is known of one that was killed.
 
-    ``board`` and the driver in ``versions`` are added once the first board is ready. No key is ever recorded.
+    ``board``, the driver in ``versions`` and ``sun_sent`` are added once the first board is ready. No key is ever
+    recorded.
     """
 
     schema: Literal["flyaround.run"] = "flyaround.run"
@@ -118,6 +119,7 @@ class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
     target_sha256: str = ""
     command: tuple[str, ...] = ()
     faults: Faults = NO_FAULTS
+    sun_sent: bool = False
     versions: Versions | None = None
     board: Board | None = None
 

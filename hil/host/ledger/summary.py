@@ -6,22 +6,22 @@ import os
 import platform
 from array import array
 from collections import Counter
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 import numpy as np
 
-from flyaround.hil.host.ledger.frames_csv import ACCEPTED, DECLINED, DROPPED
+from flyaround.hil.host.frame_record import ACCEPTED, DECLINED, DROPPED
+from flyaround.hil.host.link_process.ipc import Count, LinkTotals
 from flyaround.hil.link.packets.packet import PROTOCOL_VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.simulator.runtime.arrays import FloatArray
 
 SUMMARY_JSON = "summary.json"
-Count = Annotated[int, msgspec.Meta(ge=0)]
 
 
 class StageTimes(msgspec.Struct, frozen=True, kw_only=True):
@@ -51,29 +51,6 @@ class Machine(msgspec.Struct, frozen=True, kw_only=True):
     processor: str
     cpus: int
     python: str
-
-
-class LinkTotals(msgspec.Struct, frozen=True, kw_only=True):
-    """The link's own counts; ``protocol_mistakes`` are intact packets that the protocol does not allow.
-
-    ``mistakes`` counts them by their kind, in words.
-    """
-
-    packets_sent: Count = 0
-    packets_received: Count = 0
-    packets_corrupt: Count = 0
-    protocol_mistakes: Count = 0
-    mistakes: dict[str, Count] = {}
-    sequence_gaps: Count = 0
-    sessions: Count = 0
-    late_poses: Count = 0
-    clock_round_trip_ms: float | None = None
-    clock_round_trip_ms_p50: float | None = None
-    clock_round_trip_ms_p99: float | None = None
-    clock_round_trip_ms_max: float | None = None
-    clock_offset_bound_ms: float | None = None
-    clock_drift_ppm: float | None = None
-    clock_drift_ppm_sigma: float | None = None
 
 
 class ClosedLoopFigures(msgspec.Struct, frozen=True, kw_only=True):
@@ -154,16 +131,15 @@ class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
     machine: Machine
 
 
-_TALLIED = (
-    "t_s",
-    "e2e_ms",
-    "send_lag_ms",
-    "board_total_ms",
-    "render_ms",
-    "handover_error_ms",
-    "staleness_ms",
-)
-"""Columns whose distribution a summary tells."""
+_PERCENTILES: dict[str, dict[str, float]] = {
+    "e2e_ms": {"p50": 50, "p90": 90, "p95": 95, "p99": 99, "max": 100},
+    "send_lag_ms": {"p50": 50, "p99": 99},
+    "board_total_ms": {"p50": 50, "p99": 99},
+    "render_ms": {"p50": 50},
+    "handover_error_ms": {"p50": 50, "p99": 99, "p999": 99.9, "max": 100},
+    "staleness_ms": {"p50": 50, "p95": 95, "p99": 99, "max": 100},
+}
+"""Percentiles of the summary, by field of the records and ending of the summary's field."""
 
 
 def this_machine() -> Machine:
@@ -195,9 +171,9 @@ def percentile(values: Sequence[float] | FloatArray, q: float) -> float | None:
 class LedgerTally:
     """What a summary needs of each row, in some eighty bytes: a run of days must not fill the memory with its rows."""
 
-    def __init__(self, rows: Iterable[LedgerRow] = ()) -> None:
+    def __init__(self, rows: Iterable[FrameRecord] = ()) -> None:
         self.outcomes: Counter[str] = Counter()
-        self.columns: dict[str, array[float]] = {name: array("d") for name in _TALLIED}
+        self.columns: dict[str, array[float]] = {name: array("d") for name in ("t_s", *_PERCENTILES)}
         self.accepted_columns: dict[str, array[float]] = {"E_T_m": array("d"), "E_R_deg": array("d")}
         self.stages_ms: dict[str, array[float]] = {}
         self.accepted_known = self.accepted_wrong = self.late = self.late_known = self.time_faults = 0
@@ -207,7 +183,7 @@ class LedgerTally:
     def __len__(self) -> int:
         return self.outcomes.total()
 
-    def add(self, row: LedgerRow) -> None:
+    def add(self, row: FrameRecord) -> None:
         """Take in one row."""
         self.outcomes[row.outcome] += 1
         for name, values in self.columns.items():
@@ -246,7 +222,7 @@ def stage_times(stages_ms: Mapping[str, Sequence[float]]) -> list[StageTimes]:
     ]
 
 
-def summarise(rows: Iterable[LedgerRow] | LedgerTally, **run: Any) -> LedgerSummary:  # noqa: ANN401 - its fields
+def summarise(rows: Iterable[FrameRecord] | LedgerTally, **run: Any) -> LedgerSummary:  # noqa: ANN401 - its fields
     """The summary of a run's rows.
 
     Parameters
@@ -266,9 +242,15 @@ def summarise(rows: Iterable[LedgerRow] | LedgerTally, **run: Any) -> LedgerSumm
     dropped_total = sum(dropped.values())
     if len(tally) != outcomes[ACCEPTED] + outcomes[DECLINED] + dropped_total:
         raise AssertionError(f"the ledger does not add up: {dict(outcomes)} of {len(tally)} frames")
-    e2e, lag, board = columns["e2e_ms"], columns["send_lag_ms"], columns["board_total_ms"]
-    handover, stale = np.abs(columns["handover_error_ms"]), columns["staleness_ms"]
     deadline_ms = run.get("deadline_ms")
+    answered = columns["e2e_ms"]
+    percentiles: dict[str, Any] = {
+        f"{name}_{ending}": percentile(
+            np.abs(columns[name]) if name == "handover_error_ms" else columns[name], q
+        )
+        for name, endings in _PERCENTILES.items()
+        for ending, q in endings.items()
+    }
     return LedgerSummary(
         sent=len(tally),
         accepted=outcomes[ACCEPTED],
@@ -278,27 +260,12 @@ def summarise(rows: Iterable[LedgerRow] | LedgerTally, **run: Any) -> LedgerSumm
         accepted_known=tally.accepted_known,
         accepted_wrong=tally.accepted_wrong,
         time_faults=tally.time_faults,
-        e2e_ms_p50=percentile(e2e, 50),
-        e2e_ms_p90=percentile(e2e, 90),
-        e2e_ms_p99=percentile(e2e, 99),
-        e2e_ms_max=percentile(e2e, 100),
-        e2e_ms_p95=percentile(e2e, 95),
         late=tally.late if tally.late_known else None,
-        handover_error_ms_p50=percentile(handover, 50),
-        handover_error_ms_p99=percentile(handover, 99),
-        handover_error_ms_p999=percentile(handover, 99.9),
-        handover_error_ms_max=percentile(handover, 100),
-        staleness_ms_p50=percentile(stale, 50),
-        staleness_ms_p95=percentile(stale, 95),
-        staleness_ms_p99=percentile(stale, 99),
-        staleness_ms_max=percentile(stale, 100),
-        send_lag_ms_p50=percentile(lag, 50),
-        send_lag_ms_p99=percentile(lag, 99),
-        board_total_ms_p50=percentile(board, 50),
-        board_total_ms_p99=percentile(board, 99),
-        render_ms_p50=percentile(columns["render_ms"], 50),
+        **percentiles,
         stages=stage_times(tally.stages_ms),
-        deadline_misses=None if deadline_ms is None else len(tally) - sum(ms <= deadline_ms for ms in e2e),
+        deadline_misses=None
+        if deadline_ms is None
+        else len(tally) - sum(ms <= deadline_ms for ms in answered),
         median_E_T_m=percentile(tally.accepted_columns["E_T_m"], 50),
         median_E_R_deg=percentile(tally.accepted_columns["E_R_deg"], 50),
         machine=this_machine(),

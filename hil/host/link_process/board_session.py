@@ -10,12 +10,14 @@ from collections import Counter, deque
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from flyaround.hil.host.link_process.ipc import (
     BoardDown,
     BoardGreeted,
     BoardUp,
     LinkConfig,
-    LinkCounts,
+    LinkTotals,
     Terms,
 )
 from flyaround.hil.link.clock import ClockFilter, answer_time_sync, now_ns
@@ -91,7 +93,7 @@ class BoardSession:
         self.unread = False  # the board has said more than was listened to
         self.next_sync_ns = 0
         self._asked_ns = 0
-        self.counts = LinkCounts()
+        self.counts = LinkTotals()
         self._mistakes = 0
         self._up: BoardUp | None = None  # greeted, not yet announced
         self._clock = ClockFilter()
@@ -205,7 +207,7 @@ class BoardSession:
             link.session_id = int.from_bytes(os.urandom(8), "little") or 1
             self._clock, self._beats = ClockFilter(), False
             self.next_sync_ns = now_ns() + SYNC_PATIENCE_NS
-            self.counts = replace(self.counts, sessions=self.counts.sessions + 1)
+            self.counts = msgspec.structs.replace(self.counts, sessions=self.counts.sessions + 1)
         self.ack = ack
         link.transport.be_patient(self._config.silence_s)
         self._tell(BoardGreeted())
@@ -226,6 +228,7 @@ class BoardSession:
                 ack.encoding.name.lower(),
                 ack.window,
                 hello.model_sha256,
+                ack.takes_fields,
             )
 
     def _take_clock_reply(self, reply: TimeSyncReply, at_ns: int, link: Link) -> None:
@@ -255,7 +258,7 @@ class BoardSession:
             return
         offset_ns, bound_ns = self._clock.offset_at(at_ns), self._clock.offset_bound_at(at_ns)
         if not self._in_flight.answer(pose, at_ns, offset_ns, bound_ns):
-            self.counts = replace(self.counts, late_poses=self.counts.late_poses + 1)
+            self.counts = msgspec.structs.replace(self.counts, late_poses=self.counts.late_poses + 1)
 
     def _take_credit(self, credit: Credit, link: Link) -> None:
         if not self._in_flight.was_sent(credit.frame_id):
@@ -288,7 +291,7 @@ class BoardSession:
 
     def _count_packets(self, link: Link) -> None:
         c, s, line = self.counts, link.stats, self._clock.line
-        self.counts = replace(
+        self.counts = msgspec.structs.replace(
             c,
             packets_sent=c.packets_sent + s.sent,
             packets_received=c.packets_received + s.received,
@@ -296,11 +299,11 @@ class BoardSession:
             protocol_mistakes=c.protocol_mistakes + s.mistakes,
             mistakes=dict(Counter(c.mistakes) + Counter(s.kinds)),
             sequence_gaps=c.sequence_gaps + s.sequence_gaps,
-            clock_round_trip_ns=self._clock.round_trip_ns,
-            clock_round_trip_ns_p50=_quantile(self._trips_ns, 0.5),
-            clock_round_trip_ns_p99=_quantile(self._trips_ns, 0.99),
-            clock_round_trip_ns_max=max(self._trips_ns, default=None),
-            clock_offset_bound_ns=self._clock.offset_bound_at(now_ns()),
+            clock_round_trip_ms=_ms(self._clock.round_trip_ns),
+            clock_round_trip_ms_p50=_ms(_quantile(self._trips_ns, 0.5)),
+            clock_round_trip_ms_p99=_ms(_quantile(self._trips_ns, 0.99)),
+            clock_round_trip_ms_max=_ms(max(self._trips_ns, default=None)),
+            clock_offset_bound_ms=_ms(self._clock.offset_bound_at(now_ns())),
             clock_drift_ppm=None if line is None else line.drift_ppm,
             clock_drift_ppm_sigma=None if line is None else line.sigma_ppm,
         )
@@ -352,6 +355,10 @@ class BoardSession:
             self.leave(
                 f"the board said nothing for {self._config.silence_s:g} s: the line is cut, or it hangs"
             )
+
+
+def _ms(ns: int | None) -> float | None:
+    return None if ns is None else ns * 1e-6
 
 
 def _quantile(values: Collection[int], share: float) -> int | None:

@@ -10,11 +10,13 @@ import subprocess
 import sys
 import time
 from collections import deque
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.link_process.ipc import (
     AddLineFault,
     BoardDown,
@@ -24,13 +26,11 @@ from flyaround.hil.host.link_process.ipc import (
     Closed,
     Failed,
     FrameJob,
-    FrameResult,
     FrameSlots,
     LinkConfig,
-    LinkCounts,
+    LinkTotals,
     Listening,
     PixelFormatName,
-    Readout,
     SlotFree,
     Terms,
 )
@@ -39,8 +39,6 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.carrier import open_anonymous_file
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from numpy.typing import NDArray
 
     from flyaround.hil.link.packets.messages import HelloAck, PixelFormat
@@ -54,8 +52,6 @@ CLOSE_TIMEOUT_S = 15.0
 QUICK_TIMEOUT_S = 2.0
 # a board that said HELLO has this long to make its estimator; the link process waits no longer either
 READY_TIMEOUT_S = 65.0
-
-NO_READOUT = Readout()
 
 ENDED = "the link process ended unexpectedly: what was logged so far is intact; run again with -v"
 
@@ -111,14 +107,14 @@ class HostLink:
         self._pipe = Connection(ours.detach())
         self._slots: FrameSlots | None = None
         self._free: list[int] = []
-        self._results: deque[FrameResult] = deque()
+        self._results: deque[FrameRecord] = deque()
         self._listening: Listening | None = None
         self.board: BoardUp | None = None
         self.last_board: BoardUp | None = None
         self.down_reason = ""
         self.down_since_s = time.monotonic()
         self._greeted_s: float | None = None
-        self.counts = LinkCounts()
+        self.counts = LinkTotals()
         self.closed = False
         try:
             self._tell(config)
@@ -159,44 +155,14 @@ class HostLink:
         """Whether ``submit`` would find a free slot."""
         return bool(self._free)
 
-    def submit(
-        self,
-        image: NDArray[np.generic],
-        *,
-        frame_id: int,
-        epoch_utc: str,
-        t_s: float,
-        exposure_s: float,
-        bits: int,
-        due_ns: int | None,
-        truth: dict[str, Any] | None,
-        latency_s: float = 0.0,
-        camera_frame: int | None = None,
-        readout: Readout = NO_READOUT,
-    ) -> None:
-        """Hand over a frame; there must be room."""
+    def submit(self, image: NDArray[np.generic], job: FrameJob) -> None:
+        """Hand over a frame, whose pixels are copied; there must be room."""
         if self._slots is None or not self._free:
             raise RuntimeError("a frame was submitted without terms or without room")
         slot = self._free.pop()
         self._slots.view(slot, image.shape, image.dtype.str)[...] = image
-        self._tell(
-            FrameJob(
-                slot,
-                frame_id,
-                image.shape,
-                image.dtype.str,
-                bits,
-                epoch_utc,
-                t_s,
-                exposure_s,
-                due_ns,
-                truth,
-                latency_s,
-                ready_ns=time.monotonic_ns(),
-                camera_frame=frame_id if camera_frame is None else camera_frame,
-                readout=readout,
-            )
-        )
+        record = job.record.at(ready_ns=time.monotonic_ns())
+        self._tell(replace(job, record=record, slot=slot, shape=image.shape, dtype=image.dtype.str))
 
     def add_line_fault(self, fault: LineFault) -> None:
         """Have one more fault of the line, where the configuration lets faults be added."""
@@ -212,7 +178,7 @@ class HostLink:
             self.closed = True
             raise UserError(ENDED) from error
 
-    def results(self) -> list[FrameResult]:
+    def results(self) -> list[FrameRecord]:
         """Outcomes since the last call."""
         taken = list(self._results)
         self._results.clear()
@@ -261,7 +227,7 @@ class HostLink:
             os.close(self._fd)
 
     def _take(self, event: object) -> None:
-        if isinstance(event, FrameResult):
+        if isinstance(event, FrameRecord):
             self._results.append(event)
         elif isinstance(event, SlotFree):
             self._free.append(event.slot)

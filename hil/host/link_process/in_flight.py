@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flyaround.hil.link.packets.messages import NO_FRAME
@@ -10,7 +10,7 @@ from flyaround.hil.link.packets.messages import NO_FRAME
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flyaround.hil.host.link_process.ipc import FrameJob, FrameResult
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.hil.link.packets.messages import PoseMessage
 
 # a frame that is still being sent
@@ -21,11 +21,9 @@ MOST_REMEMBERED = 100_000
 
 @dataclass
 class FrameInFlight:
-    """A frame that was sent and has no outcome yet; clock times in ns of the host."""
+    """A frame that was sent and has no outcome yet."""
 
-    job: FrameJob
-    send_start_ns: int
-    send_end_ns: int
+    record: FrameRecord
     deadline_ns: int
     damage_seen: bool = False
 
@@ -36,12 +34,12 @@ class FramesInFlight:
     Parameters
     ----------
     report : callable
-        Takes the `FrameResult` of each frame, once.
+        Takes the record of each frame with its outcome, once.
     timeout_s : float
         A frame without a pose this long after its sending began is dropped.
     """
 
-    def __init__(self, report: Callable[[FrameResult], None], timeout_s: float) -> None:
+    def __init__(self, report: Callable[[FrameRecord], None], timeout_s: float) -> None:
         self._report = report
         self._timeout_s = timeout_s
         self._flying: dict[int, FrameInFlight] = {}
@@ -65,21 +63,22 @@ class FramesInFlight:
         """When the next frame runs out of time; None without one in flight."""
         return min((flight.deadline_ns for flight in self._flying.values()), default=None)
 
-    def start(self, job: FrameJob, at_ns: int) -> FrameInFlight:
+    def start(self, record: FrameRecord, at_ns: int) -> FrameInFlight:
         """A frame whose sending begins now."""
-        flight = FrameInFlight(job, at_ns, at_ns, at_ns + int(self._timeout_s * 1e9))
-        self._flying[job.frame_id] = flight
-        self._history[job.frame_id] = False
+        record = record.at(send_start_ns=at_ns, send_end_ns=at_ns)
+        flight = FrameInFlight(record, at_ns + int(self._timeout_s * 1e9))
+        self._flying[record.frame_id] = flight
+        self._history[record.frame_id] = False
         if len(self._history) > MOST_REMEMBERED:
             del self._history[next(iter(self._history))]
-        self._held[job.frame_id] = NEVER_NS
+        self._held[record.frame_id] = NEVER_NS
         return flight
 
     def sent(self, flight: FrameInFlight, at_ns: int) -> None:
         """The last byte of a frame is out."""
-        flight.send_end_ns = at_ns
-        if flight.job.frame_id in self._held:
-            self._held[flight.job.frame_id] = at_ns
+        flight.record = flight.record.at(send_end_ns=at_ns)
+        if flight.record.frame_id in self._held:
+            self._held[flight.record.frame_id] = at_ns
 
     @property
     def last_sent_ns(self) -> int | None:
@@ -116,14 +115,15 @@ class FramesInFlight:
         self._history[pose.frame_id] = True
         self.misses = 0  # late or not, it works
         if flight is not None:
+            start_ns, end_ns = flight.record.times.send_start_ns, flight.record.times.send_end_ns
             self._report(
-                replace(
-                    flight.job.result("accepted" if pose.accepted else "declined", pose.reason),
-                    send_start_ns=flight.send_start_ns,
+                flight.record.ended(
+                    "accepted" if pose.accepted else "declined",
+                    pose.reason,
                     # a board that is heard between chunks may answer before the end of sending is noted
-                    send_end_ns=flight.send_end_ns if flight.send_end_ns > flight.send_start_ns else at_ns,
+                    send_end_ns=at_ns if end_ns == start_ns else end_ns,
                     received_ns=at_ns,
-                    pose=pose,
+                    answer=pose,
                     clock_offset_ns=clock_offset_ns,
                     clock_bound_ns=clock_bound_ns,
                 )
@@ -203,11 +203,4 @@ class FramesInFlight:
         self.misses = 0
 
     def _drop(self, frame_id: int, cause: str, reason: str) -> None:
-        flight = self._flying.pop(frame_id)
-        self._report(
-            replace(
-                flight.job.result(f"dropped:{cause}", reason),
-                send_start_ns=flight.send_start_ns,
-                send_end_ns=flight.send_end_ns,
-            )
-        )
+        self._report(self._flying.pop(frame_id).record.ended(f"dropped:{cause}", reason))

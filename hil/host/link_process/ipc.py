@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import mmap
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import msgspec
 import numpy as np
 
 from flyaround.hil.link.session import SILENCE_S
@@ -15,13 +16,16 @@ from flyaround.simulator.scenario.faults import NO_FAULTS, Faults
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flyaround.hil.link.packets.messages import HelloAck, PoseMessage
+    from flyaround.hil.host.frame_record import FrameRecord
+    from flyaround.hil.link.packets.messages import HelloAck
+    from flyaround.simulator.runtime.arrays import Vec3
     from flyaround.simulator.scenario.faults import LineFault
 
 Compression = Literal["auto", "raw", "zstd", "png"]
 PixelFormatName = Literal["auto", "Mono8", "Mono10", "Mono12p", "Mono16", "RGB8"]
 TruthWhere = Literal["off", "separate", "inline"]
 RunMode = Literal["lockstep", "realtime"]
+Count = Annotated[int, msgspec.Meta(ge=0)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,56 +79,38 @@ class Readout:
     binning: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FrameJob:
-    """A frame to send; its pixels lie in ``slot``.
+    """A frame to send: its record so far, and its pixels.
 
     Parameters
     ----------
-    exposure_s, latency_s : the exposure, and how long after its end the camera hands the picture over.
-    due_ns : when it does, on the monotonic clock that all processes of this machine share; None for now, as a camera
-        that is triggered in time.
-    ready_ns : when the picture was there; after ``due_ns`` the camera is late.
-    truth : what goes to the truth endpoint or, inline, to the board; None for nothing.
-    camera_frame : the camera's own frame counter. readout : what was read of the detector.
+    record : FrameRecord
+        With the time at which the camera hands the picture over, on the monotonic clock that all processes of this
+        machine share.
+    bits : int
+        Of the detector's numbers.
+    truth : dict, optional
+        Truth record for the truth endpoint or, inline, for the board.
+    camera_frame : int
+        The camera's own frame counter.
+    readout : Readout
+        Part of the detector that was read.
+    sun_camera : (3,) tuple, optional
+        Unit vector to the Sun in the camera frame, for boards that take fields.
+    slot, shape, dtype : int, tuple of int, str
+        Place and layout of the pixels, set when they are handed over.
     """
 
-    slot: int
-    frame_id: int
-    shape: tuple[int, ...]
-    dtype: str
+    record: FrameRecord
     bits: int
-    epoch_utc: str
-    t_s: float
-    exposure_s: float
-    due_ns: int | None
-    truth: dict[str, Any] | None
-    latency_s: float = 0.0
-    ready_ns: int | None = None
-    handed_over_ns: int | None = None
+    truth: dict[str, Any] | None = None
     camera_frame: int = 0
     readout: Readout = Readout()
-
-    @property
-    def exposure_ns(self) -> tuple[int, int] | None:
-        """Start and end of the exposure: the latency before the picture is due, or was handed over."""
-        over_ns = self.handed_over_ns if self.due_ns is None else self.due_ns
-        if over_ns is None:
-            return None
-        end_ns = over_ns - round(1e9 * self.latency_s)
-        return end_ns - round(1e9 * self.exposure_s), end_ns
-
-    def result(self, outcome: str, reason: str) -> FrameResult:
-        """The frame's outcome, with all that is known of it before it was sent."""
-        return FrameResult(
-            self.frame_id,
-            outcome,
-            reason,
-            self.due_ns,
-            ready_ns=self.ready_ns,
-            handed_over_ns=self.handed_over_ns,
-            exposure_ns=self.exposure_ns,
-        )
+    sun_camera: Vec3 | None = None
+    slot: int = 0
+    shape: tuple[int, ...] = ()
+    dtype: str = ""
 
 
 @dataclass(frozen=True)
@@ -172,6 +158,7 @@ class BoardUp:
     encoding: str
     window: int
     model_sha256: str = ""
+    takes_fields: bool = False
 
 
 @dataclass(frozen=True)
@@ -188,51 +175,25 @@ class SlotFree:
     slot: int
 
 
-@dataclass(frozen=True)
-class FrameResult:
-    """What became of a frame; times are the link process's monotonic clock [ns].
+class LinkTotals(msgspec.Struct, frozen=True, kw_only=True):
+    """The link's own counts; ``protocol_mistakes`` are intact packets that the protocol does not allow.
 
-    Parameters
-    ----------
-    outcome : accepted, declined or dropped:CAUSE.
-    due_ns, ready_ns, handed_over_ns, exposure_ns : as of `FrameJob`; handed over when the link took it up, sent or not.
-    clock_offset_ns, clock_bound_ns : board's clock minus the host's, and how far off it may be; None while unknown.
-    faults : of the line that struck the frame or its answer, on purpose.
+    ``mistakes`` counts them by their kind, in words.
     """
 
-    frame_id: int
-    outcome: str
-    reason: str
-    due_ns: int | None = None
-    send_start_ns: int | None = None
-    send_end_ns: int | None = None
-    received_ns: int | None = None
-    pose: PoseMessage | None = None
-    clock_offset_ns: int | None = None
-    clock_bound_ns: int | None = None
-    faults: tuple[str, ...] = ()
-    ready_ns: int | None = None
-    handed_over_ns: int | None = None
-    exposure_ns: tuple[int, int] | None = None
-
-
-@dataclass(frozen=True)
-class LinkCounts:
-    """The link's own counts over a run; ``protocol_mistakes`` are intact packets that the protocol does not allow."""
-
-    packets_sent: int = 0
-    packets_received: int = 0
-    packets_corrupt: int = 0
-    protocol_mistakes: int = 0
-    mistakes: dict[str, int] = field(default_factory=dict)
-    sequence_gaps: int = 0
-    sessions: int = 0
-    late_poses: int = 0
-    clock_round_trip_ns: int | None = None
-    clock_round_trip_ns_p50: int | None = None
-    clock_round_trip_ns_p99: int | None = None
-    clock_round_trip_ns_max: int | None = None
-    clock_offset_bound_ns: int | None = None
+    packets_sent: Count = 0
+    packets_received: Count = 0
+    packets_corrupt: Count = 0
+    protocol_mistakes: Count = 0
+    mistakes: dict[str, Count] = {}
+    sequence_gaps: Count = 0
+    sessions: Count = 0
+    late_poses: Count = 0
+    clock_round_trip_ms: float | None = None
+    clock_round_trip_ms_p50: float | None = None
+    clock_round_trip_ms_p99: float | None = None
+    clock_round_trip_ms_max: float | None = None
+    clock_offset_bound_ms: float | None = None
     clock_drift_ppm: float | None = None
     clock_drift_ppm_sigma: float | None = None
 
@@ -241,7 +202,7 @@ class LinkCounts:
 class Closed:
     """The link process's last word."""
 
-    counts: LinkCounts
+    counts: LinkTotals
 
 
 class FrameSlots:

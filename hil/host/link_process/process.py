@@ -21,7 +21,6 @@ from flyaround.hil.host.link_process.ipc import (
     Closed,
     Failed,
     FrameJob,
-    FrameResult,
     FrameSlots,
     LinkConfig,
     Listening,
@@ -46,6 +45,7 @@ from flyaround.hil.link.transports.url import listen
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.hil.link.transports.base import Listener
 
 # waits are cut to whole milliseconds by the kernel's poll: spin through the last stretch
@@ -135,10 +135,10 @@ class LinkServer:
             return 0.0
         firsts = (self._in_flight.first_deadline_ns, self._pending.first_deadline_ns)
         times = [first for first in firsts if first is not None]
-        if self._waiting and self._waiting[0].due_ns is not None:
-            times.append(self._waiting[0].due_ns - SPIN_NS)
-        if self._newest is not None and self._newest.handed_over_ns is not None:
-            times.append(self._newest.handed_over_ns + self._timeout_ns)
+        if self._waiting and (due_ns := self._waiting[0].record.times.due_ns) is not None:
+            times.append(due_ns - SPIN_NS)
+        if self._newest is not None and (over_ns := self._newest.record.times.handed_over_ns) is not None:
+            times.append(over_ns + self._timeout_ns)
         if self._blocked_until_ns:
             times.append(self._blocked_until_ns)
         if self._board.link is not None:
@@ -171,11 +171,12 @@ class LinkServer:
         """A frame that was never sent."""
         self._pipe.send(SlotFree(job.slot))
         self._publish_truth(job)
-        self._report(job.result(f"dropped:{cause}", reason))
+        self._report(job.record.ended(f"dropped:{cause}", reason))
 
-    def _report(self, result: FrameResult) -> None:
-        """A frame's outcome to the run, with what struck it on purpose."""
-        self._pipe.send(replace(result, faults=self._journal.take(result.frame_id)))
+    def _report(self, record: FrameRecord) -> None:
+        """A frame's outcome to the run, with the faults of the line that struck it on purpose."""
+        faults = (*record.faults, *self._journal.take(record.frame_id))
+        self._pipe.send(replace(record, faults=faults))
 
     # --- frames out -------------------------------------------------------------------------
 
@@ -189,17 +190,17 @@ class LinkServer:
     def _hand_over_due(self) -> None:
         """Take up the frames that are due; of those that wait for the board the newest stays."""
         while self._waiting:
-            due_ns = self._waiting[0].due_ns or 0
+            due_ns = self._waiting[0].record.times.due_ns or 0
             if due_ns - now_ns() > SPIN_NS:
                 return
             while now_ns() < due_ns:
                 pass
-            job = replace(self._waiting.popleft(), handed_over_ns=now_ns())
+            job = _handed_over(self._waiting.popleft(), now_ns())
             if self._board.link is None or self._board.ack is None:
                 self._drop(job, "disconnected", "no board was connected")
                 continue
             if self._newest is not None:
-                reason = f"frame {job.frame_id} came while it waited for the board"
+                reason = f"frame {job.record.frame_id} came while it waited for the board"
                 self._drop(self._newest, "superseded", reason)
             self._newest = job
             self._send_newest()
@@ -209,7 +210,7 @@ class LinkServer:
         job = self._newest
         if job is None:
             return
-        waits_until_ns = (job.handed_over_ns or 0) + self._timeout_ns
+        waits_until_ns = (job.record.times.handed_over_ns or 0) + self._timeout_ns
         if self._board.link is None or self._board.ack is None:
             self._newest = None
             self._drop(job, "disconnected", "no board was connected")
@@ -245,41 +246,43 @@ class LinkServer:
     def _send_frame(self, job: FrameJob, link: Link, ack: HelloAck) -> None:
         assert self._slots is not None  # noqa: S101 - frames come after the terms
         start = now_ns()
-        if job.handed_over_ns is None:
-            job = replace(job, handed_over_ns=start)
-        flight = self._in_flight.start(job, start)
+        if job.record.times.handed_over_ns is None:
+            job = _handed_over(job, start)
+        record = job.record
+        flight = self._in_flight.start(record, start)
         try:
             self._board.sync_before_frame()
             if job.truth is not None and self._config.truth == "inline":
-                link.send(TruthMessage(job.frame_id, job.truth))
+                link.send(TruthMessage(record.frame_id, job.truth))
             pixels = self._slots.view(job.slot, job.shape, job.dtype)
             data = encode_image(pixels, ack.encoding, ack.pixel_format)
             link.send(
                 FrameHeader(
-                    job.frame_id,
+                    record.frame_id,
                     job.shape[1],
                     job.shape[0],
                     job.bits,
                     ack.encoding,
                     len(data),
                     chunk_count(len(data), ack.chunk_bytes),
-                    job.exposure_s,
-                    job.t_s,
+                    record.exposure_s,
+                    record.t_s,
                     start,
-                    job.epoch_utc,
+                    record.epoch_utc,
                     ack.pixel_format,
                     job.readout.binning,
                     job.readout.binning,
                     job.readout.roi_px,
                     job.camera_frame,
-                    *self._in_utc(job.exposure_ns),
+                    *self._in_utc(record.exposure_ns),
+                    job.sun_camera if ack.takes_fields else None,
                 )
             )
-            for chunk in chunks(job.frame_id, data, ack.chunk_bytes):
+            for chunk in chunks(record.frame_id, data, ack.chunk_bytes):
                 link.send(chunk)
                 self._board.listen()
                 self._board.check_silence()
-                if not self._in_flight.is_flying(job.frame_id):
+                if not self._in_flight.is_flying(record.frame_id):
                     break  # the board left, or has no use for the rest
             self._in_flight.sent(flight, now_ns())
         except LinkClosed as error:
@@ -297,7 +300,7 @@ class LinkServer:
 
     def _publish_truth(self, job: FrameJob) -> None:
         if self._truth is not None and job.truth is not None:
-            self._truth.publish(job.frame_id, job.truth)
+            self._truth.publish(job.record.frame_id, job.truth)
 
     def _check_hung(self) -> None:
         """A board that leaves frame after frame without an answer counts as gone: another may take its place."""
@@ -343,6 +346,10 @@ class LinkServer:
             self._truth.close(None if died else self._reason)
         with contextlib.suppress(OSError):  # the run may be gone
             self._pipe.send(Closed(self._board.counts))
+
+
+def _handed_over(job: FrameJob, at_ns: int) -> FrameJob:
+    return replace(job, record=job.record.at(handed_over_ns=at_ns))
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ from flyaround.simulator.runtime.files import write_atomic
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
 
 HOST, BOARD = 1, 2
 LINE_OUT, LINE_BACK, WAITING, ESTIMATING = 1, 2, 1, 2
@@ -25,7 +25,7 @@ TRACKS = {
 }
 
 
-def trace_events(rows: list[LedgerRow]) -> list[dict[str, Any]]:
+def trace_events(rows: list[FrameRecord]) -> list[dict[str, Any]]:
     """Events of a ledger's rows. Frames start at their time in the flight; what is not known is left out."""
     events: list[dict[str, Any]] = [
         {"ph": "M", "name": "process_name", "pid": pid, "args": {"name": name}}
@@ -69,7 +69,7 @@ def _span(
     return at_us + 1e3 * ms
 
 
-def write_trace(rows: list[LedgerRow], path: Path) -> None:
+def write_trace(rows: list[FrameRecord], path: Path) -> None:
     """Write a ledger's rows as a trace."""
     text = json.dumps({"traceEvents": trace_events(rows), "displayTimeUnit": "ms"})
     write_atomic(path, text.encode())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.simulator.frame import Frame
 
 
@@ -15,7 +15,7 @@ class Recorder(Protocol):
     def frame(self, frame: Frame) -> None:
         """A frame that is handed to the link now."""
 
-    def row(self, frame: Frame, row: LedgerRow) -> None:
+    def row(self, frame: Frame, row: FrameRecord) -> None:
         """What became of a frame; the frame has lost its pixels by then."""
 
     def close(self) -> None:

@@ -31,7 +31,7 @@ from flyaround.simulator.world.time.instant import nanoseconds_utc
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.simulator.frame import Frame
 
 logger = logging.getLogger(__name__)
@@ -160,7 +160,7 @@ class RosLog:
             self._log("/truth/pose", pose_stamped(q, t, epoch), epoch)
             self._log("/tf", transform(q, t, epoch, TARGET_FRAME), epoch)
 
-    def row(self, frame: Frame, row: LedgerRow) -> None:
+    def row(self, frame: Frame, row: FrameRecord) -> None:
         """The answer and its times; poses that were accepted alone."""
         epoch = frame.scene.epoch_utc
         if row.outcome == "accepted" and row.q_wxyz is not None and row.t_m is not None:

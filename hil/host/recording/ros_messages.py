@@ -5,34 +5,25 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from flyaround.hil.host.frame_record import DURATIONS
 from flyaround.simulator.dataset.formats.ros_messages import header, ros_definition
 
 if TYPE_CHECKING:
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
 
 ESTIMATE_FRAME, FRAME_TIMING = "target_estimate", "flyaround_msgs/msg/FrameTiming"
-TIMES_MS = (
-    "e2e_ms",
-    "render_ms",
-    "send_lag_ms",
-    "send_ms",
-    "uplink_ms",
-    "board_wait_ms",
-    "board_total_ms",
-    "downlink_ms",
-)
 
 FRAME_TIMING_DEFINITION = ros_definition(
     "std_msgs/Header header\nuint32 frame_id\nstring outcome\nstring reason\nfloat64 confidence\n"
-    + "".join(f"float64 {name}\n" for name in TIMES_MS)
+    + "".join(f"float64 {name}\n" for name in DURATIONS)
     + "string[] stage_names\nfloat64[] stage_ms\nfloat64 position_error_m\nfloat64 attitude_error_deg\n"
 )
 """Text of the message type."""
 
 
-def frame_timing(row: LedgerRow) -> dict[str, Any]:
+def frame_timing(row: FrameRecord) -> dict[str, Any]:
     """flyaround_msgs/FrameTiming of a ledger's row; what is not known is not a number."""
-    known = {name: getattr(row, name) for name in TIMES_MS}
+    known = {name: getattr(row, name) for name in DURATIONS}
     return {
         "header": header(row.epoch_utc),
         "frame_id": row.frame_id,

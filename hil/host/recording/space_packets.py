@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from flyaround.hil.host.recording.ros_messages import TIMES_MS
+from flyaround.hil.host.frame_record import DURATIONS
 from flyaround.hil.host.truth_policy import is_loopback
 from flyaround.simulator.errors import UserError, missing_extra
 from flyaround.simulator.runtime.files import write_atomic
@@ -23,7 +23,7 @@ from flyaround.simulator.world.time.instant import nanoseconds_utc
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flyaround.hil.host.ledger.frames_csv import LedgerRow
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.simulator.frame import Frame
 
 XTCE_NAMESPACE = "http://www.omg.org/spec/XTCE/20180204"
@@ -85,7 +85,7 @@ KINDS = {
             *_floats("attitude_error_deg", unit="deg"),
         ),
     ),
-    "TIMING": PacketKind("TIMING", 0x103, (_FRAME, *_floats(*TIMES_MS, unit="ms"))),
+    "TIMING": PacketKind("TIMING", 0x103, (_FRAME, *_floats(*DURATIONS, unit="ms"))),
 }
 """All packets. A pose is ``camera_from_target``; what is not known is not a number."""
 
@@ -152,7 +152,7 @@ class SpacePacketSink:
             values = (frame.number, *truth.q_camera_from_target_wxyz, *truth.t_camera_from_target_m)
             self._send("TRUTH", frame.scene.epoch_utc, values)
 
-    def row(self, frame: Frame, row: LedgerRow) -> None:
+    def row(self, frame: Frame, row: FrameRecord) -> None:
         """The answer to a frame and its times."""
         nan = math.nan
         outcome = OUTCOMES.index(row.outcome.split(":")[0])
@@ -160,7 +160,7 @@ class SpacePacketSink:
         rest = [nan if v is None else v for v in (row.confidence, row.E_T_m, row.E_R_deg)]
         epoch = frame.scene.epoch_utc
         self._send("ESTIMATE", epoch, (row.frame_id, outcome, *pose, *rest))
-        times = [getattr(row, name) for name in TIMES_MS]
+        times = [getattr(row, name) for name in DURATIONS]
         self._send("TIMING", epoch, (row.frame_id, *(nan if v is None else v for v in times)))
 
     def _send(self, name: str, epoch_utc: str, values: tuple[float, ...]) -> None:

@@ -56,6 +56,22 @@ def formats_in(mask: int) -> Tuple[PixelFormat, ...]:
     return tuple(f for k, f in enumerate(PIXEL_FORMATS) if mask >> k & 1)
 
 
+class FieldTag(IntEnum):
+    """Tags of the optional fields after the fixed part of a payload, over all packet types."""
+
+    SUN_CAMERA = 1
+    TRANSFER = 2
+    COVARIANCE = 3
+
+
+class Transfer(IntEnum):
+    """Transfer function of the pixels' numbers, as ``encoding`` of a camera file names it."""
+
+    LINEAR = 0
+    SRGB = 1
+    GAMMA = 2
+
+
 class Mode(IntEnum):
     """Whether the host waits for each pose or keeps the scenario's time."""
 

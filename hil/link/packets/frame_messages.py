@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Dict, Optional, Sequence, Tuple
 
 from flyaround.hil.link.errors import PacketError
-from flyaround.hil.link.packets.enums import Encoding, PixelFormat
+from flyaround.hil.link.packets.enums import Encoding, FieldTag, PixelFormat, Transfer
 from flyaround.hil.link.packets.fields import (
     MAX_TRUTH_JSON_BYTES,
     known_value,
@@ -19,6 +19,18 @@ from flyaround.hil.link.packets.fields import (
     unpack_text,
 )
 from flyaround.hil.link.packets.packet import PacketType
+from flyaround.hil.link.packets.typed_fields import (
+    FRAME_FIELDS,
+    POSE_FIELDS,
+    pack_covariance,
+    pack_direction,
+    pack_fields,
+    pack_transfer,
+    unpack_covariance,
+    unpack_direction,
+    unpack_fields,
+    unpack_transfer,
+)
 
 MAX_STAGES = 64
 
@@ -48,6 +60,8 @@ class FrameHeader:
     camera_frame : the camera's own frame counter, which may repeat where its fault is.
     exposure_start_ns, exposure_end_ns : UTC as nanoseconds since 1970-01-01T00:00:00, leap seconds not counted; 0
         where unknown.
+    sun_camera : unit vector to the Sun in the camera frame; None where the host does not send it.
+    transfer : of the pixels' numbers.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.FRAME_HEADER
@@ -71,10 +85,12 @@ class FrameHeader:
     camera_frame: int = 0
     exposure_start_ns: int = 0
     exposure_end_ns: int = 0
+    sun_camera: Optional[Vec3] = None
+    transfer: Transfer = Transfer.LINEAR
 
     def encode(self) -> bytes:
         """Payload bytes."""
-        return self.LAYOUT.pack(
+        fixed = self.LAYOUT.pack(
             self.frame_id,
             self.width_px,
             self.height_px,
@@ -94,11 +110,14 @@ class FrameHeader:
             self.host_send_ns,
             pack_text(self.epoch_utc, 40),
         )
+        sun, transfer = pack_direction(self.sun_camera), pack_transfer(self.transfer)
+        return fixed + pack_fields(((FieldTag.SUN_CAMERA, sun), (FieldTag.TRANSFER, transfer)))
 
     @classmethod
     def decode(cls, data: bytes) -> FrameHeader:
         """Payload from bytes."""
-        values = unpack_fixed(cls.LAYOUT, data, "FRAME_HEADER")
+        values = unpack_fixed(cls.LAYOUT, data, "FRAME_HEADER", tail=True)
+        fields = unpack_fields(data[cls.LAYOUT.size :], FRAME_FIELDS, "FRAME_HEADER")
         frame_id, width, height, pixel_format, bits, encoding, binning_x, binning_y, total, count = values[
             :10
         ]
@@ -124,6 +143,8 @@ class FrameHeader:
             camera_frame,
             start_ns,
             end_ns,
+            unpack_direction(fields.get(FieldTag.SUN_CAMERA)),
+            unpack_transfer(fields.get(FieldTag.TRANSFER)),
         )
 
 
@@ -163,6 +184,8 @@ class PoseMessage:
     confidence : 0 to 1, the board's own estimate that the pose is right; 0 where it has none.
     receive_ns, start_ns, end_ns : board's monotonic clock: frame complete, estimator begins, ends.
     stages_ms : name (at most 24 bytes) and duration of each stage, in order.
+    covariance : 21 numbers, the upper triangle row by row of the (6, 6) covariance of turn [rad] and shift [m], camera
+        axes; None where the estimator has none, or the host does not take fields.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.POSE
@@ -179,6 +202,7 @@ class PoseMessage:
     receive_ns: int = 0
     start_ns: int = 0
     end_ns: int = 0
+    covariance: Optional[Tuple[float, ...]] = None
 
     def encode(self) -> bytes:
         """Payload bytes."""
@@ -207,7 +231,8 @@ class PoseMessage:
             0,
         )
         rows = (self.STAGE.pack(pack_text(name, 24), ms) for name, ms in stages)
-        return b"".join((fixed, *rows, reason))
+        fields = pack_fields([(FieldTag.COVARIANCE, pack_covariance(self.covariance))])
+        return b"".join((fixed, *rows, reason, fields))
 
     @classmethod
     def decode(cls, data: bytes) -> PoseMessage:
@@ -216,7 +241,8 @@ class PoseMessage:
         frame_id, accepted, has_pose, stage_count, confidence = values[:5]
         numbers, (receive_ns, start_ns, end_ns, reason_bytes, _) = values[5:12], values[12:]
         at = cls.LAYOUT.size + stage_count * cls.STAGE.size
-        if stage_count > MAX_STAGES or len(data) != at + reason_bytes:
+        end = at + reason_bytes
+        if stage_count > MAX_STAGES or len(data) < end:
             raise PacketError(f"a POSE payload of {len(data)} bytes does not fit its own counts")
         if accepted > 1 or has_pose > 1 or (accepted and not has_pose):
             raise PacketError(f"frame {frame_id}: a POSE contradicts itself")
@@ -224,10 +250,11 @@ class PoseMessage:
             (unpack_text(name), float(ms)) for name, ms in cls.STAGE.iter_unpack(data[cls.LAYOUT.size : at])
         )
         _check_pose(frame_id, numbers, confidence, [ms for _, ms in stages], has_pose=bool(has_pose))
+        fields = unpack_fields(data[end:], POSE_FIELDS, "POSE")
         return cls(
             frame_id,
             bool(accepted),
-            unpack_text(data[at:]),
+            unpack_text(data[at:end]),
             numbers[:4] if has_pose else None,
             numbers[4:] if has_pose else None,
             confidence,
@@ -235,6 +262,7 @@ class PoseMessage:
             receive_ns,
             start_ns,
             end_ns,
+            unpack_covariance(fields.get(FieldTag.COVARIANCE)),
         )
 
 

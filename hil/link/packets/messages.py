@@ -6,7 +6,15 @@ import struct
 from typing import Any, Dict, Optional, Union, get_args
 
 from flyaround.hil.link.errors import PacketError, ProtocolMistake
-from flyaround.hil.link.packets.enums import NO_FRAME, Encoding, ErrorCode, Mode, PixelFormat, TruthPolicy
+from flyaround.hil.link.packets.enums import (
+    NO_FRAME,
+    Encoding,
+    ErrorCode,
+    Mode,
+    PixelFormat,
+    Transfer,
+    TruthPolicy,
+)
 from flyaround.hil.link.packets.frame_messages import (
     Credit,
     FrameChunk,
@@ -41,6 +49,7 @@ __all__ = [
     "PoseMessage",
     "TimeSyncReply",
     "TimeSyncRequest",
+    "Transfer",
     "TruthMessage",
     "TruthPolicy",
     "decode_message",

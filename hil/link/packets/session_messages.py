@@ -30,6 +30,9 @@ from flyaround.hil.link.packets.fields import (
 )
 from flyaround.hil.link.packets.packet import PROTOCOL_VERSION, PacketType
 
+TAKES_FIELDS = 0x8000
+"""Bit of HELLO's encodings: the board reads optional fields. Hosts that know none take it for a later encoding."""
+
 
 @dataclass(frozen=True)
 class Hello:
@@ -42,6 +45,7 @@ class Hello:
     window : how many frames the board can hold, the one in work included.
     model_name, model_sha256 : the target model it carries; an empty hash is not checked.
     method, board : the estimator, and a free text that names the board.
+    takes_fields : whether it reads the optional fields of FRAME_HEADER.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.HELLO
@@ -55,12 +59,13 @@ class Hello:
     method: str = ""
     board: str = ""
     pixel_formats: int = format_mask(GREY_FORMATS)
+    takes_fields: bool = False
 
     def encode(self) -> bytes:
         """Payload bytes."""
         return self.LAYOUT.pack(
             PROTOCOL_VERSION,
-            self.encodings,
+            self.encodings | (TAKES_FIELDS if self.takes_fields else 0),
             self.window,
             self.pixel_formats,
             pack_text(self.model_name, 64),
@@ -74,13 +79,14 @@ class Hello:
         """Payload from bytes."""
         _, encodings, window, formats, name, digest, method, board = unpack_fixed(cls.LAYOUT, data, "HELLO")
         return cls(
-            encodings,
+            encodings & ~TAKES_FIELDS,
             window,
             unpack_text(name),
             unpack_hash(digest),
             unpack_text(method),
             unpack_text(board),
             formats,
+            bool(encodings & TAKES_FIELDS),
         )
 
 
@@ -96,6 +102,7 @@ class HelloAck:
     encoding : the compression chosen from what the board offered.
     window : frames that may be on their way or in work at once (credits).
     target_name, target_sha256 : what the host flies; an empty hash is not checked.
+    takes_fields : whether optional fields are agreed: of FRAME_HEADER and of POSE.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.HELLO_ACK
@@ -113,6 +120,7 @@ class HelloAck:
     target_name: str = ""
     target_sha256: str = ""
     pixel_format: PixelFormat = PixelFormat.Mono8
+    takes_fields: bool = False
 
     def encode(self) -> bytes:
         """Payload bytes."""
@@ -126,7 +134,7 @@ class HelloAck:
             self.mode,
             self.truth,
             self.window,
-            0,
+            self.takes_fields,
             self.chunk_bytes,
             pack_text(self.target_name, 64),
             pack_hash(self.target_sha256),
@@ -138,7 +146,7 @@ class HelloAck:
     def decode(cls, data: bytes) -> HelloAck:
         """Payload from bytes."""
         values = unpack_fixed(cls.LAYOUT, data, "HELLO_ACK", tail=True)
-        width, height, pixel_format, bits, encoding, mode, truth, window = values[:8]
+        width, height, pixel_format, bits, encoding, mode, truth, window, flags = values[:9]
         chunk, name, digest, size = values[9:]
         camera = data[cls.LAYOUT.size :]
         if len(camera) != size:
@@ -156,6 +164,7 @@ class HelloAck:
             unpack_text(name),
             unpack_hash(digest),
             known_value(PixelFormat, pixel_format, "pixel format"),
+            bool(flags & 1),
         )
 
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from msgspec import Meta
 
 from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.response import limits_nm, sample_curve
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor
-from flyaround.simulator.camera.detector.sunlight import limits_nm, sample_curve
 from flyaround.simulator.runtime.sections import bounds_of
 
 if TYPE_CHECKING:
-    from flyaround.simulator.camera.detector.sunlight import Curve
+    from flyaround.simulator.camera.detector.response import Curve
 
 LARGEST_KERNEL = 63
 KERNEL_SUM_ERROR = 1e-3
@@ -21,17 +20,6 @@ LARGEST_DARK_E_S = 1e9
 
 # field: smallest and largest value
 OPTICS, DETECTOR, SENSOR = bounds_of(Optics), bounds_of(Detector), bounds_of(Sensor)
-
-
-def within(bounds: tuple[float, float], per_unit: float = 1) -> Meta:
-    """Return the constraint of a file's key by the bounds of the field that it sets.
-
-    Parameters
-    ----------
-    per_unit : units of the key to a unit of the field.
-    """
-    low, high = (x if per_unit == 1 else float(f"{x * per_unit:.12g}") for x in bounds)
-    return Meta(ge=low, le=high)
 
 
 def optics_problem(optics: Optics) -> str | None:

@@ -1,156 +1,140 @@
-"""One exposure of a detector: from expected photo-electrons to digital numbers, band of rows by band of rows.
+"""From expected photo-electrons to digital numbers, grey or in colour, band of rows by band of rows.
 
 The order is that of the charge: photo-electrons and dark current (Poisson), particles, full well and blooming, then
 what the read-out adds (fixed offset, noise of pixel, row and column), gain, black level, converter.
-
-Where the read noise smears whole electrons anyway, and the well is not near its brim, photon and read noise are drawn
-as one deviate of their sum's law: half the random numbers for the same digital numbers.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
-from flyaround.simulator.camera.detector.deviates import (
-    NOISE_BANDS,
-    add_normal,
-    bit_source,
-    for_each_band,
-    normal_tables,
+from flyaround.simulator.camera.detector.charge import (
+    BRIM_SIGMAS,
+    Exposure,
+    bloom,
+    cosmic_ray_charge,
+    fixed_pattern,
 )
-from flyaround.simulator.camera.detector.fixed_pattern import FixedPattern, fixed_pattern
-from flyaround.simulator.camera.detector.poisson import poisson
+from flyaround.simulator.camera.detector.deviates import NOISE_BANDS, bit_source, for_each_band, normal_tables
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from flyaround.simulator.camera.detector.sensor import Detector, Sensor
     from flyaround.simulator.runtime.arrays import Float32Array
 
-
 _ROW_KEY, _COLUMN_KEY = 0x726F77, 0x636F6C
-JOINED_FROM_E = 2.0
-"""Read noise from which the sum's law is drawn: its skewness is below 0.2, its comb of electrons below 1e-30."""
-_BRIM_SIGMAS = 6.0
-_LOOKED_EVERY = 8
 _COARSE_BELOW_DN = 25.0  # a wider noise shows the steps of two-byte deviates in a histogram of 1e5 pixels
+_MOSAIC = {"r": 0, "g": 1, "b": 2}
+_DEMOSAIC = {
+    # OpenCV names a pattern by its second row's second and third pixel; RGB order out
+    "rggb": cv2.COLOR_BayerBG2RGB,
+    "bggr": cv2.COLOR_BayerRG2RGB,
+    "grbg": cv2.COLOR_BayerGB2RGB,
+    "gbrg": cv2.COLOR_BayerGR2RGB,
+}
 
 
-@dataclass(frozen=True, eq=False)
-class _Exposure:
-    """What every block of one exposure needs."""
+def detector_sigma(sensor: Sensor, signal: float, exposure_s: float) -> float:
+    """Standard deviation of the noise that differs from frame to frame or pixel to pixel, over saturation [1]."""
+    d = sensor.detector
+    if d is None:
+        raise ValueError("a noise recipe on a 0..1 image has no electrons")
+    electrons = signal * sensor.saturation_e
+    dark = d.dark_e_s * exposure_s * d.pixels_per_bin
+    variance = (
+        float(d.shot_noise) * (electrons + dark)
+        + d.read_noise_per_pixel_e**2
+        + d.row_noise_e**2
+        + d.column_noise_e**2
+        + d.dsnu_e**2 * d.pixels_per_bin
+        + (d.prnu * electrons) ** 2 / d.pixels_per_bin
+        + (d.dark_nonuniformity * dark) ** 2 / d.pixels_per_bin
+        + d.gain_e_per_dn**2 / 12
+    )
+    return float(np.sqrt(variance)) / sensor.saturation_e
 
-    sensor: Sensor
-    detector: Detector
-    exposure_s: float
-    pattern: FixedPattern
-    particles: Float32Array | None
-    read_tables: tuple[NDArray[Any], ...]
-    unit_tables: tuple[NDArray[Any], ...]
 
-    @property
-    def well_e(self) -> float:
-        return self.detector.full_well_e * self.detector.pixels_per_bin
+def detect(
+    signal: Float32Array,
+    sensor: Sensor,
+    seed: int,
+    frame_index: int,
+    exposure_s: float,
+    band_gain: ArrayLike = 1.0,
+) -> NDArray[np.unsignedinteger]:
+    """Digital numbers of an exposed signal.
 
-    def mean(self, signal: Float32Array, rows: slice) -> Float32Array:
-        """(rows, W) expected electrons of light and heat."""
-        saturation = self.sensor.saturation_e
-        sensitivity, dark = self.pattern.sensitivity, self.pattern.dark_e_s
-        if sensitivity is None:
-            out = signal[rows] * np.float32(saturation)
-        else:
-            out = np.asarray(cv2.multiply(signal[rows], sensitivity[rows], scale=saturation))
-        np.maximum(out, 0, out=out)
-        if dark is not None:
-            cv2.scaleAdd(dark[rows], self.exposure_s, out, dst=out)
-        return out
+    Parameters
+    ----------
+    signal : (H, W) or (H, W, 3) expected photo-electrons over the saturation charge.
+    seed, frame_index : key of this frame's random numbers.
+    exposure_s : for dark current and particles.
+    band_gain : white balance per band, applied to the digital numbers of a colour image above their black level:
+        see `white_balance`.
 
-    def charge(
-        self, mean: Float32Array, rows: slice, source: np.random.SFC64, *, particles_too: bool = True
-    ) -> Float32Array:
-        """(rows, W) what is read of each pixel [e]: electrons up to the well's brim, with read noise."""
-        d, well = self.detector, np.float32(self.well_e)
-        particles = self.particles[rows] if particles_too and self.particles is not None else None
-        if not d.shot_noise or d.read_noise_per_pixel_e < JOINED_FROM_E:
-            return self._one_by_one(mean, particles, source)
-        # pixels of which some charge may be cut off, and some not, and those that particles hit
-        brim = np.float32(_BRIM_SIGMAS) * np.sqrt(well)
-        apart, light = np.zeros(0, int), mean
-        bright = float(mean.max()) > well - brim
-        if bright or particles is not None:
-            special = np.abs(mean - well) < brim
-            if particles is not None:
-                special |= particles > 0
-            apart = np.flatnonzero(special)
-        if apart.size > mean.size // 2:
-            return self._one_by_one(mean, particles, source)
-        at_brim = mean.ravel()[apart]
-        if bright:
-            light = np.where(mean < well, mean, np.float32(0))
-            mean = np.minimum(mean, well)
-        out = self.join(mean, light, source)
-        if apart.size:
-            hits = None if particles is None else particles.ravel()[apart]
-            out.ravel()[apart] = self._one_by_one(at_brim, hits, source)
-        return out
+    Returns
+    -------
+    (H, W) or (H, W, 3), uint8 for up to 8 bits, uint16 above. A mosaic that is not interpolated is (H, W).
+    """
+    d = sensor.detector
+    if d is None:
+        raise ValueError("a noise recipe on a 0..1 image has no electrons")
+    if signal.ndim == 2:
+        return read_out(signal, sensor, d, seed, frame_index, exposure_s)
+    balance = np.asarray(band_gain, float)
+    if d.colour_filter == "none":
+        channels = [
+            read_out(np.asarray(band, np.float32), sensor, d, seed, frame_index * 4 + k, exposure_s)
+            for k, band in enumerate(cv2.split(signal))
+        ]
+        return _balanced(np.asarray(cv2.merge(channels)), sensor, balance)
+    raw = read_out(mosaic(signal, d), sensor, d, seed, frame_index, exposure_s)
+    if not d.demosaic:
+        return raw
+    return _balanced(cv2.cvtColor(raw, _DEMOSAIC[image_filter(d)]).astype(raw.dtype), sensor, balance)
 
-    def _one_by_one(
-        self, mean: Float32Array, particles: Float32Array | None, source: np.random.SFC64
-    ) -> Float32Array:
-        electrons = self.collect(mean, particles, source)
-        np.minimum(electrons, np.float32(self.well_e), out=electrons)
-        self.add_read_noise(electrons, source)
-        return electrons
 
-    def collect(
-        self, mean: Float32Array, particles: Float32Array | None, source: np.random.SFC64
-    ) -> Float32Array:
-        """Charge in whole electrons, as if wells had no brim; ``mean`` is lost."""
-        # a thousand wells are as good as any more; the Sun's disc would overflow what is counted
-        np.minimum(mean, np.float32(1000 * self.well_e), out=mean)
-        electrons = poisson(mean, source) if self.detector.shot_noise else mean
-        if particles is not None:
-            electrons += particles
-        return electrons
+def mosaic(signal: Float32Array, detector: Detector) -> Float32Array:
+    """Colour filter mosaic (H, W) of three planes (H, W, 3): each pixel keeps the band of its filter."""
+    out = np.empty(signal.shape[:2], np.float32)
+    for k, name in enumerate(image_filter(detector)):
+        y, x = divmod(k, 2)
+        out[y::2, x::2] = signal[y::2, x::2, _MOSAIC[name]]
+    return out
 
-    def join(self, mean: Float32Array, light: Float32Array, source: np.random.SFC64) -> Float32Array:
-        """Charge with the noise of photons and read-out [e], by the second-order expansion of their sum's law.
 
-        For mean m and variance v = n + r^2, where n electrons were drawn and none cut off, as the third cumulant is n:
-        m + z sqrt(v) + (z^2 - 1) n / (6 v). Terms of the next order stay below a fiftieth of sigma up to three sigma.
+def image_filter(detector: Detector) -> str:
+    """The mosaic's first two by two pixels in the image: the pattern belongs to the detector, not to the region read.
 
-        References
-        ----------
-        Fisher & Cornish (1960), The percentile points of distributions having known cumulants, Technometrics 2(2).
-        """
-        z = np.zeros_like(mean)
-        add_normal(z, self.unit_tables, source)
-        variance = light + np.float32(self.detector.read_noise_per_pixel_e**2)
-        skew = np.asarray(cv2.divide(light, variance, scale=1 / 6), np.float32)
-        out = np.asarray(cv2.sqrt(variance, dst=variance), np.float32)
-        out += skew * z
-        out *= z
-        out += mean
-        out -= skew
-        return out
+    Pixels that are joined have one colour, so that the mosaic of the joined ones is the detector's own.
+    """
+    down, right = detector.roi_y0_px // detector.binning % 2, detector.roi_x0_px // detector.binning % 2
+    own = detector.colour_filter
+    return "".join(own[2 * ((y + down) % 2) + (x + right) % 2] for y in (0, 1) for x in (0, 1))
 
-    def add_read_noise(self, charge: Float32Array, source: np.random.SFC64) -> None:
-        """What one read-out adds to each pixel, in place."""
-        if self.detector.read_noise_e > 0:
-            add_normal(charge, self.read_tables, source)
+
+def _balanced(
+    image: NDArray[np.unsignedinteger], sensor: Sensor, balance: NDArray[np.float64]
+) -> NDArray[np.unsignedinteger]:
+    d = sensor.detector
+    if balance.size == 1 or d is None:
+        return image
+    full = 2**sensor.bits - 1
+    values = (image.astype(np.float32) - np.float32(d.black_level_dn)) * balance.astype(np.float32)
+    return np.clip(np.rint(values + np.float32(d.black_level_dn)), 0, full).astype(image.dtype)
 
 
 def read_out(
     signal: Float32Array, sensor: Sensor, d: Detector, seed: int, frame_index: int, exposure_s: float
 ) -> NDArray[np.unsignedinteger]:
-    """Digital numbers (H, W) of one exposure; parameters as of `electrons.detect`."""
+    """Digital numbers (H, W) of one exposure; parameters as of `detect`."""
     height, width = signal.shape
     sigma_dn = (d.full_well_e * d.pixels_per_bin) ** 0.5 / d.gain_e_per_dn
-    e = _Exposure(
+    e = Exposure(
         sensor=sensor,
         detector=d,
         exposure_s=exposure_s,
@@ -187,7 +171,7 @@ def read_out(
     # so far from its brim that they are read at once
     means = np.empty((height, width), np.float32)
     sources = {k: bit_source(seed, frame_index, k) for k in range(NOISE_BANDS)}
-    brim = well - np.float32(_BRIM_SIGMAS) * np.sqrt(well)
+    brim = well - np.float32(BRIM_SIGMAS) * np.sqrt(well)
     hit = np.zeros((NOISE_BANDS, width), bool)
 
     def light_band(k: int, rows: slice) -> None:
@@ -233,76 +217,3 @@ def _line_noise(count: int, sigma_e: float, seed: int, frame_index: int, key: in
         return None
     rng = np.random.Generator(bit_source(seed, frame_index, key))
     return np.asarray(rng.standard_normal(count, np.float32) * np.float32(sigma_e))
-
-
-def bloom(charge: Float32Array, well_e: float, share: float) -> None:
-    """Blooming, in place: charge above the full well spills half up, half down its column until it fits.
-
-    Parameters
-    ----------
-    share : of the overflow that stays on the column; the rest goes into the anti-blooming drain.
-    """
-    over = np.maximum(charge - np.float32(well_e), 0)
-    rows = np.flatnonzero(over.any(axis=1))
-    if not rows.size:
-        return
-    over *= np.float32(0.5 * share)
-    np.minimum(charge, np.float32(well_e), out=charge)
-    room = np.float32(well_e) - charge
-    if not room.any():
-        return
-    height, width = charge.shape
-    moved, taken = np.empty(width, np.float32), np.empty(width, np.float32)
-    first, last = int(rows[0]), int(rows[-1])
-    for order in (range(first, height), range(last, -1, -1)):
-        # what is carried on is what waits in a queue: Lindley (1952), The theory of queues with a single server
-        waiting = np.zeros(width, np.float32)
-        for row in order:
-            if row % _LOOKED_EVERY == 0 and not first <= row <= last and not waiting.any():
-                break
-            here = room[row]
-            np.minimum(waiting, here, out=taken)
-            here -= taken
-            charge[row] += taken
-            np.subtract(waiting, taken, out=moved)
-            np.add(moved, over[row], out=waiting)
-
-
-ELECTRONS_PER_M = 80e6
-"""Minimum-ionising particle in silicon: Janesick (2001), Scientific charge-coupled devices, section 8."""
-_PARTICLE_KEY = 0x636F73
-_TRACK_STEP_PX = 0.1
-
-
-def cosmic_ray_charge(
-    sensor: Sensor, height: int, width: int, exposure_s: float, seed: int, frame_index: int
-) -> Float32Array | None:
-    """(H, W) electrons of the tracks, or None without any.
-
-    Directions are even over the sky, so that the number through a flat layer goes with the cosine of the angle.
-    """
-    d = sensor.detector
-    if d is None or d.cosmic_rays_cm2_s <= 0:
-        return None
-    rng = np.random.Generator(bit_source(seed, frame_index, _PARTICLE_KEY))
-    area_cm2 = height * width * sensor.pixel_pitch_x_m * sensor.pixel_pitch_y_m * 1e4
-    count = int(rng.poisson(d.cosmic_rays_cm2_s * area_cm2 * exposure_s))
-    if count == 0:
-        return None
-    charge = np.zeros((height, width), np.float32)
-    for _ in range(count):
-        x, y = rng.uniform(-0.5, width - 0.5), rng.uniform(-0.5, height - 0.5)
-        cosine = max(np.sqrt(rng.random()), 1e-3)
-        turn = rng.uniform(0, 2 * np.pi)
-        path_m = d.layer_m / cosine
-        across_m = path_m * np.sqrt(1 - cosine**2)
-        dx, dy = (
-            across_m * np.cos(turn) / sensor.pixel_pitch_x_m,
-            across_m * np.sin(turn) / sensor.pixel_pitch_y_m,
-        )
-        steps = max(int(np.hypot(dx, dy) / _TRACK_STEP_PX), 1)
-        t = (np.arange(steps) + 0.5) / steps
-        column, row = np.rint(x + dx * t).astype(int), np.rint(y + dy * t).astype(int)
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        np.add.at(charge, (row[inside], column[inside]), np.float32(ELECTRONS_PER_M * path_m / steps))
-    return charge

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 
 ShutterKind = Literal["global", "rolling"]
 
+# smallest and largest value, of files and of recorded scenes [s]
+EXPOSURE_S = (1e-9, 1e4)
+READOUT_S = (0.0, 10.0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Shutter:

@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Camera", "Distortion", "DistortionModel"]
 
+# smallest and largest value, of files and of recorded scenes; every OpenGL 4 driver draws pictures so large
+LARGEST_IMAGE_PX = 16384
+FOCAL_PX = (1.0, 1e7)
+CENTRE_PX = (-1e5, 1e5)
 _NO_DISTORTION = Distortion()
 _NODES, _STEP_RAD = 25, 1e-3  # where a lens's bending is looked at, and over which angle
 

@@ -7,13 +7,22 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from flyaround.simulator.camera.lens.camera_model import Camera, Distortion, camera_problem
+from flyaround.simulator.camera.lens.camera_model import (
+    CENTRE_PX,
+    FOCAL_PX,
+    LARGEST_IMAGE_PX,
+    Camera,
+    Distortion,
+    camera_problem,
+)
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.sections import within
 
-_Size = Annotated[int, Meta(ge=16, le=16384)]
-_Focal = Annotated[float, Meta(gt=0, le=1e7)]
+# a region or a binned picture may be smaller than any camera
+SizePx = Annotated[int, Meta(ge=16, le=LARGEST_IMAGE_PX)]
+FocalPx = Annotated[float, within(FOCAL_PX)]
+CentrePx = Annotated[float, within(CENTRE_PX)]
 PitchUm = Annotated[float, Meta(ge=0.1, le=1000)]
-_Centre = Annotated[float, Meta(ge=-1e5, le=1e5)]
 
 
 class DistortionSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -29,12 +38,12 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     ``pixel_pitch_um``, across and down, is the sensor's where the scenario does not say another.
     """
 
-    width_px: _Size
-    height_px: _Size
-    fx_px: _Focal
-    fy_px: _Focal
-    cx_px: _Centre
-    cy_px: _Centre
+    width_px: SizePx
+    height_px: SizePx
+    fx_px: FocalPx
+    fy_px: FocalPx
+    cx_px: CentrePx
+    cy_px: CentrePx
     distortion: DistortionSection = DistortionSection()
     pixel_pitch_um: tuple[PitchUm, PitchUm] | None = None
     name: str = ""

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from flyaround.simulator.camera.lens.files_native import CameraFile, DistortionSection
+from flyaround.simulator.camera.lens.files_native import CameraFile, CentrePx, DistortionSection, SizePx
 from flyaround.simulator.errors import UserError
 
 CONSISTENT = 2e-3
@@ -25,14 +25,14 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     alpha = 2 atan(d N / 2 f), focal length in pixels f / d; each across and down, where two numbers are given.
     """
 
-    width_px: Annotated[int, Meta(ge=16, le=16384)]
-    height_px: Annotated[int, Meta(ge=16, le=16384)]
+    width_px: SizePx
+    height_px: SizePx
     focal_length_mm: Annotated[float, Meta(gt=0, le=1e5)] | None = None
     pixel_pitch_um: _Pair | None = None
     sensor_size_mm: _Pair | None = None
     aperture_angle_deg: _Pair | None = None
-    cx_px: Annotated[float, Meta(ge=-1e5, le=1e5)] | None = None
-    cy_px: Annotated[float, Meta(ge=-1e5, le=1e5)] | None = None
+    cx_px: CentrePx | None = None
+    cy_px: CentrePx | None = None
     distortion: DistortionSection = DistortionSection()
     name: str = ""
     notes: str = ""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.camera.detector.electrons import white_balance
+from flyaround.simulator.camera.detector.response import white_balance
 from flyaround.simulator.imaging.image_formation import noise_sigma
 from flyaround.simulator.scene.illumination.bands import sunlight_balance
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from flyaround.simulator.camera.detector.sunlight import (
+from flyaround.simulator.camera.detector.response import (
     MONO_BAND_NM,
     RGB_BANDS_NM,
     sun_irradiance_between_w_m2,

@@ -24,7 +24,7 @@ SCRIPT = """\
 0.3 estimator.run on
 0.4 capture.start 3 tango-space-10m data-set
 0.5 hil.start tcp://127.0.0.1:0
-0.6 hil.board svd
+0.6 hil.board hybrid
 35 hil.fault gain_step 5
 50 hil.stop
 52 capture.start 5 no-such-recipe

@@ -12,7 +12,6 @@ import pytest
 
 from flyaround.gui.panels.all import PANELS
 from tests.harness.legibility import TextRun, faults_of
-from tests.harness.screen import virtual_screen
 
 ROOT = Path(__file__).parents[3]
 SIZES = ("640x480", "1280x800", "2560x1440")
@@ -21,10 +20,10 @@ EACH_S = 0.8
 DRAWN = """
 from flyaround.gui.canvas import Canvas
 from tests.harness.legibility import drawn_texts, faults_of
-from flyaround.gui.window import Window
+from flyaround.gui.off_screen import OffScreen
 from flyaround.gui.widgets import Widgets
 
-with Window("texts", (640, 480)) as window:
+with OffScreen((640, 480)) as window:
     imgui, w = window.imgui, Widgets(window)
     for _ in range(3):
         with window.frame():
@@ -52,14 +51,14 @@ import json
 import sys
 from pathlib import Path
 
-from flyaround.gui import app
+from flyaround.gui import app, off_screen
 from flyaround.gui.command_table import Command, CommandTable
 from tests.harness.legibility import drawn_texts, faults_of
 
 windows, faults, checks = [], [], []
 
 
-class WatchedWindow(app.Window):
+class Watched(off_screen.OffScreen):
     def __init__(self, *arguments):
         super().__init__(*arguments)
         windows.append(self)
@@ -75,11 +74,12 @@ def command_table():
     return CommandTable((*app.COMMANDS, *app.panel_commands(), ours))
 
 
-app.Window, app.command_table = WatchedWindow, command_table
+off_screen.OffScreen, app.command_table = Watched, command_table
 script, screenshot, width, height = sys.argv[1:]
 request = app.Request(
     scenario="tango-vbar-approach",
     size=(int(width), int(height)),
+    off_screen=True,
     script=Path(script),
     screenshot=Path(screenshot),
     seconds=200.0,
@@ -91,11 +91,10 @@ print(json.dumps({"checks": len(checks), "faults": faults}))
 
 
 @pytest.mark.gui
-def test_texts_that_are_cut_or_covered_are_found(display: str, tmp_path: Path) -> None:
+def test_texts_that_are_cut_or_covered_are_found() -> None:
     done = subprocess.run(
         [sys.executable, "-c", DRAWN],
         cwd=Path.cwd(),
-        env={**os.environ, "DISPLAY": display},
         capture_output=True,
         text=True,
         timeout=60,
@@ -138,22 +137,15 @@ def test_every_panel_is_legible(tmp_path: Path, size: str) -> None:
     script = tmp_path / "panels.script"
     script.write_text(script_of_panels())
     width, height = size.split("x")
-    with virtual_screen((int(width), int(height))) as display:
-        command = [sys.executable, "-c", CONSOLE, str(script), str(tmp_path / "panels.png"), width, height]
-        done = subprocess.run(
-            command,
-            cwd=tmp_path,
-            env={
-                **os.environ,
-                "DISPLAY": display,
-                "PYTHONPATH": str(ROOT),
-                "FLYAROUND_CONSOLE_LAYOUT": str(tmp_path / "layout.json"),
-            },
-            capture_output=True,
-            text=True,
-            timeout=300,
-            check=False,
-        )
+    done = subprocess.run(
+        [sys.executable, "-c", CONSOLE, str(script), str(tmp_path / "panels.png"), width, height],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "FLYAROUND_CONSOLE_LAYOUT": str(tmp_path / "layout.json")},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout.splitlines()[-1])
     assert answer["checks"] == len(PANELS)

@@ -1,4 +1,4 @@
-"""The console in half a minute: a window, a script through its commands, keys, the timeline, a picture of all of it."""
+"""The console in half a minute, off screen: a script through its commands, the timeline, a picture of all of it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from tests.harness.screen import SCREEN, virtual_screen
+from tests.harness.screen import SCREEN
 
 SCRIPT = """\
 0.2 hold steer.forward
@@ -35,20 +35,17 @@ SCRIPT = """\
 @pytest.mark.gui
 def test_a_script_goes_through_the_console(tmp_path: Path) -> None:
     (tmp_path / "script").write_text(SCRIPT)
-    with virtual_screen() as display:
-        environment = os.environ | {
-            "DISPLAY": display,
-            "FLYAROUND_CONSOLE_LAYOUT": str(tmp_path / "layout.json"),
-        }
-        done = subprocess.run(
-            [sys.executable, "-m", "flyaround", "sim", "tango-flyaround", "--script", "script", "--json"],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=200,
-            check=False,
-        )
+    command = [sys.executable, "-m", "flyaround", "sim", "tango-flyaround", "--json"]
+    command += ["--off-screen", "--script", "script"]
+    done = subprocess.run(
+        command,
+        cwd=tmp_path,
+        env=os.environ | {"FLYAROUND_CONSOLE_LAYOUT": str(tmp_path / "layout.json")},
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     state = json.loads(done.stdout)

@@ -25,7 +25,7 @@ SCRIPT = """\
 20 panel.capture off
 22 window.screenshot again.png
 40 hil.start tcp://127.0.0.1:0
-41 hil.board svd
+41 hil.board hybrid
 100 hil.stop
 150 window.close
 """

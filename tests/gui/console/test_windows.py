@@ -1,4 +1,4 @@
-"""The console in real windows of every size: every panel, every scenario, a render process that is lost, mistakes."""
+"""The console in every size: every panel, every scenario, a render process that is lost, mistakes."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def display() -> Iterator[str]:
 
 
 class Sitting:
-    """A console with a script, in a folder of its own."""
+    """A console with a script, in a folder of its own; off screen, unless a display is named."""
 
-    def __init__(self, display: str, folder: Path, script: str, *options: str) -> None:
+    def __init__(self, folder: Path, script: str, *options: str, display: str = "") -> None:
         (folder / "script").write_text(script)
         command = [sys.executable, "-m", "flyaround", "-v", "sim", "--json", "--script", "script", *options]
         environment = os.environ | {
@@ -47,6 +47,8 @@ class Sitting:
             "FLYAROUND_CONSOLE_LAYOUT": str(folder / "layout.json"),
             "COLUMNS": "400",
         }
+        if not display:
+            command.append("--off-screen")
         self.heard = ""
         self.process = subprocess.Popen(
             command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -74,7 +76,7 @@ def looks(path: Path) -> np.ndarray:
 
 
 @pytest.mark.parametrize("size", [SMALLEST, (1280, 800), LARGEST], ids=str)
-def test_every_panel_is_on(display: str, tmp_path: Path, size: tuple[int, int]) -> None:
+def test_every_panel_is_on(tmp_path: Path, size: tuple[int, int]) -> None:
     lines, t_s = [], 0.5
     for panel in PANELS:
         closes = [f"{t_s + 0.5:.1f} panel.{panel.name} off"] if panel.name != "camera" else []
@@ -86,9 +88,7 @@ def test_every_panel_is_on(display: str, tmp_path: Path, size: tuple[int, int]) 
         t_s += 0.8
     lines.append(f"{t_s + 0.5:.1f} window.close")
     lines.sort(key=lambda line: float(line.split()[0]))
-    sitting = Sitting(
-        display, tmp_path, "\n".join(lines), "tango-flyaround", "--size", f"{size[0]}x{size[1]}"
-    )
+    sitting = Sitting(tmp_path, "\n".join(lines), "tango-flyaround", "--size", f"{size[0]}x{size[1]}")
     sitting.end()
     for panel in PANELS:
         image = looks(tmp_path / f"{panel.name}.png")
@@ -96,16 +96,14 @@ def test_every_panel_is_on(display: str, tmp_path: Path, size: tuple[int, int]) 
         assert image.std() > 5.0, panel.name
 
 
-def test_every_scenario_is_opened(display: str, tmp_path: Path) -> None:
-    sitting = Sitting(display, tmp_path, "600 window.close", "tango-flyaround")
+def test_every_scenario_is_opened(tmp_path: Path) -> None:
+    sitting = Sitting(tmp_path, "600 window.close", "tango-flyaround")
     sitting.wait_for("first picture")
     sitting.process.terminate()
     sitting.process.communicate(timeout=TIMEOUT_S)
     names = list_scenarios()
     lines = [f"{2 + 6 * k} scenario.open {name}" for k, name in enumerate(names)]
-    sitting = Sitting(
-        display, tmp_path, "\n".join([*lines, f"{8 + 6 * len(names)} window.close"]), "tango-flyaround"
-    )
+    sitting = Sitting(tmp_path, "\n".join([*lines, f"{8 + 6 * len(names)} window.close"]), "tango-flyaround")
     state, said = sitting.end()
     assert state["scenario"] == names[-1]
     assert "could not be opened" not in said
@@ -114,7 +112,7 @@ def test_every_scenario_is_opened(display: str, tmp_path: Path) -> None:
 
 def test_a_window_is_resized_while_it_flies(display: str, tmp_path: Path) -> None:
     lines = ["6 window.screenshot small.png", "11 window.screenshot large.png", "12 window.close"]
-    sitting = Sitting(display, tmp_path, "\n".join(lines), "tango-flyaround", "--size", "1280x800")
+    sitting = Sitting(tmp_path, "\n".join(lines), "tango-flyaround", "--size", "1280x800", display=display)
     sitting.wait_for("first picture")
     window = xdotool(display, "search", "--name", "Flyaround").split()[0]
     time.sleep(2.0)
@@ -126,12 +124,12 @@ def test_a_window_is_resized_while_it_flies(display: str, tmp_path: Path) -> Non
     assert looks(tmp_path / "large.png").shape[:2] == LARGEST[::-1]
 
 
-def test_recorded_scrubbed_and_flown_on_by_keys(display: str, tmp_path: Path) -> None:
+def test_recorded_scrubbed_and_flown_on_by_keys(tmp_path: Path) -> None:
     script = (
         "1 hold steer.forward\n3 release steer.forward\n6 timeline.seek 1.5\n7 timeline.fly-on\n"
         "9 timeline.other-future\n10 timeline.end\n11 timeline.keep kept\n20 window.close\n"
     )
-    sitting = Sitting(display, tmp_path, script, "tango-flyaround", "--record", "flown")
+    sitting = Sitting(tmp_path, script, "tango-flyaround", "--record", "flown")
     state, said = sitting.end()
     assert "the other future is back" in said
     kept = load_scenario(tmp_path / "kept" / "replay.toml")
@@ -139,8 +137,8 @@ def test_recorded_scrubbed_and_flown_on_by_keys(display: str, tmp_path: Path) ->
     assert load_scenario(tmp_path / state["replay"]).duration_s == pytest.approx(kept.duration_s, abs=0.3)
 
 
-def test_a_render_process_that_is_stopped_is_started_again(display: str, tmp_path: Path) -> None:
-    sitting = Sitting(display, tmp_path, "75 window.close\n", "tango-flyaround", "--record", "flown")
+def test_a_render_process_that_is_stopped_is_started_again(tmp_path: Path) -> None:
+    sitting = Sitting(tmp_path, "75 window.close\n", "tango-flyaround", "--record", "flown")
     sitting.wait_for("first picture")
     time.sleep(3.0)
     os.kill(drawing_process(sitting.process.pid), signal.SIGSTOP)
@@ -151,9 +149,9 @@ def test_a_render_process_that_is_stopped_is_started_again(display: str, tmp_pat
     assert load_scenario(tmp_path / state["replay"]).duration_s > 60.0
 
 
-def test_a_render_process_without_memory_is_told_and_the_flight_goes_on(display: str, tmp_path: Path) -> None:
+def test_a_render_process_without_memory_is_told_and_the_flight_goes_on(tmp_path: Path) -> None:
     script = "6 picture.detail full\n8 panel.orbit-camera on\n9 panel.depth on\n40 window.close\n"
-    sitting = Sitting(display, tmp_path, script, "tango-flyaround", "--record", "flown")
+    sitting = Sitting(tmp_path, script, "tango-flyaround", "--record", "flown")
     sitting.wait_for("first picture")
     time.sleep(2.0)
     pid = drawing_process(sitting.process.pid)
@@ -166,17 +164,17 @@ def test_a_render_process_without_memory_is_told_and_the_flight_goes_on(display:
     assert load_scenario(tmp_path / state["replay"]).duration_s > 30.0
 
 
-def test_slow_pictures_do_not_slow_the_keys(display: str, tmp_path: Path) -> None:
+def test_slow_pictures_do_not_slow_the_keys(tmp_path: Path) -> None:
     # whole pictures of the camera, as fine as the scenario asks for: seconds each
     script = "1 picture.detail full\n5 hold steer.forward\n7 release steer.forward\n12 window.close\n"
-    state, _ = Sitting(display, tmp_path, script, "iss-orbit-limb").end()
+    state, _ = Sitting(tmp_path, script, "iss-orbit-limb").end()
     assert state["delta_v_m_s"] == pytest.approx(0.1, abs=0.01)
     assert state["window_per_s"] > state["pictures_per_s"]
 
 
 def test_what_is_typed_ahead_of_a_slow_window_goes_where_it_should(display: str, tmp_path: Path) -> None:
     """Keys and letters that come in one go: none of the letters steers, or saves a picture."""
-    sitting = Sitting(display, tmp_path, "600 window.close", "tango-space-10m")
+    sitting = Sitting(tmp_path, "600 window.close", "tango-space-10m", display=display)
     try:
         sitting.wait_for("first picture")
         time.sleep(2.0)
@@ -199,7 +197,7 @@ def test_what_is_typed_ahead_of_a_slow_window_goes_where_it_should(display: str,
     assert "saved" not in heard
 
 
-def test_what_goes_wrong_is_told_and_the_flight_goes_on(display: str, tmp_path: Path) -> None:
+def test_what_goes_wrong_is_told_and_the_flight_goes_on(tmp_path: Path) -> None:
     (tmp_path / "broken.toml").write_text("name = 1")
     (tmp_path / "file").touch()
     script = (
@@ -207,7 +205,7 @@ def test_what_goes_wrong_is_told_and_the_flight_goes_on(display: str, tmp_path: 
         "4 film.start file/view.mp4\n5 timeline.keep file\n6 scenario.open nowhere\n"
         "9 window.acknowledge\n10 window.close\n"
     )
-    state, said = Sitting(display, tmp_path, script, "tango-flyaround").end()
+    state, said = Sitting(tmp_path, script, "tango-flyaround").end()
     for word in (
         "broken.toml",
         "notes.txt is neither",
@@ -219,9 +217,7 @@ def test_what_goes_wrong_is_told_and_the_flight_goes_on(display: str, tmp_path: 
     assert state["t_s"] > 5.0
 
 
-def test_a_full_disk_and_a_folder_that_is_gone_are_told_and_the_flight_goes_on(
-    display: str, tmp_path: Path
-) -> None:
+def test_a_full_disk_and_a_folder_that_is_gone_are_told_and_the_flight_goes_on(tmp_path: Path) -> None:
     script = (
         "2 film.start disk/view.mp4\n9 picture.save\n12 window.screenshot disk/look.png\n14 log.save disk/done.script\n"
         "15 timeline.keep disk/kept\n18 film.start gone/view.mp4\n25 film.stop\n26 window.screenshot look.png\n"
@@ -230,7 +226,7 @@ def test_a_full_disk_and_a_folder_that_is_gone_are_told_and_the_flight_goes_on(
     with small_disk(tmp_path / "disk", 64) as disk:
         (disk / "other").write_bytes(bytes(52 * 1024))
         (tmp_path / "out").symlink_to(disk)
-        sitting = Sitting(display, tmp_path, script, "tango-flyaround", "--record", "flown")
+        sitting = Sitting(tmp_path, script, "tango-flyaround", "--record", "flown")
         sitting.wait_for("first picture")
         sitting.wait_for("gone/view.mp4")
         shutil.rmtree(tmp_path / "gone")

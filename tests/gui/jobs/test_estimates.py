@@ -172,7 +172,7 @@ def test_one_that_hangs_is_ended_and_another_method_goes_on(session: FlightSessi
         (told,) = estimates.take_troubles()
         assert "done nothing" in told
         assert "flight goes on" in told
-        estimates.choose("svd")
+        estimates.choose("hybrid")
         until(lambda: estimates.newest is not None, lambda: estimates.update(picture))
 
 
@@ -205,7 +205,7 @@ def test_one_that_dies_again_and_again_is_left_off(session: FlightSession) -> No
         assert len(told) == MOST_DEATHS
         assert "exit code 7" in told[0]
         assert "is off" in told[-1]
-        estimates.choose("svd")
+        estimates.choose("hybrid")
         estimates.start()
         until(lambda: estimates.newest is not None, lambda: estimates.update(picture))
 
@@ -225,7 +225,7 @@ def test_a_method_that_cannot_is_off_with_a_sentence(session: FlightSession, met
 
 
 def test_every_method_of_evaluate_is_offered() -> None:
-    assert {"svd", "svd-2018", "svd-thesis", "svd-track"} <= set(known_methods())
+    assert {"hybrid", "svd-2018", "svd-thesis", "hybrid-track"} <= set(known_methods())
 
 
 @pytest.mark.slow
@@ -239,7 +239,7 @@ def test_the_estimators_themselves_answer_with_their_stages(session: FlightSessi
     with contextlib.closing(Estimates()) as estimates:
         estimates.want_stages(wanted=True)
         estimates.start()
-        for method in ("svd", "svd-thesis", "svd-2018", "svd-track"):
+        for method in ("hybrid", "svd-thesis", "svd-2018", "hybrid-track"):
             estimates.choose(method)
             until(
                 lambda m=method: estimates.newest is not None and estimates.newest.method == m,
@@ -251,7 +251,7 @@ def test_the_estimators_themselves_answer_with_their_stages(session: FlightSessi
         until(lambda: not estimates.on, lambda: estimates.update(picture))
         (told,) = estimates.take_troubles()
         assert "no-such-file" in told
-    svd = found["svd"]
+    svd = found["hybrid"]
     assert svd.answer.accepted
     assert svd.E_R_deg is not None
     assert svd.E_R_deg < 1.0

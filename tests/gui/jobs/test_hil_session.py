@@ -14,7 +14,7 @@ import pytest
 
 from flyaround.gui.jobs.hil_session import BIN_EDGES_MS, HilSession
 from flyaround.gui.jobs.hil_stream import SessionNote
-from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig
 from flyaround.simulator.errors import UserError
@@ -56,8 +56,10 @@ class Turns:
             time.sleep(0.02)
 
 
-def row(frame_id: int, outcome: str, e2e_ms: float | None = None, faults: tuple[str, ...] = ()) -> LedgerRow:
-    return LedgerRow(
+def row(
+    frame_id: int, outcome: str, e2e_ms: float | None = None, faults: tuple[str, ...] = ()
+) -> FrameRecord:
+    return FrameRecord(
         frame_id=frame_id,
         epoch_utc="",
         t_s=0.1 * frame_id,
@@ -94,7 +96,7 @@ def test_what_needs_a_session_says_so(session: FlightSession) -> None:
     with pytest.raises(UserError, match="start one"):
         hil.add_fault(GainStep())
     with pytest.raises(UserError, match="no host listens"):
-        hil.start_board("tango", "svd")
+        hil.start_board("tango", "hybrid")
     hil.stop()
     hil.close()
 
@@ -105,13 +107,13 @@ def test_a_board_answers_the_flight_and_faults_strike(session: FlightSession, tm
         turns = Turns(hil, session)
         hil.start(session, config(session, tmp_path / "hil"))
         # it starts once the host listens
-        hil.start_board("tango", "svd")
+        hil.start_board("tango", "hybrid")
         assert hil.board_running
         with pytest.raises(UserError, match="runs on this machine already"):
-            hil.start_board("tango", "svd")
+            hil.start_board("tango", "hybrid")
         turns.until(lambda: hil.accepted >= 2)
         assert hil.state == "streaming"
-        assert "method svd" in hil.board_name
+        assert "method hybrid" in hil.board_name
         times = [r.t_s for r in hil.rows]
         assert times == sorted(times)
         assert all(r.E_R_deg is not None and r.E_R_deg < 5 for r in hil.rows if r.outcome == "accepted")
@@ -170,7 +172,7 @@ def test_a_ledger_whose_folder_is_gone_is_told(session: FlightSession, tmp_path:
     with contextlib.closing(HilSession()) as hil:
         turns = Turns(hil, session)
         hil.start(session, config(session, tmp_path / "hil"))
-        hil.start_board("tango", "svd")
+        hil.start_board("tango", "hybrid")
         turns.until(lambda: hil.accepted + hil.outcomes["declined"] >= 1)
         (tmp_path / "hil").rename(tmp_path / "elsewhere")
         hil.stop()

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from flyaround.hil.board.svd.propose.learned.attitude_basis import harmonics
-from flyaround.hil.board.svd.propose.learned.network import CONTRAST_PX, STRIDES
-from flyaround.hil.board.svd.propose.learned.view_subspaces import (
+from flyaround.hil.board.hybrid.propose.learned.attitude_basis import harmonics
+from flyaround.hil.board.hybrid.propose.learned.network import CONTRAST_PX, STRIDES
+from flyaround.hil.board.hybrid.propose.learned.view_subspaces import (
     QUARTERS,
     SHAPES,
     SHIFTS_PX,
@@ -21,8 +21,8 @@ from flyaround.hil.board.svd.propose.learned.view_subspaces import (
 )
 
 if TYPE_CHECKING:
-    from flyaround.hil.board.svd.propose.learned.network import ProposalNetwork
-    from flyaround.hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
+    from flyaround.hil.board.hybrid.propose.learned.network import ProposalNetwork
+    from flyaround.hil.board.hybrid.propose.learned.view_subspaces import ViewSubspaces
 
 Array = np.ndarray
 

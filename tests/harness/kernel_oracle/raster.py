@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.hil.board.svd.model.shadow_map import BOUND, GRAZING, SPREAD
-from flyaround.hil.board.svd.model.visibility import SKIN_M, hidden
+from flyaround.hil.board.hybrid.model.shadow_map import BOUND, GRAZING, SPREAD
+from flyaround.hil.board.hybrid.model.visibility import SKIN_M, hidden
 
 if TYPE_CHECKING:
-    from flyaround.hil.board.svd.geometry.camera import CameraIntrinsics
-    from flyaround.hil.board.svd.geometry.faces import Faces
-    from flyaround.hil.board.svd.geometry.image_patch import ImagePatch
-    from flyaround.hil.board.svd.geometry.shading import Shading
-    from flyaround.hil.board.svd.geometry.wireframe import EdgeSamples, OccludingTriangles
-    from flyaround.hil.board.svd.model.shadow_map import ShadowMap, ShadowMapTable
+    from flyaround.hil.board.estimation.camera import CameraIntrinsics
+    from flyaround.hil.board.estimation.faces import Faces
+    from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
+    from flyaround.hil.board.hybrid.geometry.shading import Shading
+    from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles
+    from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap, ShadowMapTable
 
 Array = np.ndarray
 

@@ -9,9 +9,9 @@ import pytest
 
 from flyaround.hil.board.__main__ import main
 from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.estimation import BoardModel
+from flyaround.hil.board.estimation import target_model as model
 from flyaround.hil.board.files import read_bounded
-from flyaround.hil.board.svd import BoardModel
-from flyaround.hil.board.svd.model import target_model as model
 
 
 @pytest.fixture

@@ -37,14 +37,18 @@ def test_the_bundle_is_small_whole_and_the_same_again(bundle: Path, tmp_path: Pa
         "__main__.py",
         "serial/serialposix.py",
         "flyaround/hil/board/models/cubesat-3u.board.json",
-        "flyaround/hil/board/svd/native/kernels.h",
-        *(f"flyaround/hil/board/svd/native/lib/linux-{name}.so" for name in ("x86_64", "aarch64", "armv7")),
+        "flyaround/hil/board/hybrid/native/kernels.h",
+        *(
+            f"flyaround/hil/board/hybrid/native/lib/linux-{name}.so"
+            for name in ("x86_64", "aarch64", "armv7")
+        ),
     } <= set(names)
-    assert sum(name.startswith("flyaround/hil/board/svd/") for name in names) >= 30
+    assert sum(name.startswith("flyaround/hil/board/hybrid/") for name in names) >= 30
+    assert sum(name.startswith("flyaround/hil/board/svd/") for name in names) >= 10
     # of the learned proposals those of its crafts alone
-    assert "flyaround/hil/board/svd/propose/learned/weights/tango.npz" in names
-    assert "flyaround/hil/board/svd/propose/learned/weights/lamps/tango.npz" in names
-    assert "flyaround/hil/board/svd/propose/learned/weights/soyuz-ms.npz" not in names
+    assert "flyaround/hil/board/hybrid/propose/learned/weights/tango.npz" in names
+    assert "flyaround/hil/board/hybrid/propose/learned/weights/lamps/tango.npz" in names
+    assert "flyaround/hil/board/hybrid/propose/learned/weights/soyuz-ms.npz" not in names
     assert not any(
         name.startswith(("flyaround/simulator", "flyaround/gui", "flyaround/hil/host")) for name in names
     )
@@ -123,7 +127,7 @@ def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Pa
         camera = tmp_path / "camera.json"
         camera.write_text(json.dumps(truth["camera"]))
         image = str(folder / "images" / f"{k:06d}.png")
-        for method in ("svd", "svd-thesis"):
+        for method in ("hybrid", "svd-thesis"):
             command = [
                 DEBIAN,
                 "-I",
@@ -141,7 +145,7 @@ def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Pa
             assert answer.returncode == 0, answer.stderr
             pose = json.loads(answer.stdout)
             assert not pose["reason"].startswith("internal")
-            if method == "svd" and pose["accepted"]:
+            if method == "hybrid" and pose["accepted"]:
                 E_T = np.subtract(pose["t_camera_from_target_m"], truth["t_camera_from_target_m"])
                 assert np.linalg.norm(E_T) < 0.05 * np.linalg.norm(truth["t_camera_from_target_m"])
                 right += 1
@@ -152,7 +156,7 @@ def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Pa
         port = free.getsockname()[1]
     url = f"tcp://127.0.0.1:{port}"
     board = subprocess.Popen(
-        [DEBIAN, "-I", str(bundle), url, "--model", "tango", "--method", "svd-track", "--silence", "60"],
+        [DEBIAN, "-I", str(bundle), url, "--model", "tango", "--method", "hybrid-track", "--silence", "60"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

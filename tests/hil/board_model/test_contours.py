@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from flyaround.hil.board.errors import BoardModelError
-from flyaround.hil.board.svd import BoardModel
-from flyaround.hil.board.svd.model.occluding_contours import Outlines
-from flyaround.hil.board.svd.model.target_model import WireEdge
-from flyaround.hil.board.svd.model.view_tables import (
+from flyaround.hil.board.estimation import BoardModel
+from flyaround.hil.board.estimation.occluding_contours import Outlines
+from flyaround.hil.board.estimation.target_model import WireEdge
+from flyaround.hil.board.hybrid.model.view_tables import (
     SHAPE_SAMPLES,
     TURNS,
     ViewTable,

@@ -21,7 +21,7 @@ from flyaround.hil.host.closed_loop_run import (
     write_steps,
     write_summary,
 )
-from flyaround.hil.host.ledger.frames_csv import LedgerRow
+from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.summary import summarise
 from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
@@ -187,10 +187,10 @@ RUN = {
 }
 
 
-def rows(*e2e_ms: float | None) -> tuple[LedgerRow, ...]:
+def rows(*e2e_ms: float | None) -> tuple[FrameRecord, ...]:
     """Frames that were sent, by their latency; None: no answer."""
     return tuple(
-        LedgerRow(
+        FrameRecord(
             frame_id=k,
             epoch_utc="",
             t_s=0.1 * k,
@@ -206,7 +206,7 @@ def rows(*e2e_ms: float | None) -> tuple[LedgerRow, ...]:
 EARLY_AND_LATE_MS = (-40.0, -8.0, 0.5, 1.0, 2.0)
 
 
-def of(name: str, given: tuple[LedgerRow, ...]) -> float | str | None:
+def of(name: str, given: tuple[FrameRecord, ...]) -> float | str | None:
     return QUANTITIES[name].of(RunRecord(summarise(given, **RUN), given, {}))
 
 

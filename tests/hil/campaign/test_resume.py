@@ -36,7 +36,9 @@ class Bench:
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.flown, self.said = folder, [], []
-        self.board = Board(name="a", model="tango", model_sha256="00", method="svd", encoding="raw", window=1)
+        self.board = Board(
+            name="a", model="tango", model_sha256="00", method="hybrid", encoding="raw", window=1
+        )
 
     def fly(self, task: RunTask) -> None:
         self.flown.append(task.seed)

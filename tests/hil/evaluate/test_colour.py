@@ -79,6 +79,8 @@ def test_estimate_from_python(mono, tmp_path):
     # names and files as well as objects, arrays as well as files; what was prepared is kept
     again = fa.estimate(read_png(image), "speed", fa.load_target("tango"))
     assert again.q_camera_from_target_wxyz.tolist() == found.q_camera_from_target_wxyz.tolist()
+    lit = fa.estimate(image, truth.camera, "tango", sun_camera=truth.sun_direction_camera)
+    assert lit.t_camera_from_target_m == pytest.approx(truth.t_camera_from_target_m, abs=0.1)
     # transparency is no channel of light
     clear = tmp_path / "clear.png"
     cv2.imwrite(str(clear), np.dstack([read_png(image)] * 3 + [np.full((1200, 1920), 255, np.uint8)]))
@@ -93,3 +95,5 @@ def test_what_cannot_be_estimated_is_said_in_a_sentence():
         fa.estimate(np.zeros((1200, 1920)), "speed", "tango")
     with pytest.raises(fa.UserError, match="unknown method 'svdd'"):
         fa.estimate(np.zeros((1200, 1920), np.uint8), "speed", "tango", method="svdd")
+    with pytest.raises(fa.UserError, match="is no unit vector: give three numbers of length 1"):
+        fa.estimate(np.zeros((1200, 1920), np.uint8), "speed", "tango", sun_camera=(0.0, 0.0, 2.0))

@@ -24,7 +24,7 @@ def frame(number: int, confidence: float, *, right: bool, feasible: bool = True)
     )
     return EvaluatedFrame(
         frame=number,
-        method="svd",
+        method="hybrid",
         record=record,
         reason="",
         failure="",

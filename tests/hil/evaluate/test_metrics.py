@@ -18,7 +18,7 @@ from flyaround.hil.evaluate.metrics import (
     summarise,
     wilson_interval,
 )
-from flyaround.hil.evaluate.pose_errors import FrameRecord, frame_errors, frame_record
+from flyaround.hil.evaluate.pose_errors import FrameScore, frame_errors, frame_record
 
 
 def about_z(deg: float) -> list[float]:
@@ -62,9 +62,9 @@ def test_wilson_agrees_with_published_values() -> None:
 
 def record(
     range_m: float, deg: float | None, share: float | None, *, ok: bool, feasible: bool = True
-) -> FrameRecord:
+) -> FrameScore:
     E_T = None if share is None else share * range_m
-    return FrameRecord(
+    return FrameScore(
         range_m=range_m, E_T_m=E_T, e_t=share, E_R_deg=deg, accepted=ok, feasible=feasible, frame_class="x"
     )
 
@@ -133,7 +133,7 @@ def test_an_empty_set_has_no_figures() -> None:
 
 
 def test_json_matches_the_schema_and_reads_back() -> None:
-    m = compose([summarise(RECORDS, method="svd"), summarise(RECORDS[:2], method="svd-2018")])
+    m = compose([summarise(RECORDS, method="hybrid"), summarise(RECORDS[:2], method="svd-2018")])
     assert m.by_method["svd-2018"].n == 2
     assert m.n == len(RECORDS)
     text = msgspec.json.encode(m)
@@ -168,7 +168,7 @@ def test_errors_drawn_from_a_covariance_are_chi_square_over_it() -> None:
         )
         t = np.array([0.3, -0.2, 9.0])
         records.append(frame_record(q, t, turned, t + error[3:], accepted=True, covariance=covariance))
-    figures = summarise(records, method="svd")
+    figures = summarise(records, method="hybrid")
     # of six degrees of freedom: median 5.35, 95 % below 12.59
     assert figures.median_nees == pytest.approx(5.35, abs=0.5)
     assert figures.nees_inside_95 == pytest.approx(0.95, abs=0.025)

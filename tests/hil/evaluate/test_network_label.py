@@ -7,4 +7,4 @@ def test_a_network_goes_by_its_files_name() -> None:
     assert MethodChoice("net:/some/where/tango.onnx").label == "net:tango.onnx"
     assert MethodChoice("net:../a/tango.onnx").label == "net:tango.onnx"
     assert MethodChoice("net:tango.onnx").label == "net:tango.onnx"
-    assert MethodChoice("svd").label == "svd"
+    assert MethodChoice("hybrid").label == "hybrid"

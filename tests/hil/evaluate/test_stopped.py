@@ -17,7 +17,7 @@ def test_a_stopped_evaluation_waits_for_no_frame_in_work(monkeypatch, how):
     monkeypatch.setattr(run, "answer_in_worker", slow_worker.sleep)
     others = set(active_children())
     # two tasks go to a process at once: one process has answered, and both are asleep soon
-    tasks = [(0.0, "svd"), (0.0, "svd"), *[(25.0, "svd")] * 6]
+    tasks = [(0.0, "hybrid"), (0.0, "hybrid"), *[(25.0, "hybrid")] * 6]
     answers = run._answers(tasks, ("", "", {}, ()), 2)
     assert next(answers) == tasks[0]
     start = time.monotonic()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flyaround.hil.board.svd.image.region import Region
+from flyaround.hil.board.svd.region_of_interest import Region
 from flyaround.hil.evaluate.failure_stage import HELD, TOO_LARGE, _serves
 from flyaround.hil.evaluate.metrics import summarise
 from flyaround.hil.evaluate.pose_errors import _nees, frame_record

@@ -13,7 +13,8 @@ import pytest
 from hil_loop import Instant, Loop, Proxy, adds_up, board, frames, made_frame
 
 from flyaround.hil.bench.camera_latency import drawn_pictures, measure_latency
-from flyaround.hil.host.ledger.frames_csv import read_ledger, utc_text
+from flyaround.hil.host.frame_record import utc_text
+from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.picture_frames import frames_of_folder
 from flyaround.hil.host.report import write_report
 from flyaround.hil.link.packets.messages import decode_message

@@ -85,7 +85,7 @@ def test_faults_of_the_line_delay_and_lose_poses_without_a_board(tmp_path):
     ("words", "says"),
     [
         (("--pose", "noisy"), "needs --closed-loop"),
-        (("--closed-loop", "--pose", "guess"), "unknown pose 'guess'"),
+        (("--closed-loop", "--pose", "guess"), "--pose is 'guess', allowed: board, noisy, truth"),
         (("--closed-loop", "-n", "5"), "give --every instead of -n"),
         (("--closed-loop", "--workers", "2"), "leave --workers out"),
         (("--closed-loop", "--pose", "truth", "--every", "0.5"), "no multiple of the thrusters' period"),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.link_process.in_flight import FramesInFlight
-from flyaround.hil.host.link_process.ipc import FrameJob
 from flyaround.hil.link.packets.messages import NO_FRAME, PoseMessage
 
 SENT_NS = 5_000_000_000
@@ -19,8 +19,8 @@ class Sky:
         self.results, self.sent = [], {}
         self.flights = FramesInFlight(self.results.append, TIMEOUT_NS * 1e-9)
         for k in range(n):
-            job = FrameJob(0, k, (48, 64), "|u1", 8, "2026-01-01T00:00:00Z", 0.0, 0.01, None, None)
-            self.sent[k] = self.flights.start(job, SENT_NS + k * 1_000_000)
+            record = FrameRecord(frame_id=k, epoch_utc="2026-01-01T00:00:00Z", t_s=0.0, exposure_s=0.01)
+            self.sent[k] = self.flights.start(record, SENT_NS + k * 1_000_000)
 
     @property
     def outcomes(self) -> dict[int, str]:

@@ -15,7 +15,8 @@ import msgspec
 import pytest
 from hil_loop import Loop, board, frames, refused
 
-from flyaround.hil.host.ledger.frames_csv import LedgerRow, LedgerWriter, read_ledger
+from flyaround.hil.host.frame_record import FrameRecord
+from flyaround.hil.host.ledger.frames_csv import LedgerWriter, read_ledger
 from flyaround.hil.host.ledger.summary import LedgerSummary
 from flyaround.hil.host.link_process.host_link import HostLink
 from flyaround.hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, LinkConfig
@@ -113,7 +114,7 @@ def test_a_stranger_does_not_change_why_and_since_when_the_board_is_gone():
     with HostLink(LINK) as link:
         link._take(BoardDown("it was no board"))
         assert link.down_reason == "it was no board"  # all that is known before the first
-        link._take(BoardUp("peer", "board", "tango", "svd", "raw", 2))
+        link._take(BoardUp("peer", "board", "tango", "hybrid", "raw", 2))
         link._take(BoardDown("its cable was pulled"))
         since = link.down_since_s
         link._take(BoardDown("it said nothing that the link protocol knows"))
@@ -127,16 +128,7 @@ def test_a_dead_link_process_is_the_same_sentence_to_whoever_speaks_to_it():
         link._process.wait()
         (frame,) = frames(1)
         with pytest.raises(UserError, match="the link process ended unexpectedly"):
-            link.submit(
-                frame.image,
-                frame_id=0,
-                epoch_utc=frame.scene.epoch_utc,
-                t_s=0.0,
-                exposure_s=0.01,
-                bits=8,
-                due_ns=None,
-                truth=None,
-            )
+            link.submit(frame.image, FrameJob(record=FrameRecord.of(frame), bits=8))
         with pytest.raises(UserError, match="the link process ended unexpectedly"):
             link.open(HelloAck({}, 64, 48), 4, 64 * 48)
 
@@ -146,7 +138,7 @@ def test_only_word_of_damage_is_a_damaged_frame(code):
     ours, theirs = Pipe()
     server = LinkServer(theirs, open_anonymous_file(), LINK)
     try:
-        server._in_flight.start(FrameJob(0, 5, (48, 64), "|u1", 8, "", 0.0, 0.01, None, None), 0)
+        server._in_flight.start(FrameRecord(frame_id=5, epoch_utc="", t_s=0.0, exposure_s=0.01), 0)
         server._board._take_error(ErrorMessage(code, "the board says so", 5))
         result = ours.recv()
     finally:
@@ -310,7 +302,7 @@ def test_board_times_that_cannot_be_are_left_out_and_told(times, why, tmp_path):
 @pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "'quoted", "\t=1"])
 def test_no_cell_of_text_is_a_formula(text, tmp_path):
     writer = LedgerWriter(tmp_path)
-    row = LedgerRow(frame_id=0, epoch_utc="", t_s=0.0, exposure_s=0.0, outcome="declined", reason=text)
+    row = FrameRecord(frame_id=0, epoch_utc="", t_s=0.0, exposure_s=0.0, outcome="declined", reason=text)
     writer.add(row)
     writer.close()
     with (tmp_path / "frames.csv").open(newline="") as file:

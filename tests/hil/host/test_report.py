@@ -13,9 +13,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.cli.hil_host import listening_text, summary_text
+from flyaround.cli.hil_words import listening_text, summary_text
 from flyaround.hil.host.board_command import board_url
-from flyaround.hil.host.ledger.frames_csv import COLUMNS, LedgerRow, LedgerWriter, pose_errors, read_ledger
+from flyaround.hil.host.frame_record import FrameRecord, pose_errors
+from flyaround.hil.host.ledger.frames_csv import COLUMNS, LedgerWriter, read_ledger
 from flyaround.hil.host.ledger.run_terms import RUN_JSON, RunTerms
 from flyaround.hil.host.ledger.summary import summarise, this_machine
 from flyaround.hil.host.link_process.ipc import LinkConfig
@@ -43,13 +44,13 @@ RUN = {
 }
 
 
-def row(k: int, outcome: str, **more) -> LedgerRow:
-    return LedgerRow(
+def row(k: int, outcome: str, **more) -> FrameRecord:
+    return FrameRecord(
         frame_id=k, epoch_utc="2026-01-01T00:00:00Z", t_s=0.1 * k, exposure_s=0.01, outcome=outcome, **more
     )
 
 
-def answered(k: int, outcome: str, e2e_ms: float) -> LedgerRow:
+def answered(k: int, outcome: str, e2e_ms: float) -> FrameRecord:
     return row(
         k,
         outcome,
@@ -74,7 +75,7 @@ ROWS = [answered(k, "declined" if k % 4 == 3 else "accepted", 10.0 + k) for k in
 ]
 
 
-def known(k: int, outcome: str, E_R_deg: float, E_T_m: float = 0.01) -> LedgerRow:
+def known(k: int, outcome: str, E_R_deg: float, E_T_m: float = 0.01) -> FrameRecord:
     """An answered frame whose truth is at 10 m."""
     return replace(answered(k, outcome, 10.0), truth_t_m=(0.0, 0.0, 10.0), E_R_deg=E_R_deg, E_T_m=E_T_m)
 

@@ -35,7 +35,7 @@ from flyaround.hil.link.packets.images import FrameAssembler, supported_encoding
 from flyaround.hil.link.packets.messages import Bye, FrameChunk, FrameHeader, Hello, PoseMessage, TimeSyncRequest
 from flyaround.hil.link.session import Link, greet_host
 from flyaround.hil.link.transports.url import connect
-make, name, digest = svd_factory(sys.argv[1], "svd")
+make, name, digest = svd_factory(sys.argv[1], "hybrid")
 for line in sys.stdin:
     link = Link(connect(line.strip(), 60.0))
     terms = greet_host(link, Hello(supported_encodings(), 1, name, digest), 60.0)

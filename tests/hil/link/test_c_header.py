@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import math
+import struct
 import subprocess
 from pathlib import Path
 
 import pytest
 from c_program import compiled
+
+from flyaround.hil.link.packets.packet import Packet, encode_packet
+from flyaround.hil.link.vectors import EXAMPLES
 
 ROOT = Path(__file__).parents[3]
 
@@ -61,7 +65,7 @@ def expected_value(name: str, got: str, want: object) -> bool:
 @pytest.mark.parametrize("line", ["packet_hex", "serial_hex"])
 def test_every_vector_every_field(decode, line):
     answers = decode([v[line] for v in VECTORS])
-    assert len(answers) == len(VECTORS) == 12
+    assert len(answers) == len(VECTORS) == 15
     for vector, answer in zip(VECTORS, answers, strict=True):
         got = dict(answer)
         assert got["status"] == "0"
@@ -77,6 +81,12 @@ def test_every_vector_every_field(decode, line):
                 values = [float(v) for n, v in answer if n == prefix]
                 assert int(got["has_pose"]) == (want is not None)
                 assert values == (want if want is not None else [0.0] * len(values))
+        for name, prefix in (("sun_camera", "sun"), ("covariance", "covariance")):
+            if name in fields:
+                want = fields.pop(name)
+                values = [float(v) for n, v in answer if n == prefix]
+                assert int(got[f"has_{prefix}"]) == (want is not None)
+                assert values == (want if want is not None else [0.0] * len(values))
         if "roi_px" in fields:
             assert [int(v) for n, v in answer if n == "roi"] == list(fields.pop("roi_px"))
         if "stages_ms" in fields:
@@ -85,6 +95,25 @@ def test_every_vector_every_field(decode, line):
             assert list(map(list, zip(names, ms, strict=True))) == fields.pop("stages_ms")
         for name, want in fields.items():
             assert expected_value(name, got[name], want), (vector["name"], name)
+
+
+@pytest.mark.parametrize(
+    ("name", "tail", "taken"),
+    [
+        ("frame_header", struct.pack("<HH3s", 700, 3, b"new"), True),
+        ("frame_header", struct.pack("<HH2s", 700, 3, b"ne"), False),
+        ("frame_header", struct.pack("<HH20s", 1, 20, b""), False),
+        ("frame_header", struct.pack("<HH1021s", 700, 1021, b""), False),
+        ("frame_header", b"\1", False),
+        ("pose_declined", struct.pack("<HH3s", 700, 3, b"new"), True),
+        ("pose_declined", struct.pack("<HH80s", 3, 80, b""), False),
+        ("pose_declined", b"\1\2\3", False),
+    ],
+)
+def test_unknown_fields_are_skipped_and_broken_ones_refused(decode, name, tail, taken):
+    message = dict(EXAMPLES)[name]
+    (answer,) = decode([encode_packet(Packet(message.TYPE, message.encode() + tail)).hex()])
+    assert dict(answer)["payload_status"] == ("0" if taken else "-6")
 
 
 def test_every_damaged_vector_is_refused(decode):

@@ -22,6 +22,7 @@ static int show(const struct fly_packet *k) {
     struct fly_hello m;
     status = fly_read_hello(&m, p, n);
     U("encodings", m.encodings), U("window", m.window), U("pixel_formats", m.pixel_formats);
+    U("takes_fields", m.takes_fields);
     string("model_name", m.model_name), string("method", m.method), string("board", m.board);
     hex("model_sha256", m.model_sha256, 32);
   } else if (k->type == FLY_HELLO_ACK) {
@@ -29,6 +30,7 @@ static int show(const struct fly_packet *k) {
     status = fly_read_hello_ack(&m, p, n);
     U("width_px", m.width_px), U("height_px", m.height_px), U("bits", m.bits), U("encoding", m.encoding);
     U("pixel_format", m.pixel_format), U("mode", m.mode), U("truth", m.truth), U("window", m.window), U("chunk_bytes", m.chunk_bytes);
+    U("takes_fields", m.takes_fields);
     string("target_name", m.target_name), hex("target_sha256", m.target_sha256, 32);
     text("camera", m.camera_json, m.camera_bytes);
   } else if (k->type == FLY_TIME_SYNC_REQUEST || k->type == FLY_TIME_SYNC_REPLY) {
@@ -48,6 +50,8 @@ static int show(const struct fly_packet *k) {
     U("camera_frame", m.camera_frame), U("exposure_start_ns", m.exposure_start_ns);
     U("exposure_end_ns", m.exposure_end_ns);
     string("epoch_utc", m.epoch_utc);
+    U("transfer", m.transfer), U("has_sun", m.has_sun);
+    for (int i = 0; i < 3; i++) F("sun", m.sun_camera[i]);
   } else if (k->type == FLY_FRAME_CHUNK) {
     struct fly_frame_chunk m;
     status = fly_read_frame_chunk(&m, p, n);
@@ -68,6 +72,8 @@ static int show(const struct fly_packet *k) {
       string("stage", name), F("ms", ms);
     }
     text("reason", m.reason, m.reason_bytes);
+    U("has_covariance", m.has_covariance);
+    for (int i = 0; i < 21; i++) F("covariance", (double)m.covariance[i]);
   } else if (k->type == FLY_CREDIT) {
     struct fly_credit m;
     status = fly_read_credit(&m, p, n);

@@ -27,6 +27,7 @@ from flyaround.hil.link.packets.messages import (
     PoseMessage,
     TimeSyncReply,
     TimeSyncRequest,
+    Transfer,
     TruthMessage,
     TruthPolicy,
     decode_message,
@@ -75,9 +76,11 @@ poses = st.builds(
     receive_ns=u64,
     start_ns=u64,
     end_ns=u64,
+    covariance=st.none() | st.tuples(*[st.floats(0.0, 2.0**100, width=32)] * 21),
 )
+directions = quaternions.map(lambda q: tuple((Rotation.from_quat(q).as_matrix()[0]).tolist()))
 messages = st.one_of(
-    st.builds(Hello, u16, u16, text(64), hashes, text(32), text(64), u16),
+    st.builds(Hello, st.integers(0, 0x7FFF), u16, text(64), hashes, text(32), text(64), u16, st.booleans()),
     st.builds(
         HelloAck,
         json_object,
@@ -92,6 +95,7 @@ messages = st.one_of(
         text(64),
         hashes,
         st.sampled_from(PixelFormat),
+        st.booleans(),
     ),
     st.builds(TimeSyncRequest, u64),
     st.builds(TimeSyncReply, u64, u64, u64),
@@ -115,6 +119,8 @@ messages = st.one_of(
         u64,
         u64,
         u64,
+        st.none() | directions,
+        st.sampled_from(Transfer),
     ),
     st.builds(FrameChunk, u32, u32, u32, st.binary(max_size=300)),
     poses,

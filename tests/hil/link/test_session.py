@@ -59,7 +59,7 @@ def test_handshake_settles_session_window_and_camera():
 
     thread = host_side(host, act)
     link = Link(board)
-    terms = greet_host(link, Hello(supported_encodings(), 2, "tango", "ab" * 32, "svd", "test"), 5.0)
+    terms = greet_host(link, Hello(supported_encodings(), 2, "tango", "ab" * 32, "hybrid", "test"), 5.0)
     thread.join()
     assert (terms.camera, terms.window, terms.encoding, link.session_id) == (CAMERA, 2, Encoding.RAW, 77)
 

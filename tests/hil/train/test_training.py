@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.vectors import swing
 from flyaround.hil.board.net.network_camera import NetworkCamera
-from flyaround.hil.board.svd.geometry import quaternion as quat
-from flyaround.hil.board.svd.geometry.vectors import swing
 from flyaround.hil.evaluate.mean_predictor import mean_predictor
 from flyaround.hil.train.pictures import FINER, LabelledPictures, as_they_are, sample
 from flyaround.hil.train.residual_network import ARCHITECTURES

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from flyaround.simulator.camera.detector.electrons import detect, electrons_per_radiance, mosaic
-from flyaround.simulator.camera.detector.fixed_pattern import fixed_pattern
+from flyaround.simulator.camera.detector.charge import bloom, cosmic_ray_charge, fixed_pattern
 from flyaround.simulator.camera.detector.optics import Optics
-from flyaround.simulator.camera.detector.readout import bloom, cosmic_ray_charge
+from flyaround.simulator.camera.detector.readout import detect, mosaic
+from flyaround.simulator.camera.detector.response import electrons_per_radiance
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor, noiseless
 from flyaround.simulator.imaging.image_formation import digitise, noise_sigma
 

@@ -6,9 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from flyaround.simulator.camera.detector import readout
-from flyaround.simulator.camera.detector.deviates import NOISE_BANDS, bit_source
-from flyaround.simulator.camera.detector.electrons import detect
+from flyaround.simulator.camera.detector.readout import detect
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor
 from flyaround.simulator.imaging.image_formation import digitise
 
@@ -108,11 +106,3 @@ def test_a_recipe_s_two_noises_share_no_stream():
         5,
     ).astype(float)
     assert together.var() == pytest.approx(speckle.var() + gaussian.var(), rel=0.03)
-
-
-def test_every_noise_of_a_frame_has_its_own_key():
-    """The parts that the pictures above cannot tell apart: particles, and the bands of rows."""
-    keys = [*range(NOISE_BANDS), readout._ROW_KEY, readout._COLUMN_KEY, readout._PARTICLE_KEY]
-    assert len(set(keys)) == len(keys)
-    drawn = [bit_source(7, 3, key).random_raw(4).tolist() for key in keys]
-    assert len({tuple(words) for words in drawn}) == len(keys)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from mutations import changed_json, changed_text
 
-from flyaround.hil.board.svd import CameraIntrinsics
+from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.simulator.camera.lens.files import list_cameras, parse_camera, read_camera_file
 from flyaround.simulator.camera.lens.formats import document
 from flyaround.simulator.camera.lens.formats.registry import WRITTEN, camera_text

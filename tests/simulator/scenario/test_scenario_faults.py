@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from flyaround.__main__ import run
 from flyaround.cli import hil_host
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.faults import Delay, Disconnect, Faults, StuckPixels
@@ -63,7 +64,9 @@ def test_a_file_takes_the_place_of_the_section(tmp_path, monkeypatch):
     none.write_text("")
     for given in (None, file, none):
         with pytest.raises(Enough):
-            hil_host.host(None, str(EXAMPLE), n=2, faults=given)
+            run(
+                ["hil", "host", str(EXAMPLE), "-n", "2", *([] if given is None else ["--faults", str(given)])]
+            )
     assert taken == [load_scenario(EXAMPLE).faults, Faults(line=(Delay(delay_ms=5.0),)), Faults()]
 
 

@@ -8,9 +8,8 @@ import numpy as np
 from scipy.stats import chi2, norm
 from scipy.stats import poisson as poisson_law
 
-from flyaround.simulator.camera.detector.deviates import bit_source
-from flyaround.simulator.camera.detector.electrons import detect
-from flyaround.simulator.camera.detector.poisson import poisson
+from flyaround.simulator.camera.detector.deviates import bit_source, poisson
+from flyaround.simulator.camera.detector.readout import detect
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.camera.detector.electrons import detect, white_balance
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.detector.readout import detect
+from flyaround.simulator.camera.detector.response import white_balance
 from flyaround.simulator.scene.illumination.bands import sunlight_balance
 
 if TYPE_CHECKING:

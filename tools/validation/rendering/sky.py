@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from flyaround.simulator.camera.detector.electrons import electrons_per_radiance
 from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.response import electrons_per_radiance
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor
 from flyaround.simulator.celestial.star_catalogue import stars
 from flyaround.simulator.runtime.arrays import quat, vec3

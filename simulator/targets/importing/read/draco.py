@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import io
-import os
-import subprocess
-import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.read.bounded_process import DecoderError, run_decoder
 from flyaround.simulator.targets.importing.read.gltf_accessors import COMPONENTS
 
 if TYPE_CHECKING:
@@ -19,7 +17,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DRACO = "KHR_draco_mesh_compression"
-DEADLINE_S = 120.0
 MOST_RESULT_BYTES = 128 << 20  # held up to four times while it is unpacked
 COMPONENT_OF = {"b": 5120, "B": 5121, "h": 5122, "H": 5123, "I": 5125, "f": 5126}
 TYPE_OF = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
@@ -141,29 +138,12 @@ def decoded(path: Path, streams: list[bytes], most_bytes: int = MOST_RESULT_BYTE
     UserError
         If a stream cannot be decoded, or has more than ``most_bytes``.
     """
-    command = [
-        sys.executable,
-        "-P",
-        "-m",
-        "flyaround.simulator.targets.importing.read.draco_process",
-        str(most_bytes),
-    ]
     packed = b"".join(len(s).to_bytes(8, "little") + s for s in streams)
-    # threads of a matrix library would take the memory that is bounded there
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
     try:
-        done = subprocess.run(
-            command, input=packed, capture_output=True, timeout=DEADLINE_S, check=False, env=environment
-        )
-    except subprocess.TimeoutExpired as error:
+        arrays = run_decoder("draco_process", [str(most_bytes)], packed)
+    except DecoderError as error:
         raise UserError(
-            f"{path}: Draco's decoder found no end within {DEADLINE_S:g} s; export the model without compression"
+            f"{path} is packed with Draco and cannot be unpacked: {error}; export it without mesh compression"
         ) from error
-    if done.returncode != 0:
-        said = done.stderr.decode("utf-8", "replace").strip().splitlines()
-        why = said[-1] if done.returncode == 1 and said else f"the decoder ended with {done.returncode}"
-        raise UserError(
-            f"{path} is packed with Draco and cannot be unpacked: {why}; export it without mesh compression"
-        )
-    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
+    with np.load(io.BytesIO(arrays), allow_pickle=False) as archive:
         return {name: archive[name] for name in archive.files}

@@ -12,6 +12,8 @@ import sys
 
 import numpy as np
 
+from flyaround.simulator.targets.importing.read.bounded_process import bound_memory, finish
+
 MOST_MEMORY_BYTES = 1 << 30
 
 
@@ -25,9 +27,8 @@ def main(most_bytes: int) -> int:
     try:
         import DracoPy  # noqa: PLC0415 - before memory is bounded
     except ImportError as error:
-        print(f"the decoder is missing ({error}); pip install DracoPy", file=sys.stderr)  # noqa: T201
-        return 1
-    _bound_memory()
+        return finish(f"the decoder is missing ({error}); pip install DracoPy")
+    bound_memory(MOST_MEMORY_BYTES)
     data = sys.stdin.buffer.read()
     arrays: dict[str, np.ndarray] = {}
     at = stream = size = 0
@@ -38,32 +39,19 @@ def main(most_bytes: int) -> int:
             found = {f"faces_{stream}": mesh.faces}
             found |= {f"{stream}_{int(a['unique_id'])}": a["data"] for a in mesh.attributes}
         except MemoryError:
-            print("it unpacks to more than is read", file=sys.stderr)  # noqa: T201
-            return 1
+            return finish("it unpacks to more than is read")
         except Exception as error:  # noqa: BLE001 - the decoder raises kinds of its own
-            print(f"a stream is damaged ({error})", file=sys.stderr)  # noqa: T201
-            return 1
+            return finish(f"a stream is damaged ({error})")
         size += sum(a.nbytes for a in found.values())
         if size > most_bytes:
-            print("it unpacks to more than is read", file=sys.stderr)  # noqa: T201
-            return 1
+            return finish("it unpacks to more than is read")
         arrays |= found
         at += 8 + length
         stream += 1
     packed = io.BytesIO()
     np.savez(packed, **arrays)  # type: ignore[arg-type]
     sys.stdout.buffer.write(packed.getbuffer())
-    return 0
-
-
-def _bound_memory() -> None:
-    """A stream of a few bytes may ask for any size."""
-    try:
-        import resource  # noqa: PLC0415 - Unix alone has it
-    except ImportError:
-        return
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY_BYTES, MOST_MEMORY_BYTES))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    return finish(None)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Reading .glb .gltf .obj .stl into raw parts: by what the file holds, which must be what its ending says."""
+"""Reading mesh files into raw parts: by what the file holds, which must be what its ending says."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import read_regular
 from flyaround.simulator.targets.glb.read import LARGEST_FILE_BYTES
+from flyaround.simulator.targets.importing.read.foreign import KINDS, read_foreign
 from flyaround.simulator.targets.importing.read.gltf import read_gltf
 from flyaround.simulator.targets.importing.read.named_files import split_word, text_lines
 from flyaround.simulator.targets.importing.read.obj import read_obj
@@ -18,18 +19,17 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.targets.importing.read.raw_model import RawModel
 
-ENDINGS = ("glb", "gltf", "obj", "stl")
+ENDINGS = ("glb", "gltf", "obj", "stl", *KINDS)
 OBJ_WORDS = {"v", "vn", "vt", "f", "o", "g", "mtllib", "usemtl", "s", "vp", "l", "p"}
+MARKS = {b"ply": "ply", b"OFF": "off", b"COFF": "off", b"NOFF": "off", b"ISO-10303-21": "step"}
 OTHERS = {
     b"version https://git-lfs": "a Git LFS pointer instead of the mesh (`git lfs pull` brings it)",
-    b"ply": "a PLY mesh",
-    b"PK": "a ZIP archive (3MF, USDZ or packed files)",
+    b"PK": "a ZIP archive (USDZ or packed files)",
     b"\x89PN": "a PNG image",
     b"\xff\xd8": "a JPEG image",
     b"Kayd": "a binary FBX model",
     b"BLEN": "a Blender scene",
-    b"ISO-": "a STEP model",
-    b"<": "XML (COLLADA, X3D or a web page)",
+    b"<": "XML (X3D or a web page)",
 }
 
 
@@ -53,6 +53,7 @@ def read_mesh(path: Path) -> RawModel:
     if not data.strip():
         raise UserError(f"{path} is empty; export the model again")
     found = detected_format(data)
+    kind = "step" if kind == "stp" else kind
     # a binary STL has no mark of its own
     if found != kind and not (found == "" and kind == "stl"):
         what = f"a .{found} file" if found in ENDINGS else found or "no mesh that is known"
@@ -65,8 +66,10 @@ def read_mesh(path: Path) -> RawModel:
             model = read_gltf(path, data)
         case "obj":
             model = read_obj(path, data)
-        case _:
+        case "stl":
             model = read_stl(path, data)
+        case _:
+            model = read_foreign(path, kind, data)
     model.parts = [p for p in model.parts if len(p.triangles)]
     if not model.parts:
         raise UserError(f"{path} holds no triangles; export the model as a mesh, not as points or curves")
@@ -83,6 +86,13 @@ def detected_format(data: bytes) -> str:
     head = data[:4096].removeprefix(b"\xef\xbb\xbf").lstrip()
     if head[:1] == b"{":
         return "gltf"
+    for magic, kind in MARKS.items():
+        if head.startswith(magic):
+            return kind
+    if head[:1] == b"<" and b"<COLLADA" in head:
+        return "dae"
+    if data[:2] == b"PK" and b"3D/" in data:
+        return "3mf"
     for magic, what in OTHERS.items():
         if head.startswith(magic):
             return what

@@ -132,7 +132,7 @@ def place_model(
         how = f"scaled by {factor:g}"
     else:
         how = (
-            "glTF is in metres"
+            ("glTF is in metres" if model.kind == "gltf" else f"by the unit that the {model.kind} file names")
             if model.in_metres
             else "taken as metres, because the file names no unit: --units mm, cm or in if it is not"
         )

@@ -14,14 +14,14 @@ from random_network import CAMERA, CLASSES, write_network
 from flyaround.__main__ import run
 from flyaround.hil.board.agent import run_board
 from flyaround.hil.board.errors import BoardModelError
-from flyaround.hil.board.methods import check_method_name, estimator_by_name
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.vectors import swing
+from flyaround.hil.board.methods import check_method_name, make_estimator
 from flyaround.hil.board.net.attitude_classes import class_attitudes, mean_attitude, shares
 from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
 from flyaround.hil.board.net.network_estimator import placed
 from flyaround.hil.board.net.network_file import NetworkFile
-from flyaround.hil.board.svd import CameraIntrinsics
-from flyaround.hil.board.svd.geometry import quaternion as quat
-from flyaround.hil.board.svd.geometry.vectors import swing
 
 LENS = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 BENT = dataclasses.replace(LENS, distortion_model="brown_conrady", distortion=(-0.3, 0.1, 1e-3, -1e-3, 0.0))
@@ -89,7 +89,7 @@ def craft_network(tmp_path, **options):
 
 def test_what_it_is_sure_of_is_the_pose(tmp_path):
     model, path = craft_network(tmp_path, sure=7)
-    estimator = estimator_by_name(model, LENS, f"net:{path}")
+    estimator = make_estimator(model, LENS, f"net:{path}")
     image = np.zeros((300, 480), np.uint8)
     image[100:150, 200:260] = 180
     result = estimator.estimate(image)
@@ -109,7 +109,7 @@ def test_what_it_is_sure_of_is_the_pose(tmp_path):
 def test_what_it_is_not_sure_of_is_declined_with_its_best_pose(tmp_path):
     model, path = craft_network(tmp_path)
     image = np.random.default_rng(0).integers(0, 255, (300, 480)).astype(np.uint8)
-    result = estimator_by_name(model, LENS, f"net:{path}").estimate(image)
+    result = make_estimator(model, LENS, f"net:{path}").estimate(image)
     assert not result.accepted
     assert result.reason == "several attitudes are as likely"
     assert result.q_camera_from_target_wxyz is not None
@@ -118,9 +118,9 @@ def test_what_it_is_not_sure_of_is_declined_with_its_best_pose(tmp_path):
 def test_a_network_of_another_craft_and_a_solver_are_refused(tmp_path):
     path = write_network(tmp_path / "net.onnx", ("dragon", ""))
     with pytest.raises(BoardModelError, match="trained on dragon"):
-        estimator_by_name(Craft().model(), LENS, f"net:{path}")
+        make_estimator(Craft().model(), LENS, f"net:{path}")
     with pytest.raises(BoardModelError, match="leave it out"):
-        estimator_by_name(Craft().model(), LENS, f"net:{path}", solver="epnp")
+        make_estimator(Craft().model(), LENS, f"net:{path}", solver="epnp")
     for name in ("guess", "net:", "net:none.onnx"):
         with pytest.raises(BoardModelError):
             check_method_name(name)

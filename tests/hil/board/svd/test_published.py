@@ -6,37 +6,32 @@ import cv2
 import numpy as np
 import pytest
 
-from flyaround.hil.board.svd import BoardModel, BoardModelError, CameraIntrinsics, make_estimator
-from flyaround.hil.board.svd.geometry import quaternion as quat
-from flyaround.hil.board.svd.geometry.camera import undistorted_rays
-from flyaround.hil.board.svd.image.region import Region
-from flyaround.hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from flyaround.hil.board.svd.propose.pnp import solve_points
-from flyaround.hil.board.svd.propose.three_points import three_point_poses
-from flyaround.hil.board.svd.published import published_estimator as published
-from flyaround.hil.board.svd.published.corners import (
-    corner_map,
-    model_corners,
-    refine_on_corners,
-    reprojection,
-)
-from flyaround.hil.board.svd.published.ellipses import (
+from flyaround.hil.board.estimation import BoardModel, BoardModelError, CameraIntrinsics
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import undistorted_rays
+from flyaround.hil.board.estimation.record import StageRecord
+from flyaround.hil.board.methods import make_estimator
+from flyaround.hil.board.svd.ellipses import (
     EllipseFit,
     circle_poses,
     circle_views,
     hough_ellipses,
     model_circles,
 )
-from flyaround.hil.board.svd.published.line_streams import (
-    Streams,
-    find_streams,
-    grown_region,
-    harris_corners,
-    sobel_edges,
+from flyaround.hil.board.svd.line_streams import Streams, find_streams, harris_corners, sobel_edges
+from flyaround.hil.board.svd.perceptual_groups import image_point_groups
+from flyaround.hil.board.svd.pipeline import PublishedEstimator
+from flyaround.hil.board.svd.pose_solvers import solve_points, three_point_poses
+from flyaround.hil.board.svd.refinement import (
+    corner_map,
+    model_corners,
+    refine_on_corners,
+    reprojection,
 )
-from flyaround.hil.board.svd.published.point_groups import image_point_groups, model_point_groups
-from flyaround.hil.board.svd.published.published_estimator import PublishedEstimator
-from flyaround.hil.board.svd.published.settings import SOLVERS, SVD_2018, SVD_THESIS, PublishedConfig
+from flyaround.hil.board.svd.region_of_interest import Region, grown_region
+from flyaround.hil.board.svd.settings import SOLVERS, SVD_2018, SVD_THESIS, PublishedConfig
+from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
+from flyaround.hil.board.svd.wireframe_groups import model_point_groups
 
 CAMERA = CameraIntrinsics(640, 480, 900.0, 900.0, 319.5, 239.5)
 HALF = np.array([0.5, 0.4, 0.15])
@@ -218,7 +213,7 @@ def test_a_saturated_part_does_not_hide_the_rest_from_the_sobel_stream() -> None
 
 
 @pytest.mark.parametrize("config", [SVD_2018, SVD_THESIS])
-def test_exact_lines_give_the_pose(config: PublishedConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exact_lines_give_the_pose(config: PublishedConfig) -> None:
     """Everything after the streams, on the outline of a box that is drawn without error."""
     seen = [f for f, n in enumerate(NORMALS) if (quat.matrix(Q) @ n) @ (quat.matrix(Q) @ (n * HALF) + T) < 0]
     sides = {tuple(sorted((FACES[f][k], FACES[f][(k + 1) % 4]))) for f in seen for k in range(4)}
@@ -227,8 +222,8 @@ def test_exact_lines_give_the_pose(config: PublishedConfig, monkeypatch: pytest.
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     region = Region(*low, *high, "test")
     streams = Streams(lines, {"wge": lines}, np.zeros((0, 2)), (), np.zeros((1, 1), bool), region)
-    monkeypatch.setattr(published, "find_streams", lambda *_: streams)
-    result = PublishedEstimator(box(), CAMERA, config).estimate(drawn("square").astype(np.uint8))
+    frame = StageRecord(drawn("square").astype(np.uint8))
+    result = PublishedEstimator(box(), CAMERA, config).from_streams(frame, streams)
     assert result.q_camera_from_target_wxyz is not None
     assert result.t_camera_from_target_m is not None
     # the box looks the same after a half turn about each of its axes
@@ -274,7 +269,7 @@ def test_methods_differ_in_what_the_papers_say() -> None:
     ("method", "solver", "streams", "word"),
     [
         ("guess", None, None, "unknown method"),
-        ("svd", "epnp", None, "no choice"),
+        ("hybrid", "epnp", None, "no choice"),
         ("svd-2018", "dls", None, "unknown solver"),
         ("svd-2018", None, ["wge", "x"], "unknown stream"),
     ],

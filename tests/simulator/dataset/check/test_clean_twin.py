@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flyaround.simulator.camera.detector.electrons import white_balance
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.detector.response import white_balance
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor, noiseless, with_bits
 from flyaround.simulator.dataset.check.clean_twin import check_clean
 from flyaround.simulator.imaging.image_formation import digitise

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flyaround.simulator.camera.detector.electrons import detect, white_balance
 from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.readout import detect
+from flyaround.simulator.camera.detector.response import white_balance
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor
 from flyaround.simulator.dataset.check.clean_twin import balance_factors
 from flyaround.simulator.dataset.check.redraw import check_same_picture

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flyaround.simulator.camera.detector.electrons import electrons_per_radiance
 from flyaround.simulator.camera.detector.optics import Optics
+from flyaround.simulator.camera.detector.response import electrons_per_radiance
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor
 from flyaround.simulator.celestial.star_catalogue import star_irradiance_w_m2, stars
 from flyaround.simulator.scene.illumination.planets import NAMES, planets

@@ -213,7 +213,7 @@ def test_fly_says_what_happened_and_replaces_nothing_unasked(
         assert run(["fly", str(scenario), "-o", str(out), "--every", "5", "--overwrite", "--record"]) == 2
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
     assert run(["fly", str(scenario), "-o", str(out), "--every", "10", "--overwrite"]) == 0
-    assert sorted(path.name for path in out.iterdir()) == ["scenario.json", "states.csv"]
+    assert sorted(path.name for path in out.iterdir()) == ["run.toml", "scenario.json", "states.csv"]
     # what another put there is never taken away
     before = (out / "states.csv").read_bytes()
     (out / "mine.txt").write_text("keep")

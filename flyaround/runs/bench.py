@@ -1,0 +1,18 @@
+"""The run of ``flyaround bench``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from msgspec import Meta
+
+from flyaround.runs.document import HOW, Run
+
+
+class BenchRun(Run, frozen=True, kw_only=True, tag="flyaround.run.bench"):
+    """Frame cost per scene, and every other part."""
+
+    frames: Annotated[Annotated[int, Meta(ge=3)], typer.Option("-n", help="Frames timed per scene.")] = 20
+    scene: Annotated[tuple[str, ...], typer.Option(help="Only these scenes (repeat the option).")] = ()
+    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), HOW] = None

@@ -1,0 +1,71 @@
+"""The run of ``flyaround hil camera``."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import typer
+from msgspec import Meta
+
+from flyaround.hil.host.camera_endpoint.registers import RATE_HZ
+from flyaround.runs.document import HOW, Only, Run
+from flyaround.runs.fields import File, FlightSeed, Flown
+
+_OF_ANSWERS = "--log and --key are about a board's answers: give --answers tcp://127.0.0.1:5602, too"
+
+
+class CameraRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-camera"):
+    """A camera on the network."""
+
+    RULES: ClassVar = (
+        Only("log", "answers", None, _OF_ANSWERS),
+        Only("key", "answers", None, _OF_ANSWERS),
+    )
+    scenario: Flown
+    interface: Annotated[str, typer.Option(help="Network interface to be found on, such as eth1 or lo.")]
+    allow: Annotated[
+        tuple[str, ...],
+        typer.Option(
+            help="IPv4 address of a controller that is answered; repeat it (default: this machine)."
+        ),
+    ] = ()
+    loop: Annotated[
+        Annotated[int, Meta(ge=1, le=1000)] | None,
+        typer.Option(help="Draw so many frames of the flight first and loop them, for full rates."),
+    ] = None
+    rate_hz: Annotated[
+        Annotated[float, Meta(ge=RATE_HZ[0], le=RATE_HZ[1])],
+        typer.Option("--rate", help="Frames a second, until a client changes it."),
+    ] = 30.0
+    xml: Annotated[
+        File | None,
+        typer.Option(help="Serve this GenICam description (.xml or .zip) instead of the camera's own."),
+    ] = None
+    write: Annotated[
+        File | None,
+        typer.Option("--write-xml", help="Write the camera's own description to a file, and end."),
+        HOW,
+    ] = None
+    address: Annotated[
+        str | None, typer.Option(help="One of the interface's IPv4 addresses (default: its first).")
+    ] = None
+    loss: Annotated[
+        Annotated[float, Meta(ge=0, le=50)],
+        typer.Option(help="Per cent of the stream's packets to leave out, to try packet resend."),
+    ] = 0.0
+    answers: Annotated[
+        str | None,
+        typer.Option(
+            help="Let a board that reads the camera say its poses here: tcp://HOST:PORT, for its --answer."
+        ),
+    ] = None
+    log: Annotated[
+        File | None,
+        typer.Option(help="Folder for the ledger of pictures and answers (with --answers), as of hil host."),
+        HOW,
+    ] = None
+    key: Annotated[
+        File | None, typer.Option(help="File with the key that a board's --answer has to prove.")
+    ] = None
+    seed: FlightSeed = None
+    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), HOW] = None

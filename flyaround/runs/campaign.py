@@ -1,0 +1,62 @@
+"""The runs of ``flyaround hil campaign`` and ``hil delay-map``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from msgspec import Meta
+
+from flyaround.runs.document import HOW, Run
+from flyaround.runs.fields import File
+
+Workers = Annotated[int, Meta(ge=1, le=256)]
+
+
+class CampaignRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-campaign"):
+    """Cases with their seeds, against requirements."""
+
+    file: Annotated[File, typer.Argument(help="Campaign file (TOML): cases, seeds, requirements.")]
+    output: Annotated[
+        File,
+        typer.Option("--output", "-o", help="Folder: new, or of this campaign, which goes on."),
+        HOW,
+    ]
+    workers: Annotated[Workers, typer.Option(help="Runs at a time."), HOW] = 1
+
+
+class DelayMapRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-delay-map"):
+    """Success of an approach over latency, jitter and losses of its poses."""
+
+    scenario: Annotated[
+        str, typer.Argument(help="Built-in name or TOML file, its chaser flown by thrusters.")
+    ]
+    output: Annotated[
+        File, typer.Option("--output", "-o", help="Folder: new, or of this map, which goes on."), HOW
+    ]
+    latency: Annotated[str, typer.Option(help="Seconds from mid-exposure to the pose, with commas.")] = (
+        "0.3,2,4,5,6"
+    )
+    jitter: Annotated[str, typer.Option(help="Seconds more, evenly from 0 to so many, with commas.")] = (
+        "0,0.5,1,2,4"
+    )
+    drops: Annotated[str, typer.Option(help="Shares of the poses that are lost, with commas.")] = "0,0.3,0.6"
+    flights: Annotated[
+        Annotated[int, Meta(ge=1, le=10_000)],
+        typer.Option("--flights", "-n", help="Approaches of each cell."),
+    ] = 20
+    seed: Annotated[
+        Annotated[int, Meta(ge=0, le=2**31 - 1)], typer.Option(help="Of each cell's first approach.")
+    ] = 1
+    every_s: Annotated[
+        float | None,
+        typer.Option("--every", help="Seconds between pictures (default: each period of control)."),
+    ] = None
+    check: Annotated[
+        Annotated[int, Meta(ge=0)],
+        typer.Option(help="Cells to fly again, drawn, on the poses of a board that is started here."),
+    ] = 0
+    check_flights: Annotated[
+        Annotated[int, Meta(ge=1, le=1000)], typer.Option(help="Approaches of each of those.")
+    ] = 5
+    workers: Annotated[Workers, typer.Option(help="Approaches at a time."), HOW] = 1

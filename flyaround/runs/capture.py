@@ -1,0 +1,123 @@
+"""The run of ``flyaround capture``."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import typer
+from msgspec import Meta
+
+from flyaround.runs.document import HOW, Only, Run
+from flyaround.runs.fields import Count, File, Gpu, Labels, Preset, Seed, World
+from flyaround.simulator.dataset.formats.registry import writable
+from flyaround.simulator.runtime.sections import Section
+
+
+class CapturedPictures(Section, frozen=True, kw_only=True):
+    """Which pictures are taken."""
+
+    n: Annotated[
+        Count | None,
+        typer.Option(
+            "-n", help="Frames: evenly in time (default 20), or samples of a recipe (default its own)."
+        ),
+    ] = None
+    every_s: Annotated[
+        float | None, typer.Option("--every", help="Seconds between frames, instead of -n.")
+    ] = None
+    rgb: Annotated[bool, typer.Option("--rgb", help="Colour images instead of the scenario's bands.")] = False
+    quality: Preset = None
+    environment: World = None
+    camera: Annotated[
+        str | None, typer.Option(help="Built-in camera or file, instead of the scenario's own.")
+    ] = None
+    target: Annotated[str | None, typer.Option(help="Another craft than the scenario's or recipe's own.")] = (
+        None
+    )
+    vary: Annotated[
+        File | None,
+        typer.Option(help="TOML file of ranges out of which each frame's craft, light and image are varied."),
+    ] = None
+    seed: Seed = None
+
+
+class DataSet(Section, frozen=True, kw_only=True):
+    """What is written of each picture."""
+
+    formats: Annotated[
+        str,
+        typer.Option("--format", help=f"Beside the native layout: {', '.join(writable()[1:])}; with commas."),
+    ] = "native"
+    split: Annotated[
+        str | None,
+        typer.Option(
+            help="Shares of training, validation and test frames, such as 8:1:1, alike at all ranges "
+            "(default: a recipe's own).",
+        ),
+    ] = None
+    labels: Labels = None
+    sensors: Annotated[
+        str, typer.Option(help="Sensors of other packages, with commas (docs/plugins.md).")
+    ] = ""
+
+
+class Drawing(Section, frozen=True, kw_only=True):
+    """Which processes draw; the bytes do not depend on it."""
+
+    workers: Annotated[
+        Annotated[int, Meta(ge=1, le=64)], typer.Option(help="Processes that draw; same bytes."), HOW
+    ] = 1
+    ray: Annotated[
+        str | None,
+        typer.Option(help="Draw on a Ray cluster instead: auto, HOST:PORT or ray://HOST:PORT; same bytes."),
+        HOW,
+    ] = None
+    gpu_share: Annotated[
+        Annotated[float, Meta(ge=0, le=1)],
+        typer.Option(help="Part of a GPU for each of Ray's drawing processes."),
+        HOW,
+    ] = 0.0
+    gpu: Gpu = None
+
+
+class CaptureRun(Run, frozen=True, kw_only=True, tag="flyaround.run.capture"):
+    """A labelled data set of a flight or a recipe."""
+
+    RULES: ClassVar = (
+        Only(
+            "pictures.n", "pictures.every_s", (None,), "capture takes -n or --every, not both; leave one out"
+        ),
+        Only(
+            "drawing.gpu_share",
+            "drawing.ray",
+            None,
+            "--gpu-share is of a Ray cluster's processes; add --ray, or choose a GPU with --gpu",
+        ),
+        Only(
+            "drawing.workers",
+            "drawing.ray",
+            (None,),
+            "--workers draw here and --ray draws on a cluster; leave one out",
+        ),
+    )
+    scenario: Annotated[str, typer.Argument(help="Built-in scenario or recipe, or a TOML file.")]
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Folder of the data set, new or empty; or a URL of fsspec: s3://bucket/set.",
+        ),
+        HOW,
+    ]
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume",
+            help="Go on with a data set: verify what is there, draw what is damaged or missing, up to a larger -n.",
+        ),
+        HOW,
+    ] = False
+    pictures: CapturedPictures = CapturedPictures()
+    data_set: DataSet = DataSet()
+    drawing: Drawing = Drawing()

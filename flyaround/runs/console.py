@@ -1,0 +1,52 @@
+"""The run of ``flyaround sim``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from flyaround.runs.document import HOW, Run
+from flyaround.runs.fields import Duration, File, Gpu
+
+
+class ConsoleRun(Run, frozen=True, kw_only=True, tag="flyaround.run.sim"):
+    """A flight in a window."""
+
+    scenario: Annotated[
+        str | None,
+        typer.Argument(help="Built-in name or TOML file; left out: tango-flyaround, and a chooser of all."),
+    ] = None
+    size: Annotated[str, typer.Option(help="Size of the window, WIDTHxHEIGHT.")] = "1280x800"
+    off_screen: Annotated[
+        bool,
+        typer.Option(
+            "--off-screen", help="Draw the window where nobody sees it; needs no display. For scripts."
+        ),
+        HOW,
+    ] = False
+    seed: Annotated[int | None, typer.Option(help="Seed of the noise (default: the scenario's).")] = None
+    overlays: Annotated[
+        str, typer.Option(help="Overlays to start with: keypoints,names,box,axes,wireframe,times.")
+    ] = ""
+    seconds: Annotated[
+        Duration | None, typer.Option(help="Close by itself so long after the first picture.")
+    ] = None
+    screenshot: Annotated[File | None, typer.Option(help="Picture of the window at the end (.png)."), HOW] = (
+        None
+    )
+    record: Annotated[
+        File | None,
+        typer.Option(
+            help="Empty folder for the flight as flown and replay.toml, which flies it again; on disk while flying."
+        ),
+        HOW,
+    ] = None
+    script: Annotated[
+        File | None,
+        typer.Option(help="Commands to do at their times, as --log and the console's log write them."),
+    ] = None
+    log: Annotated[
+        File | None, typer.Option(help="File for what was done, as a script for --script."), HOW
+    ] = None
+    gpu: Gpu = None

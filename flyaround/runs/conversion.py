@@ -1,0 +1,42 @@
+"""The run of ``flyaround convert``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from flyaround.runs.document import HOW, Run
+from flyaround.runs.fields import File
+from flyaround.simulator.dataset.formats.registry import NATIVE, readable, writable
+
+
+class ConvertRun(Run, frozen=True, kw_only=True, tag="flyaround.run.convert"):
+    """A data set in another format."""
+
+    source: Annotated[
+        File, typer.Argument(help="A data set: its folder, or of others the list of labels within.")
+    ]
+    output: Annotated[File, typer.Option("--output", "-o", help="Folder to write: new or empty."), HOW]
+    form: Annotated[
+        str,
+        typer.Option(
+            "--format", help=f"Of {', '.join(writable())}; several with commas, each in a folder of its name."
+        ),
+    ] = NATIVE
+    source_format: Annotated[
+        str | None,
+        typer.Option(
+            "--from", help=f"Format of the source, found out unless given: native, {', '.join(readable())}."
+        ),
+    ] = None
+    target: Annotated[
+        str | None, typer.Option(help="The craft in pictures of others (of SPEED's kin: tango).")
+    ] = None
+    camera: Annotated[
+        str | None,
+        typer.Option(help="Camera of pictures of others, built-in or a file, instead of their own."),
+    ] = None
+    split: Annotated[
+        str | None, typer.Option(help="Shares of training, validation and test frames, such as 8:1:1.")
+    ] = None

@@ -1,0 +1,179 @@
+"""The base of runs: their fields, the table of what excludes what, their reader and their writer."""
+
+from __future__ import annotations
+
+from operator import attrgetter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, get_origin
+
+import msgspec
+from msgspec import inspect as mi
+from typer.models import ArgumentInfo, OptionInfo
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.sections import Section
+from flyaround.simulator.runtime.toml_file import parse_toml, read_toml
+from flyaround.simulator.runtime.urls import without_secrets
+from flyaround.simulator.runtime.validation_errors import explain
+from flyaround.simulator.scenario.write import to_toml
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+RUN_TOML = "run.toml"
+PATH = "path"
+HOW = "how"
+"""Marks a field that says where the result goes or what draws it: it changes no byte of it and is not recorded."""
+
+
+class Only(NamedTuple):
+    """A field that may be given with some values of another field alone.
+
+    Parameters
+    ----------
+    field, other : keys, such as ``pictures.n``.
+    values : of the other; None for any but its default.
+    sentence : said otherwise; ``{value}`` is that of the field.
+    """
+
+    field: str
+    other: str
+    values: tuple[Any, ...] | None
+    sentence: str
+
+
+class Run(Section, frozen=True, kw_only=True, tag_field="schema"):
+    """What a command is asked for. Paths are as on the command line: from the working directory."""
+
+    version: Literal[1] = 1
+    RULES: ClassVar[tuple[Only, ...]] = ()
+
+
+class RunField(NamedTuple):
+    """A field of a run that is an option or an argument.
+
+    Parameters
+    ----------
+    key : where it is in the document, such as ``line.listen``. section : type of the table that it is in.
+    declared : help and names on the command line. recorded : False for a field marked ``HOW``.
+    """
+
+    key: str
+    section: type[Section]
+    kind: mi.Type
+    default: Any
+    declared: OptionInfo | ArgumentInfo
+    recorded: bool
+
+    @property
+    def name(self) -> str:
+        """Name of the field in its section."""
+        return self.key.rpartition(".")[2]
+
+    @property
+    def panel(self) -> str | None:
+        """Title of its section, None at the top."""
+        return self.key.rpartition(".")[0].replace("_", " ").capitalize() or None
+
+    @property
+    def flag(self) -> str:
+        """Name on the command line."""
+        if isinstance(self.declared, ArgumentInfo):
+            return self.name.upper()
+        # Typer puts the first name where a default would be
+        names = [n for n in (self.declared.default, *(self.declared.param_decls or ())) if isinstance(n, str)]
+        long = [name for name in names if name.startswith("--")]
+        return [*long, *names, f"--{self.name.replace('_', '-')}"][0].partition("/")[0]
+
+
+def run_fields(kind: type[Section], above: str = "") -> Iterator[RunField]:
+    """Yield the fields of a run and of its sections, in order."""
+    for field in msgspec.structs.fields(kind):
+        key = f"{above}{field.name}"
+        if isinstance(field.type, type) and issubclass(field.type, Section):
+            yield from run_fields(field.type, f"{key}.")
+        elif get_origin(field.type) is Annotated:
+            marks = field.type.__metadata__
+            yield RunField(
+                key,
+                kind,
+                mi.type_info(field.type),
+                field.default,
+                next(mark for mark in marks if isinstance(mark, OptionInfo | ArgumentInfo)),
+                HOW not in marks,
+            )
+
+
+def read_run(path: Path, kind: type[Run]) -> dict[str, Any]:
+    """Read the keys of a run's file, checked; what it lacks may be given on the command line.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read, is another command's, or has a mistake: file, key, value given and what is allowed.
+    """
+    where = f"--run {path}"
+    raw = parse_toml(read_toml(path, where, "give a TOML file of a run"), where)
+    own = mi.type_info(kind).tag  # type: ignore[attr-defined]
+    schema = raw.get("schema", own)
+    if schema != own:
+        raise UserError(
+            f"{where} has the schema {schema!r}, and this command's runs have {own!r}: give it one of those"
+        )
+    try:
+        msgspec.convert(raw, kind)
+    except msgspec.ValidationError as error:
+        if "missing required field" not in str(error) or " - at " in str(error):
+            raise UserError(f"{where}: {explain(str(error), raw, kind)}") from error
+    return raw
+
+
+def given_fields(run: Run) -> list[RunField]:
+    """Return the fields whose values are not the defaults."""
+    return [field for field in run_fields(type(run)) if attrgetter(field.key)(run) != field.default]
+
+
+def refuse_exclusions(run: Run) -> None:
+    """Refuse a run with fields that do not go together.
+
+    Raises
+    ------
+    UserError
+        With the sentence of the first rule that is broken.
+    """
+    given = {field.key for field in given_fields(run)}
+    for rule in run.RULES:
+        fits = rule.other in given if rule.values is None else attrgetter(rule.other)(run) in rule.values
+        if rule.field in given and not fits:
+            raise UserError(rule.sentence.format(value=attrgetter(rule.field)(run)))
+
+
+def run_toml(run: Run) -> bytes:
+    """Return a run as a TOML file, all keys that have a value in it, without the secrets of URLs.
+
+    Left out is what changes no byte of the result: where it goes, and which processes and devices draw.
+    """
+    table = msgspec.to_builtins(run)
+    for field in run_fields(type(run)):
+        *sections, name = field.key.split(".")
+        section = table
+        for inner in sections:
+            section = section[inner]
+        if not field.recorded:
+            del section[name]
+        elif isinstance(section[name], str):
+            section[name] = without_secrets(section[name])
+    whole = {key: value for key, value in table.items() if value != {}}
+    return to_toml(whole).encode()
+
+
+def write_run(path: Path, run: Run) -> None:
+    """Write a run: into a folder as ``run.toml``, beside a file as ``NAME.run.toml``.
+
+    Raises
+    ------
+    UserError
+        If it cannot be written.
+    """
+    write_atomic(path / RUN_TOML if path.is_dir() else path.with_suffix(f".{RUN_TOML}"), run_toml(run))

@@ -1,0 +1,120 @@
+"""The runs of ``flyaround estimate``, ``evaluate``, ``train`` and ``compare``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from msgspec import Meta
+
+from flyaround.hil.board.method_names import ALL_METHODS, HYBRID
+from flyaround.hil.board.svd.settings import SOLVERS, STREAMS
+from flyaround.hil.train.residual_network import ARCHITECTURES
+from flyaround.runs.document import HOW, Run
+from flyaround.runs.fields import AnySeed, Count, File
+from flyaround.simulator.runtime.sections import Section
+
+Methods = ", ".join(ALL_METHODS)
+
+
+class Published(Section, frozen=True, kw_only=True):
+    """Parts of the published methods, svd-2018 and svd-thesis."""
+
+    solver: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Pose solver of svd-2018 and svd-thesis: {', '.join(SOLVERS)} (default: the method's own)."
+        ),
+    ] = None
+    streams: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Feature streams of svd-2018 and svd-thesis, with commas: {', '.join(STREAMS)} (default: wge,sh)."
+        ),
+    ] = None
+
+
+class EstimateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.estimate"):
+    """Poses of a target in images."""
+
+    images: Annotated[
+        tuple[File, ...],
+        typer.Argument(help="PNG images, 8 or 16 bits; colour is taken in grey, and that is said."),
+    ]
+    target: Annotated[str, typer.Option(help="Target name.")] = "tango"
+    camera: Annotated[str, typer.Option(help="CAMERA.json, or the name of a built-in camera.")] = "speed"
+    method: Annotated[str, typer.Option(help=f"One of {Methods}.")] = HYBRID
+    debug: Annotated[
+        File | None,
+        typer.Option(help="New or empty folder for a picture of every stage, a folder for each image."),
+        HOW,
+    ] = None
+    published: Published = Published()
+
+
+class EvaluateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.evaluate"):
+    """Estimates of every frame of a data set against its truth."""
+
+    folder: Annotated[File, typer.Argument(help="A data set written by capture.")]
+    output: Annotated[
+        File, typer.Option("--output", "-o", help="Folder of the report: new or empty."), HOW
+    ] = "report"
+    methods: Annotated[
+        tuple[str, ...],
+        typer.Option("--method", help=f"One of {Methods} (default hybrid); repeat it to compare."),
+    ] = ()
+    model: Annotated[
+        File | None,
+        typer.Option(help="Board model file given to the estimator, instead of the target's own."),
+    ] = None
+    workers: Annotated[Count, typer.Option(help="Processes; with one, times are honest."), HOW] = 1
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with what an interrupted run left."), HOW
+    ] = False
+    published: Published = Published()
+
+
+class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
+    """A network that is trained on a data set."""
+
+    folder: Annotated[File, typer.Argument(help="A data set written by capture.")]
+    output: Annotated[File, typer.Option("--output", "-o", help="The network's file, NAME.onnx."), HOW]
+    minutes: Annotated[
+        Annotated[float, Meta(ge=0.01, le=100_000)], typer.Option(help="How long to train.")
+    ] = 6.0
+    steps: Annotated[
+        Count | None,
+        typer.Option(help="Steps instead of minutes: the same on every machine of a kind."),
+    ] = None
+    network: Annotated[str, typer.Option(help=f"Its size: {' or '.join(ARCHITECTURES)}.")] = "small"
+    width: Annotated[
+        Annotated[int, Meta(ge=32, le=1024)], typer.Option(help="Width of its pictures [px].")
+    ] = 160
+    classes: Annotated[
+        Annotated[int, Meta(ge=64, le=20_000)], typer.Option(help="Attitudes that it tells apart.")
+    ] = 1024
+    seed: Annotated[AnySeed, typer.Option(help="Of its start and of the samples.")] = 0
+    device: Annotated[str, typer.Option(help="cpu, or cuda with an NVIDIA card.")] = "cpu"
+    threads: Annotated[Annotated[int, Meta(ge=1, le=256)], typer.Option(help="Of the processor.")] = 1
+
+
+class CompareRun(Run, frozen=True, kw_only=True, tag="flyaround.run.compare"):
+    """Pictures of others beside ours of the like views."""
+
+    reference: Annotated[File, typer.Option(help="Folder of pictures to compare with; they stay there.")]
+    output: Annotated[File, typer.Option("--output", "-o", help="Folder of the page: new or empty."), HOW] = (
+        "comparison"
+    )
+    n: Annotated[Count, typer.Option("-n", help="Pictures at most, evenly over the folder.")] = 16
+    target: Annotated[str, typer.Option(help="The craft in them.")] = "tango"
+    camera: Annotated[
+        str, typer.Option(help="Camera that took them, scaled to each picture: name or file.")
+    ] = "speed"
+    labels: Annotated[
+        File | None,
+        typer.Option(help="Poses of the pictures in SPEED's form (train.json); else they are estimated."),
+    ] = None
+    sensor: Annotated[
+        str | None, typer.Option(help="Sensor preset of ours (default: as noisy as each picture).")
+    ] = None
+    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), HOW] = None

@@ -1,0 +1,32 @@
+"""Types of fields that runs share: numbers with their bounds, files, and options with their help."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from msgspec import Meta
+
+from flyaround.runs.document import HOW, PATH
+from flyaround.simulator.labels.request import LAYERS
+from flyaround.simulator.scene.environments import ENVIRONMENTS
+from flyaround.simulator.scene.state import Quality
+
+File = Annotated[str, Meta(extra={PATH: True})]
+Count = Annotated[int, Meta(ge=1)]
+AnySeed = Annotated[int, Meta(ge=0)]
+Duration = Annotated[float, Meta(ge=0)]
+
+Flown = Annotated[str, typer.Argument(help="Built-in name or TOML file.")]
+Seed = Annotated[AnySeed | None, typer.Option(help="Seed of every random choice (default: the scenario's).")]
+FlightSeed = Annotated[AnySeed | None, typer.Option(help="Seed (default: the scenario's).")]
+Labels = Annotated[
+    str | None,
+    typer.Option(help=f"Label layers beyond truth and mask: all, none, or of {', '.join(LAYERS)}."),
+]
+World = Annotated[
+    str | None,
+    typer.Option(help=f"Layers of the world instead of the scenario's: {', '.join(ENVIRONMENTS)}."),
+]
+Preset = Annotated[Quality | None, typer.Option(help="draft, default or high.")]
+Gpu = Annotated[int | None, typer.Option(help="EGL device to draw on (default: the driver's choice)."), HOW]

@@ -1,0 +1,31 @@
+"""The run of ``flyaround fly``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from flyaround.runs.document import HOW, Run
+from flyaround.runs.fields import File, Flown
+
+
+class FlyRun(Run, frozen=True, kw_only=True, tag="flyaround.run.fly"):
+    """The states of a flight."""
+
+    scenario: Flown
+    output: Annotated[
+        File,
+        typer.Option("--output", "-o", help="Folder for states.csv and scenario.json: new or empty."),
+        HOW,
+    ]
+    every_s: Annotated[float, typer.Option("--every", help="Seconds between rows.")] = 1.0
+    oem: Annotated[bool, typer.Option("--oem", help="Write target.oem and chaser.oem (CCSDS).")] = False
+    aem: Annotated[bool, typer.Option("--aem", help="Write target.aem and chaser.aem (CCSDS).")] = False
+    record: Annotated[
+        bool,
+        typer.Option("--record", help="Write flight.npz and replay.toml, a scenario that flies it again."),
+    ] = False
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an earlier flight in that folder."), HOW
+    ] = False

@@ -1,0 +1,255 @@
+"""The run of ``flyaround hil host``."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal, get_args
+
+import typer
+from msgspec import Meta
+
+from flyaround.hil.host.link_process.ipc import Compression, PixelFormatName
+from flyaround.hil.link.session import SILENCE_S
+from flyaround.runs.document import HOW, Only, Run
+from flyaround.runs.fields import Count, Duration, File, FlightSeed, Flown
+from flyaround.simulator.runtime.sections import Section
+
+POSE_S, CONNECT_S = 30.0, 60.0
+"""Seconds for a pose, and for a board to connect, where ``timeout_s`` is not given."""
+
+AtLeastTenth = Annotated[float, Meta(ge=0.1)]
+
+
+class Line(Section, frozen=True, kw_only=True):
+    """The line to the board, and what goes over it."""
+
+    listen: Annotated[
+        str,
+        typer.Option(
+            help="tcp://HOST:PORT or serial:///DEVICE?baud=N for a board; gige://IFACE as hil camera."
+        ),
+    ] = "tcp://127.0.0.1:5600"
+    key: Annotated[
+        File | None,
+        typer.Option(help="File with a key that boards and loggers must prove to have; hil key writes one."),
+    ] = None
+    truth: Annotated[
+        Literal["separate", "inline", "off"],
+        typer.Option(help="separate: own endpoint, one port up; inline: with each frame; off: kept home."),
+    ] = "separate"
+    pixel_format: Annotated[
+        PixelFormatName,
+        typer.Option(
+            help=f"GenICam name of what is sent: {', '.join(get_args(PixelFormatName))} (auto: all bits)."
+        ),
+    ] = "auto"
+    encoding: Annotated[
+        Compression,
+        typer.Option(
+            help=f"One of {', '.join(get_args(Compression))} (auto: zstd on a serial line, raw else)."
+        ),
+    ] = "auto"
+    silence_s: Annotated[
+        Annotated[float, Meta(ge=0.5)],
+        typer.Option(
+            "--silence",
+            help="Seconds after which a board that says nothing, not even that it still works, counts as gone.",
+        ),
+    ] = SILENCE_S
+    max_misses: Annotated[
+        Annotated[int, Meta(ge=0)],
+        typer.Option(
+            help="Frames in a row without an answer in time after which the board counts as gone; 0: never."
+        ),
+    ] = 3
+    allow_none: Annotated[
+        bool,
+        typer.Option(
+            "--allow-none", help="Exit 0, not 3, where no pose was accepted or the board left for good."
+        ),
+    ] = False
+
+
+class SentPictures(Section, frozen=True, kw_only=True):
+    """The pictures that are sent."""
+
+    n: Annotated[Count | None, typer.Option("-n", help="Frames, evenly in time (default 30).")] = None
+    every_s: Annotated[
+        float | None, typer.Option("--every", help="Seconds between frames, instead of -n.")
+    ] = None
+    source: Annotated[
+        File | None,
+        typer.Option(
+            "--from",
+            help="Send the pictures of this folder or data set, in a loop, at the flight's times: nothing is drawn.",
+        ),
+    ] = None
+    send_sun: Annotated[
+        bool,
+        typer.Option(
+            "--send-sun",
+            help="Send the direction to the Sun with each frame, as a chaser knows it from its star tracker.",
+        ),
+    ] = False
+    time_code: Annotated[
+        bool,
+        typer.Option(
+            "--time-code", help="Draw frame number and exposure time into a corner of each picture."
+        ),
+    ] = False
+    workers: Annotated[
+        Annotated[int, Meta(ge=1, le=64)],
+        typer.Option(help="Processes that draw in turn: more frames a second."),
+        HOW,
+    ] = 1
+    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), HOW] = None
+
+
+class Timing(Section, frozen=True, kw_only=True):
+    """When pictures are handed over, and how long is waited for answers."""
+
+    mode: Annotated[
+        Literal["lockstep", "realtime"],
+        typer.Option(
+            help="lockstep: wait for each pose; realtime: paced by simulated time, after up to 15 s of warming up."
+        ),
+    ] = "lockstep"
+    latency_s: Annotated[
+        Duration,
+        typer.Option(
+            "--latency",
+            help="realtime: seconds from the end of an exposure until the camera hands its picture over.",
+        ),
+    ] = 0.0
+    deadline_s: Annotated[
+        Duration | None,
+        typer.Option(
+            "--deadline",
+            help="Seconds from the start of sending a frame to its pose, beyond which it counts as missed (realtime:"
+            " the time from frame to frame).",
+        ),
+    ] = None
+    timeout_s: Annotated[
+        AtLeastTenth | None,
+        typer.Option(
+            "--timeout",
+            help=f"Seconds to wait for a pose (default {POSE_S:g}) and for a board (default {CONNECT_S:g}).",
+        ),
+    ] = None
+    wait_s: Annotated[
+        AtLeastTenth | None,
+        typer.Option("--wait", help="Seconds to wait for the first board, instead of --timeout."),
+    ] = None
+
+
+class Recording(Section, frozen=True, kw_only=True):
+    """Where the run is recorded."""
+
+    log: Annotated[
+        File | None, typer.Option(help="Folder for frames.csv and summary.json: new or empty."), HOW
+    ] = None
+    mcap: Annotated[
+        File | None,
+        typer.Option(
+            help="Also write pictures, truth, answers and timing as ROS 2 messages to this .mcap file."
+        ),
+        HOW,
+    ] = None
+    live: Annotated[
+        Annotated[int, Meta(ge=0, le=65535)] | None,
+        typer.Option(help="Serve the same live to Foxglove or Lichtblick on this local port."),
+        HOW,
+    ] = None
+    ccsds: Annotated[
+        str | None,
+        typer.Option(
+            help="Also write truth and answers as CCSDS space packets to a file or udp://127.0.0.1:PORT."
+        ),
+        HOW,
+    ] = None
+
+
+class FaultsFile(Section, frozen=True, kw_only=True):
+    """Faults of the camera and the line."""
+
+    file: Annotated[
+        File | None,
+        typer.Option(
+            "--faults",
+            help="TOML file of faults of the camera and the line, instead of the scenario's (docs/formats/faults.md).",
+        ),
+    ] = None
+
+
+class ClosedLoop(Section, frozen=True, kw_only=True):
+    """A flight on the poses."""
+
+    on: Annotated[
+        bool,
+        typer.Option(
+            "--closed-loop",
+            help="Fly on the poses: each frame is drawn of what they made the thrusters do (docs/hil_closed_loop.md).",
+        ),
+    ] = False
+    pose: Annotated[
+        Literal["board", "truth", "noisy"],
+        typer.Option(
+            help="With --closed-loop: board; truth or noisy (the estimator's errors) need no board, draw nothing."
+        ),
+    ] = "board"
+    pose_errors: Annotated[
+        File | None,
+        typer.Option(
+            help="With --closed-loop: metrics.json of evaluate, whose errors the filter takes the board's poses to have"
+            " (default: those of hybrid)."
+        ),
+    ] = None
+
+
+_OF_ANSWERS = "--deadline {value:g} is of a board's answers: give no --pose, or leave it out"
+_OF_A_LOOP = "--pose-errors is of a board's poses in a closed loop: give --closed-loop, and no --pose"
+
+
+class HostRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-host"):
+    """The camera's side of the link: a flight that is streamed to a board, or flown on its poses."""
+
+    RULES: ClassVar = (
+        Only(
+            "pictures.n", "pictures.every_s", (None,), "hil host takes -n or --every, not both; leave one out"
+        ),
+        Only(
+            "pictures.n",
+            "closed_loop.on",
+            (False,),
+            "a closed loop ends when the chaser arrives: give --every instead of -n, or neither",
+        ),
+        Only(
+            "pictures.workers",
+            "closed_loop.on",
+            (False,),
+            "a closed loop decides each frame before it is drawn: leave --workers out",
+        ),
+        Only("closed_loop.pose", "closed_loop.on", (True,), "--pose {value} needs --closed-loop"),
+        Only("closed_loop.pose_errors", "closed_loop.on", (True,), _OF_A_LOOP),
+        Only("closed_loop.pose_errors", "closed_loop.pose", ("board",), _OF_A_LOOP),
+        Only("timing.deadline_s", "closed_loop.pose", ("board",), _OF_ANSWERS),
+        Only(
+            "timing.latency_s",
+            "timing.mode",
+            ("realtime",),
+            "--latency is a camera's that runs by itself: give --mode realtime with it, or leave it out",
+        ),
+        Only(
+            "pictures.source",
+            "closed_loop.on",
+            (False,),
+            "a closed loop draws what was flown: leave --from or --closed-loop out",
+        ),
+    )
+    scenario: Flown
+    seed: FlightSeed = None
+    line: Line = Line()
+    pictures: SentPictures = SentPictures()
+    timing: Timing = Timing()
+    recording: Recording = Recording()
+    faults: FaultsFile = FaultsFile()
+    closed_loop: ClosedLoop = ClosedLoop()

@@ -1,0 +1,84 @@
+"""The run of ``flyaround targets add``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from flyaround.runs.document import HOW, Run
+from flyaround.runs.fields import File
+from flyaround.simulator.runtime.sections import Section
+
+
+class MeshFrame(Section, frozen=True, kw_only=True):
+    """Unit, axes and origin of the mesh."""
+
+    scale: Annotated[float | None, typer.Option(help="Factor from the file's unit to metres.")] = None
+    units: Annotated[str | None, typer.Option(help="The file's unit: mm, cm, m or in.")] = None
+    up: Annotated[str | None, typer.Option(help="The file's up axis: y or z (default: y for glTF).")] = None
+    recentre: Annotated[
+        bool,
+        typer.Option("--recentre", help="Move the origin to the middle of the mesh: poses are the origin's."),
+    ] = False
+    any_size: Annotated[
+        bool, typer.Option("--yes", help="Take a size that no spacecraft has: under 0.05 m or over 150 m.")
+    ] = False
+
+
+class Surface(Section, frozen=True, kw_only=True):
+    """What of the surface is mended, kept or refused."""
+
+    decimate: Annotated[int | None, typer.Option(help="Reduce to at most so many triangles.")] = None
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict", help="Refuse missing files, open outlines, branching and one-sided surfaces."
+        ),
+    ] = False
+    fill_holes: Annotated[
+        bool, typer.Option("--fill-holes", help="Cap openings where that leaves a solid.")
+    ] = False
+    keep_holes: Annotated[
+        bool,
+        typer.Option(
+            "--keep-holes", help="With --strict: allow open surfaces, as sheets seen from both sides."
+        ),
+    ] = False
+    keep_non_manifold: Annotated[
+        bool, typer.Option("--keep-non-manifold", help="With --strict: allow edges of three or more faces.")
+    ] = False
+    new_normals: Annotated[
+        bool, typer.Option("--new-normals", help="Compute normals even where the file's fit.")
+    ] = False
+
+
+class Craft(Section, frozen=True, kw_only=True):
+    """Mass and parts of the craft."""
+
+    classes: Annotated[
+        File | None, typer.Option(help="TOML file that sets the classes of parts by their names.")
+    ] = None
+    mass_kg: Annotated[float | None, typer.Option("--mass", help="Mass of the craft [kg].")] = None
+    density_kg_m3: Annotated[float | None, typer.Option("--density", help="Or its mean density [kg/m3].")] = (
+        None
+    )
+
+
+class ImportRun(Run, frozen=True, kw_only=True, tag="flyaround.run.targets-add"):
+    """A mesh that becomes a target."""
+
+    file: Annotated[
+        File,
+        typer.Argument(
+            help="A mesh: .glb .gltf .obj .stl, with the extra meshes also .ply .off .dae .3mf .step."
+        ),
+    ]
+    name: Annotated[str | None, typer.Option(help="Name of the target (default: the file's).")] = None
+    replace: Annotated[bool, typer.Option("--replace", help="Overwrite a target of this name."), HOW] = False
+    sheet: Annotated[
+        bool, typer.Option("--sheet/--no-sheet", help="Draw a contact sheet beside it."), HOW
+    ] = True
+    frame: MeshFrame = MeshFrame()
+    surface: Surface = Surface()
+    craft: Craft = Craft()

@@ -1,0 +1,60 @@
+"""The run of ``flyaround render``."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import typer
+
+from flyaround.runs.document import HOW, Only, Run
+from flyaround.runs.fields import File, Gpu, Labels, Preset, Seed, World
+
+
+class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
+    """A picture and its truth, or one for each pose of a list."""
+
+    RULES: ClassVar = (
+        Only(
+            "environment",
+            "from_truth",
+            (None,),
+            "--from-truth draws the record's environment; leave out --environment",
+        ),
+        Only(
+            "poses",
+            "from_truth",
+            (None,),
+            "--poses needs a SCENARIO for camera and light; leave out --from-truth",
+        ),
+        Only("timings", "poses", (None,), "--timings is about one picture; leave out --poses"),
+    )
+    scenario: Annotated[str | None, typer.Argument(help="Built-in name or TOML file.")] = None
+    output: Annotated[
+        File,
+        typer.Option(
+            "--output",
+            "-o",
+            help=".png image, .npy raw numbers, .exr radiance; truth goes to .json beside it. "
+            "Earlier ones of that name are replaced. With --poses also a folder, which is made if need be.",
+        ),
+        HOW,
+    ] = "frame.png"
+    time_s: Annotated[float, typer.Option("--time", "-t", help="Mid-exposure, seconds from the start.")] = 0.0
+    from_truth: Annotated[
+        File | None, typer.Option(help="Draw the frame of a truth record again, byte for byte.")
+    ] = None
+    poses: Annotated[
+        File | None,
+        typer.Option(
+            help="CSV with q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m (target in camera): draw the scenario with each."
+        ),
+    ] = None
+    rgb: Annotated[bool, typer.Option("--rgb", help="Colour image instead of the scenario's bands.")] = False
+    quality: Preset = None
+    environment: World = None
+    labels: Labels = None
+    seed: Seed = None
+    gpu: Gpu = None
+    timings: Annotated[
+        bool, typer.Option("--timings", help="Draw it five times more and print the time of each pass."), HOW
+    ] = False

@@ -1,0 +1,76 @@
+"""The console without a window: drawn into a texture under EGL, for scripts, tests and machines without a display."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from flyaround.gui.keyboard import Keys
+from flyaround.gui.surface import Surface, import_parts
+from flyaround.simulator.render.gl.context import create_context
+
+
+class OffScreen(Surface):
+    """A surface that nobody sees and that has no keys and no pointer: what is done comes from a script.
+
+    A process has either surfaces of this kind or windows: PyOpenGL is loaded for one of them.
+
+    Parameters
+    ----------
+    size : width and height in pixels.
+    """
+
+    def __init__(self, size: tuple[int, int]) -> None:
+        import_parts(off_screen=True)
+        self._size, self._closed = size, False
+        self._began_s, self._drawn_s = time.monotonic(), 0.0
+        context = create_context()
+        texture = context.texture(size, 4)
+        super().__init__(context, context.framebuffer([texture]), 1.0)
+        self.keys = Keys()
+
+    def _renderer(self) -> Any:  # noqa: ANN401 - of a foreign module
+        from imgui_bundle.python_backends.opengl_backend_programmable import (  # noqa: PLC0415 - an optional part
+            ProgrammablePipelineRenderer,
+        )
+
+        return ProgrammablePipelineRenderer()
+
+    def _take_input(self) -> None:
+        io = self.imgui.get_io()
+        io.display_size = self.imgui.ImVec2(*self.size)
+        now = self.seconds
+        io.delta_time = max(now - self._drawn_s, 1e-4)
+        self._drawn_s = now
+
+    def _show(self) -> None:
+        self.context.finish()
+
+    @property
+    def open(self) -> bool:
+        """Whether nothing has closed it."""
+        return not self._closed
+
+    @property
+    def seconds(self) -> float:
+        """Monotonic time."""
+        return time.monotonic() - self._began_s
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height in pixels."""
+        return float(self._size[0]), float(self._size[1])
+
+    @property
+    def framebuffer_size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self._size
+
+    def close(self) -> None:
+        """Ask the loop to end."""
+        self._closed = True
+
+    def wait(self, longest_s: float) -> bool:
+        """Let time pass: no input comes."""
+        time.sleep(longest_s)
+        return False

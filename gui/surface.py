@@ -1,0 +1,258 @@
+"""What the console is drawn on: Dear ImGui's context and fonts, and pictures as textures, in a context of OpenGL."""
+
+from __future__ import annotations
+
+import logging
+import os
+from abc import ABC, abstractmethod
+from contextlib import contextmanager, suppress
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any, Self
+
+import cv2
+import numpy as np
+
+from flyaround.gui import style
+from flyaround.simulator.errors import missing_extra
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import moderngl
+
+    from flyaround.gui.keyboard import Keys
+    from flyaround.simulator.runtime.arrays import ByteArray
+
+FONT_PX = 16.0
+SOFTWARE = ("llvmpipe", "softpipe", "swrast")
+"""Drivers that draw on the processor."""
+
+
+def import_parts(*, off_screen: bool = False) -> tuple[Any, Any]:
+    """The modules ``imgui_bundle`` and ``glfw``, loaded in the order that gives both one libglfw.
+
+    Parameters
+    ----------
+    off_screen : whether OpenGL is used by EGL. The first call decides for the process.
+
+    Raises
+    ------
+    UserError
+        If the extra is not installed.
+    """
+    try:
+        # PyOpenGL reports each optional accelerator that it does without
+        logging.getLogger("OpenGL").setLevel(logging.WARNING)
+        if off_screen:
+            os.environ["PYOPENGL_PLATFORM"] = "egl"
+        import imgui_bundle  # noqa: PLC0415 - an optional part
+        import OpenGL  # noqa: PLC0415
+
+        # every call checked costs as much as the call; moderngl's error state is read once a frame
+        OpenGL.ERROR_CHECKING = False
+        import glfw  # noqa: PLC0415
+        from imgui_bundle.python_backends import glfw_backend  # noqa: F401, PLC0415
+    except ImportError as error:
+        raise missing_extra("the console", "gui", error) from error
+    return imgui_bundle, glfw
+
+
+class Surface(ABC):
+    """A surface of the console; made and used by the main thread only.
+
+    A subclass opens the context of OpenGL and Dear ImGui's renderer for it, and says where time and input come from.
+
+    Parameters
+    ----------
+    context : of OpenGL, current. target : framebuffer of the context that is drawn into.
+    monitor_scale : pixels to a unit of the screen.
+    """
+
+    keys: Keys
+
+    def __init__(self, context: moderngl.Context, target: moderngl.Framebuffer, monitor_scale: float) -> None:
+        bundle, _ = import_parts()
+        self.imgui, self.implot = bundle.imgui, bundle.implot
+        self.context, self._target, self._monitor_scale = context, target, monitor_scale
+        self.gl_renderer = str(context.info["GL_RENDERER"])
+        self.software = any(name in self.gl_renderer.lower() for name in SOFTWARE)
+        self.imgui.create_context()
+        self.implot.create_context()
+        io = self.imgui.get_io()
+        io.set_ini_filename("")
+        io.config_flags |= self.imgui.ConfigFlags_.docking_enable
+        # panels are moved by their titles, so that a drag in a picture or a map is the picture's
+        io.config_windows_move_from_title_bar_only = True
+        self._backend: Any = self._renderer()
+        self._growth = 1.0
+        self.capture = False
+        self.captured: ByteArray | None = None
+        self.text_font, self.figure_font = self._load_fonts()
+        self.font_scale = 1.0
+        self._textures: dict[str, tuple[moderngl.Texture, object, tuple[int, int] | None]] = {}
+
+    def _load_fonts(self) -> tuple[Any, Any]:
+        fonts = self.imgui.get_io().fonts
+        folder = files("imgui_bundle") / "assets" / "fonts"
+        size = FONT_PX * self._monitor_scale
+        text = fonts.add_font_from_file_ttf(str(folder / "Roboto" / "Roboto-Regular.ttf"), size)
+        figures = fonts.add_font_from_file_ttf(str(folder / "Inconsolata-Medium.ttf"), size)
+        return text, figures
+
+    # --- of a window, or of what stands in for one
+
+    @abstractmethod
+    def _renderer(self) -> Any:  # noqa: ANN401 - of a foreign module
+        """Dear ImGui's renderer, for the context that is current."""
+
+    @abstractmethod
+    def _take_input(self) -> None:
+        """Hand Dear ImGui the size, the time and the input of the next frame."""
+
+    @abstractmethod
+    def _show(self) -> None:
+        """Show what was drawn."""
+
+    @property
+    @abstractmethod
+    def open(self) -> bool:
+        """Whether the operator has not closed it."""
+
+    @property
+    @abstractmethod
+    def seconds(self) -> float:
+        """Monotonic time."""
+
+    @property
+    @abstractmethod
+    def size(self) -> tuple[float, float]:
+        """Width and height in screen units."""
+
+    @property
+    @abstractmethod
+    def framebuffer_size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Ask the loop to end."""
+
+    @abstractmethod
+    def wait(self, longest_s: float) -> bool:
+        """Take what input there is, waiting for it at most so long; whether some came."""
+
+    def gamepad(self) -> tuple[str, tuple[float, ...], tuple[bool, ...]] | None:
+        """Name, axes and buttons of the first gamepad that has a standard mapping; None where none is plugged in."""
+        return None
+
+    def take_dropped(self) -> list[str]:
+        """Files that were dropped on the window since the last question."""
+        return []
+
+    def toggle_full_screen(self) -> None:  # noqa: B027 - nothing to do where there is no monitor
+        """The whole monitor, or back to the window that was."""
+
+    # --- one turn of the loop
+
+    @property
+    def scale(self) -> float:
+        """Size of letters and panels: the monitor's, and a little more in a large window."""
+        return self._monitor_scale * self._growth * self.font_scale
+
+    def copy(self, text: str) -> None:
+        """Put a text on the clipboard."""
+        self.imgui.set_clipboard_text(text)
+
+    @contextmanager
+    def frame(self) -> Iterator[None]:
+        """Draw what the body lays out."""
+        self._take_input()
+        height = self.imgui.get_io().display_size.y
+        self._growth = min(max(height / self._monitor_scale / 900.0, 1.0), 1.5)
+        self.imgui.get_style().font_scale_main = self._growth * self.font_scale
+        self.imgui.new_frame()
+        try:
+            yield
+        except BaseException:
+            # a panel that failed left parts of itself open, which is not what is to be told
+            with suppress(RuntimeError):
+                self.imgui.end_frame()
+            raise
+        self.imgui.render()
+        self._target.use()
+        self.context.viewport = (0, 0, *self.framebuffer_size)
+        self.context.clear(*style.GROUND)
+        self._backend.render(self.imgui.get_draw_data())
+        if self.capture:
+            # before it is shown: afterwards a window's back buffer holds nothing one may rely on
+            self.captured = self._read_pixels()
+        self._show()
+
+    # --- pixels
+
+    def show_picture(
+        self, view: str, key: object, image: np.ndarray, bits: int, *, size: tuple[float, float] | None = None
+    ) -> Any:  # noqa: ANN401 - an imgui handle
+        """The picture as a texture for ``imgui.image``; uploaded when ``key`` is a new one.
+
+        Parameters
+        ----------
+        view : who shows it; each has a texture of its own.
+        image : (H, W) or (H, W, 3) digital numbers of ``bits`` bits.
+        size : on the screen, where it is known. A software driver is then handed a picture of that size: OpenCV scales
+            it in a tenth of the time.
+        """
+        ratio = self.imgui.get_io().display_framebuffer_scale
+        scaled = (
+            (max(round(size[0] * ratio.x), 1), max(round(size[1] * ratio.y), 1))
+            if size is not None and self.software
+            else None
+        )
+        texture, shown, shown_size = self._textures.get(view, (None, None, None))
+        if texture is None or key is not shown or scaled != shown_size:
+            eight = image if bits == 8 else (image >> max(bits - 8, 0)).astype(np.uint8)
+            if scaled is not None:
+                smaller = scaled[0] < eight.shape[1]
+                eight = cv2.resize(
+                    eight, scaled, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+                )
+            texture = self._upload(texture, eight, whole_pixels=scaled is not None)
+            self._textures[view] = (texture, key, scaled)
+        return self.imgui.ImTextureRef(texture.glo)
+
+    def _upload(
+        self, texture: moderngl.Texture | None, image: ByteArray, *, whole_pixels: bool
+    ) -> moderngl.Texture:
+        height, width = image.shape[:2]
+        components = 1 if image.ndim == 2 else 3
+        if texture is None or (texture.size, texture.components) != ((width, height), components):
+            if texture is not None:
+                texture.release()
+            texture = self.context.texture((width, height), components, alignment=1)
+            texture.swizzle = "RRR1" if components == 1 else "RGB1"
+            texture.repeat_x = texture.repeat_y = False
+            # a texel a pixel needs no interpolation
+            kind = self.context.NEAREST if whole_pixels else self.context.LINEAR
+            texture.filter = (kind, kind)
+        texture.write(np.ascontiguousarray(image).tobytes(), alignment=1)
+        return texture
+
+    def _read_pixels(self) -> ByteArray:
+        """(H, W, 3) what was drawn, top row first."""
+        width, height = self.framebuffer_size
+        data = self._target.read(viewport=(0, 0, width, height), components=3, alignment=1)
+        return np.ascontiguousarray(np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1])
+
+    def release(self) -> None:
+        """Free what it held."""
+        for texture, _, _ in self._textures.values():
+            texture.release()
+        self._backend.shutdown()
+        self.implot.destroy_context()
+        self.imgui.destroy_context()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()

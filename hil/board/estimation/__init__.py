@@ -1,0 +1,21 @@
+"""What every estimator shares: camera, target model, quaternions, the record of its stages, and the answer.
+
+numpy only, Python >= 3.9; imports none of the methods.
+"""
+
+from __future__ import annotations
+
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.estimation.estimator import Estimator
+from flyaround.hil.board.estimation.result import Alternative, PoseResult
+from flyaround.hil.board.estimation.target_model import BoardModel
+
+__all__ = [
+    "Alternative",
+    "BoardModel",
+    "BoardModelError",
+    "CameraIntrinsics",
+    "Estimator",
+    "PoseResult",
+]

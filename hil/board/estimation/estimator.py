@@ -1,0 +1,85 @@
+"""What every method does around its own stages: refuses unusable pictures and never raises on one."""
+
+from __future__ import annotations
+
+from typing import Any, Optional, Sequence
+
+import numpy as np
+
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.estimation.record import StageRecord, Trace
+from flyaround.hil.board.estimation.result import PoseResult
+from flyaround.hil.board.estimation.target_model import BoardModel
+
+# A frame smaller than this shows no craft [px].
+SMALLEST_FRAME_PX = 64
+
+
+class Estimator:
+    """A method of pose estimation; subclasses give ``method`` and ``_estimate``.
+
+    Parameters
+    ----------
+    model : the target. camera : the intrinsics of every picture.
+    """
+
+    method = ""
+
+    # Whether a frame's answer depends on the frames before it.
+    keeps_state = False
+
+    # Whether it makes use of the direction to the Sun.
+    takes_sun = False
+
+    def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
+        self.model, self.camera = model, camera
+
+    def estimate(
+        self,
+        image: Any,  # noqa: ANN401 - whatever a broken link may hand over
+        trace: Optional[Trace] = None,
+        t_s: Optional[float] = None,  # noqa: ARG002 - for methods that follow a target
+        sun_camera: Optional[Sequence[float]] = None,
+    ) -> PoseResult:
+        """The pose in ``image``, or a decline with its reason; never raises on a bad picture.
+
+        Parameters
+        ----------
+        image : (H, W) uint8 or uint16, the camera's size.
+        trace : receives what each stage found, for debug pictures; where it holds ``every_stage``, stages that the
+            pose did not need run too.
+        t_s : time of mid-exposure [s]; only a method that follows the target looks at it.
+        sun_camera : unit vector to the Sun in the camera frame, for methods that take it; None if it is not known.
+        """
+        reason = unusable(image, self.camera)
+        if reason:
+            return PoseResult(False, reason, None, None, 0.0, method=self.method)
+        frame = StageRecord(image, trace, None if sun_camera is None else np.array(sun_camera, float))
+        try:
+            return self._estimate(frame)
+        except Exception as error:  # noqa: BLE001 - a board must go on to the next frame whatever this one held
+            return self._declined(frame, f"internal: {error!r}"[:200])
+
+    def _declined(self, frame: StageRecord, reason: str) -> PoseResult:
+        """No pose."""
+        return PoseResult(False, reason, None, None, 0.0, frame.stages_ms, frame.counts, method=self.method)
+
+    def _estimate(self, frame: StageRecord) -> PoseResult:
+        raise NotImplementedError
+
+
+def unusable(image: Any, camera: CameraIntrinsics) -> str:  # noqa: ANN401 - see Estimator.estimate
+    """Why a picture cannot be used, else empty."""
+    if not isinstance(image, np.ndarray) or image.size == 0:
+        return "no picture"
+    if image.ndim != 2:
+        return "not a single-channel picture"
+    if image.dtype not in (np.uint8, np.uint16):
+        return f"pixels must be uint8 or uint16, not {image.dtype}"
+    if image.shape != (camera.height_px, camera.width_px):
+        return f"picture is {image.shape[1]} x {image.shape[0]}, the camera {camera.width_px} x {camera.height_px}"
+    if min(image.shape) < SMALLEST_FRAME_PX:
+        return "picture is too small"
+    if int(image.max()) == int(image.min()):
+        return "picture is constant"
+    return ""

@@ -1,0 +1,111 @@
+"""Plane faces of the target with their materials, and the tree that orders them from any place."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Dict, Tuple
+
+import numpy as np
+
+Array = np.ndarray
+
+# Parts of a direction that have one brightness; on a round body it changes by as much as between materials.
+STEPS, ROUND_STEPS = 3, 6
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Plane faces with their materials, and the tree that orders them from any place.
+
+    Parameters
+    ----------
+    corners : (T, 4, 3) convex plane faces, the last corner twice where there are three [m].
+    normals : (T, 3) outward. offset : (T,) plane n.x = offset.
+    group : (T,) index of material and direction: one brightness. groups : how many. material : (T,).
+    plane : (N, 4) of each node of the tree, zero at leaves. children : (N, 2) in front of and behind it, -1 none.
+    members : per node its faces; node 0 is the root.
+    """
+
+    corners: Array
+    normals: Array
+    offset: Array
+    group: Array
+    groups: int
+    material: Array
+    plane: Array
+    children: Array
+    members: Tuple[Array, ...]
+
+    @staticmethod
+    def from_dict(record: Dict[str, Any]) -> Faces:
+        """Faces from the board file's ``faces`` object; groups of one material and nearly one direction.
+
+        Raises
+        ------
+        KeyError, ValueError
+            If a field is missing or a number names what is not there.
+        """
+        try:
+            data = zlib.decompress(base64.b64decode(record["corners"], validate=True))
+        except zlib.error as error:
+            raise ValueError(f"faces cannot be unpacked: {error}") from error
+        corners = float(record["step_m"]) * np.frombuffer(data, "<i2").astype(float).reshape(-1, 4, 3)
+        material = np.asarray(record["material"], int).reshape(-1)
+        children = np.asarray(record["children"], int).reshape(-1, 2)
+        plane = np.asarray(record["plane"], float).reshape(-1, 4)
+        members = tuple(np.asarray(m, int).reshape(-1) for m in record["members"])
+        named = np.concatenate(members) if members else np.zeros(0, int)
+        if (
+            not len(corners)
+            or len(material) != len(corners)
+            or not len(plane) == len(children) == len(members)
+        ):
+            raise ValueError("faces and the nodes of their tree do not fit together")
+        below = np.arange(len(children))[:, None]
+        if np.any((children >= len(children)) | ((children >= 0) & (children <= below))):
+            raise ValueError("a node of the tree of faces names a node that is not below it")
+        if not np.all(np.isfinite(corners)) or np.any((named < 0) | (named >= len(corners))):
+            raise ValueError("the tree of faces names a face that is not there")
+        n = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-18)
+        group, groups = _grouped(material, n, STEPS)
+        offset = np.einsum("ij,ij->i", n, corners[:, 0])
+        return Faces(corners, n, offset, group, groups, material, plane, children, members)
+
+    def grouped(self, steps: int) -> Faces:
+        """The same with one brightness for each material and ``steps``-th of a direction's components."""
+        group, groups = _grouped(self.material, self.normals, steps)
+        return replace(self, group=group, groups=groups)
+
+    @cached_property
+    def labels(self) -> Array:
+        """(T + 1,) group + 1 of each face, zero first: what no face covers."""
+        return np.concatenate([[0], self.group + 1]).astype(np.uint8 if self.groups < 255 else np.uint16)
+
+    @cached_property
+    def area_m2(self) -> Array:
+        """(T,) area of each face [m^2]."""
+        c = self.corners
+        return np.asarray(0.5 * np.linalg.norm(np.cross(c[:, 2] - c[:, 0], c[:, 3] - c[:, 1]), axis=1))
+
+    @cached_property
+    def group_normals(self) -> Array:
+        """(G, 3) mean normal of each group, by area."""
+        total = np.zeros((self.groups, 3))
+        np.add.at(total, self.group, self.normals * self.area_m2[:, None])
+        return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-18))
+
+    @cached_property
+    def middles(self) -> Array:
+        """(T, 3) mean of each face's corners [m]."""
+        return np.asarray(self.corners.mean(axis=1))
+
+
+def _grouped(material: Array, normals: Array, steps: int) -> Tuple[Array, int]:
+    """Group of each face, one material and nearly one direction, and how many there are."""
+    key = np.concatenate([material[:, None], np.rint(normals * steps)], axis=1).astype(int)
+    unique, group = np.unique(key, axis=0, return_inverse=True)
+    return group.ravel(), len(unique)

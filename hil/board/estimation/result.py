@@ -1,0 +1,79 @@
+"""An estimator's answer to one image, and the distinct poses beside the best one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Dict, List, Optional, Tuple
+
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+
+Array = np.ndarray
+
+# Poses that differ by more are distinct: a choice between them is an ambiguity [rad, share of range].
+DISTINCT_RAD = float(np.radians(12.0))
+DISTINCT_SHARE = 0.08
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """A distinct pose that was considered.
+
+    Parameters
+    ----------
+    q_camera_from_target_wxyz, t_camera_from_target_m : the pose.
+    score : what poses were ranked by, larger is better; only differences within one result mean anything.
+    """
+
+    q_camera_from_target_wxyz: Array
+    t_camera_from_target_m: Array
+    score: float
+
+
+@dataclass(frozen=True, eq=False)
+class PoseResult:
+    """What the estimator says of one picture.
+
+    Parameters
+    ----------
+    accepted : whether the pose may be used. reason : why not, else empty.
+    q_camera_from_target_wxyz, t_camera_from_target_m : best pose, ``x_camera = R(q) x_target + t``; None when
+        there is none. A declined result still carries its best pose.
+    confidence : 0..1. stages_ms : time of each stage in order. counts : what each stage found.
+    evidence : what the method made the decision from, of a type of its own; None if it keeps none.
+    covariance : (6, 6) of turn [rad] and shift [m], camera axes. alternatives : distinct poses, best first.
+    method : its name.
+    """
+
+    accepted: bool
+    reason: str
+    q_camera_from_target_wxyz: Optional[Array]
+    t_camera_from_target_m: Optional[Array]
+    confidence: float
+    stages_ms: Dict[str, float] = field(default_factory=dict)
+    counts: Dict[str, int] = field(default_factory=dict)
+    evidence: Optional[object] = None
+    covariance: Optional[Array] = None
+    alternatives: Tuple[Alternative, ...] = ()
+    method: str = ""
+
+
+def differs(q: Array, t: Array, q2: Array, t2: Array) -> bool:
+    """Return True if two poses are distinct answers rather than one answer twice."""
+    far = np.linalg.norm(t - t2) > DISTINCT_SHARE * np.linalg.norm(t2)
+    return bool(far or quat.angle_rad(q, q2) > DISTINCT_RAD)
+
+
+def alternatives(
+    poses: List[Tuple[Array, Array, float]], q: Array, t: Array, keep: int = 3
+) -> Tuple[Alternative, ...]:
+    """Return the best poses (q, t, score) distinct from ``q``, ``t`` and from each other."""
+    out: List[Alternative] = []
+    for rq, rt, score in sorted(poses, key=lambda p: -p[2]):
+        taken = [(q, t)] + [(a.q_camera_from_target_wxyz, a.t_camera_from_target_m) for a in out]
+        if all(differs(rq, rt, aq, at) for aq, at in taken):
+            out.append(Alternative(rq, rt, score))
+        if len(out) >= keep:
+            break
+    return tuple(out)

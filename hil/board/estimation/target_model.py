@@ -1,0 +1,156 @@
+"""What the board knows beforehand: the target's model file and the camera's intrinsics."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Dict, Optional, Tuple, Union
+
+import numpy as np
+
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.estimation.faces import Faces
+from flyaround.hil.board.estimation.occluding_contours import Outlines
+from flyaround.hil.board.files import read_bounded
+
+Array = np.ndarray
+
+SCHEMA = "flyaround.board_model"
+VERSION = 1
+
+# What a board model may hold: far more than any craft has.
+MOST_BYTES = 100_000_000
+
+
+@dataclass(frozen=True)
+class WireEdge:
+    """A straight stretch of the wireframe.
+
+    Parameters
+    ----------
+    a_m, b_m : (3,) ends, target frame [m].
+    normals : (N, 3) outward normals of the faces that meet there; N = 0 for members seen from everywhere.
+    radius_m : half thickness of a round member; its outline is drawn, not its axis.
+    """
+
+    name: str
+    a_m: Array
+    b_m: Array
+    normals: Array
+    radius_m: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class BoardModel:
+    """The target as the estimator sees it.
+
+    Parameters
+    ----------
+    keypoints : name to (3,) position [m].
+    wireframe : the edges.
+    vertices_m, triangles : (V, 3), (T, 3) closed mesh that hides edges; may be empty.
+    symmetry_wxyz : (N, 4) rotations under which the craft looks nearly the same.
+    outlines : occluding contours from all sides; None in files written before there were any.
+    faces : outer faces with their order; None where the craft has too many.
+    """
+
+    name: str
+    sha256: str
+    keypoints: Dict[str, Array]
+    wireframe: Tuple[WireEdge, ...]
+    vertices_m: Array
+    triangles: Array
+    symmetry_wxyz: Array
+    mass_kg: float = 0.0
+    outlines: Optional[Outlines] = None
+    faces: Optional[Faces] = None
+
+    @staticmethod
+    def read(path: Union[str, Path]) -> BoardModel:
+        """Read a board model file.
+
+        Raises
+        ------
+        BoardModelError
+            If the file is missing, too large or no regular one, is not JSON, or is no board model of a known
+            version.
+        """
+        try:
+            data = json.loads(read_bounded(path, MOST_BYTES).decode("utf-8"))
+        except OSError as error:
+            raise BoardModelError(f"board model {path} cannot be read: {error.strerror}") from error
+        except (ValueError, RecursionError) as error:
+            raise BoardModelError(f"board model {path} is not JSON: {error}") from error
+        return BoardModel.from_dict(data)
+
+    @staticmethod
+    def from_dict(data: Dict[str, Any]) -> BoardModel:
+        """A model from the parsed JSON object.
+
+        Raises
+        ------
+        BoardModelError
+            If a field is missing or has the wrong shape.
+        """
+        if not isinstance(data, dict) or data.get("schema") != SCHEMA or data.get("version") != VERSION:
+            raise BoardModelError(f"not a board model: expected schema {SCHEMA!r}, version {VERSION}")
+        try:
+            edges = tuple(
+                WireEdge(
+                    str(e["name"]),
+                    _points(e["a_m"]).reshape(3),
+                    _points(e["b_m"]).reshape(3),
+                    _points(e.get("normals", [])),
+                    float(e.get("radius_m", 0.0)),
+                )
+                for e in data["wireframe"]
+            )
+            occluders = data.get("occluders") or {}
+            vertices = _points(occluders.get("vertices_m", []))
+            triangles = np.asarray(occluders.get("triangles", []), dtype=np.intp).reshape(-1, 3)
+            model = BoardModel(
+                name=str(data["name"]),
+                sha256=str(data["sha256"]),
+                keypoints={
+                    str(k["name"]): _points(k["position_m"]).reshape(3) for k in data.get("keypoints", [])
+                },
+                wireframe=edges,
+                vertices_m=vertices,
+                triangles=triangles,
+                symmetry_wxyz=np.asarray(data.get("symmetry_wxyz", []), float).reshape(-1, 4),
+                mass_kg=float(data.get("mass_kg", 0.0)),
+                outlines=None if data.get("outlines") is None else Outlines.from_dict(data["outlines"]),
+                faces=None if data.get("faces") is None else Faces.from_dict(data["faces"]),
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise BoardModelError(f"board model has a bad field: {error!r}") from error
+        if not edges:
+            raise BoardModelError("board model has no wireframe edges")
+        if triangles.size and (triangles.min() < 0 or triangles.max() >= len(vertices)):
+            raise BoardModelError("board model: a triangle names a vertex that is not there")
+        return model
+
+    @property
+    def centre_m(self) -> Array:
+        """(3,) middle of the wireframe's bounding box [m]."""
+        p = self.ends_m
+        return 0.5 * (p.min(axis=0) + p.max(axis=0))
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of the sphere about ``centre_m`` that holds the wireframe [m]."""
+        return float(np.linalg.norm(self.ends_m - self.centre_m, axis=1).max())
+
+    @cached_property
+    def ends_m(self) -> Array:
+        """(2E, 3) all edge ends [m]."""
+        return np.array([p for e in self.wireframe for p in (e.a_m, e.b_m)])
+
+
+def _points(value: Any) -> Array:  # noqa: ANN401 - parsed JSON
+    points = np.asarray(value, dtype=float).reshape(-1, 3)
+    if not np.all(np.isfinite(points)):
+        raise ValueError("coordinates must be finite")
+    return points

@@ -1,0 +1,76 @@
+"""Drawing on pictures: the model's wireframe, segments, labels."""
+
+from __future__ import annotations
+
+from typing import Any, Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.estimation.target_model import BoardModel
+from flyaround.hil.board.hybrid.model.visibility import hidden, occluders
+
+Array = np.ndarray
+
+# Points along an edge that are asked whether something hides them.
+STEPS = 24
+
+
+def draw_wireframe(
+    canvas: Array,
+    model: BoardModel,
+    camera: CameraIntrinsics,
+    q_wxyz: Any,  # noqa: ANN401 - (4,) numbers
+    t_m: Any,  # noqa: ANN401 - (3,) numbers
+    colour: Tuple[int, int, int],
+    corner: Tuple[float, float] = (0.0, 0.0),
+    scale: float = 1.0,
+    weight: int = 1,
+) -> None:
+    """Draw the visible stretches of the model's edges on a BGR canvas that shows ``corner`` at ``scale``."""
+    R, t = quat.matrix(quat.normalise(np.asarray(q_wxyz, float))), np.asarray(t_m, float)
+    C = -R.T @ t
+    occ = occluders(model)
+    s = np.linspace(0, 1, STEPS)[:, None]
+    for e in model.wireframe:
+        along = e.a_m + s * (e.b_m - e.a_m)
+        if len(e.normals) and not ((C - along) @ e.normals.T > 0).any():
+            continue
+        # a round member shows its outline, where the sight line grazes it
+        across = np.cross(e.b_m - e.a_m, along - C)
+        across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+        for r in (-e.radius_m, e.radius_m) if e.radius_m > 0 else (0.0,):
+            X = along + r * across
+            seen = ~hidden(occ, C, X, np.full(STEPS, 0.006 + 1.5 * e.radius_m))
+            P = X @ R.T + t
+            seen &= P[:, 2] > 0.1
+            uv = np.clip(((camera.pixels(P) - corner) + 0.5) * scale - 0.5, -30000, 30000)
+            for k in range(STEPS - 1):
+                if seen[k] and seen[k + 1]:
+                    a, b = (np.rint(p * 16).astype(int).tolist() for p in (uv[k], uv[k + 1]))
+                    cv2.line(canvas, a, b, colour, weight, cv2.LINE_AA, 4)
+
+
+def grey(values: Array, top: float) -> Array:
+    """(h, w, 3) BGR of values 0..top."""
+    flat = np.clip(np.asarray(values, np.float32) * (255.0 / max(top, 1e-9)), 0, 255).astype(np.uint8)
+    return np.asarray(cv2.cvtColor(flat, cv2.COLOR_GRAY2BGR), np.uint8)
+
+
+def draw_segments(canvas: Array, segments: Array, corner: Array, scale: float, weight: int = 1) -> None:
+    """Draw segments (N, 4), full-resolution pixels, in colours of their own, on a canvas that shows ``corner``."""
+    hues = (np.arange(len(segments)) * 67) % 180
+    for segment, hue in zip(np.asarray(segments, float).reshape(-1, 2, 2), hues):  # noqa: B905 - 3.9 has no strict=
+        bgr = cv2.cvtColor(np.array([[[hue, 200, 255]]], np.uint8), cv2.COLOR_HSV2BGR)[0, 0]
+        a, b = np.rint(((segment - corner + 0.5) * scale - 0.5) * 16).astype(int).tolist()
+        cv2.line(canvas, a, b, [int(v) for v in bgr], weight, cv2.LINE_AA, 4)
+
+
+def label(canvas: Array, text: str) -> None:
+    """A caption in the upper left corner."""
+    # the outline is the text itself moved: letters of another weight have another width in OpenCV 5
+    for dx, dy in ((-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, -1), (-1, 1), (1, 1), (0, 0)):
+        colour = (255, 255, 255) if dx == dy == 0 else (0, 0, 0)
+        cv2.putText(canvas, text, (12 + dx, 26 + dy), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 1, cv2.LINE_AA)

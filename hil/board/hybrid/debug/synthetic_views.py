@@ -1,0 +1,117 @@
+"""Pictures of the stages that use the whole target: the learned proposal, and the synthetic view of the pose."""
+
+from __future__ import annotations
+
+from typing import List, Optional, Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.estimation.target_model import BoardModel
+from flyaround.hil.board.hybrid.debug.overlay import draw_wireframe, grey, label
+from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LearnedProposal
+from flyaround.hil.board.hybrid.propose.learned.network import INPUT_FILL
+from flyaround.hil.board.hybrid.propose.learned.network_input import crop_image, network_inputs
+from flyaround.hil.board.hybrid.refine.synthetic_view import Drawn
+
+Array = np.ndarray
+
+ORANGE = (0, 159, 230)
+
+# Residuals are shown up to this many times the noise.
+SIGMAS = 8.0
+
+
+def learned_proposal_picture(
+    image: Array,
+    proposal: LearnedProposal,
+    noise: float,
+    model: BoardModel,
+    camera: CameraIntrinsics,
+    size: Tuple[int, int],
+) -> Array:
+    """(H, W, 3) what the network is shown of one place, and the five attitudes it thinks likeliest.
+
+    Parameters
+    ----------
+    noise : standard deviation of ``image``. size : (width, height) of the picture made.
+    """
+    side = min(size[0] // 3, size[1] // 2)
+    shown = network_inputs(image, noise, camera, [proposal.crop])[0, ..., 0]
+    low, high = np.percentile(shown, [1, 99.5])
+    first = cv2.resize(shown, (side, side), interpolation=cv2.INTER_NEAREST)
+    tiles = [grey(first - low, float(high - low))]
+    label(tiles[0], "shown to the network")
+    view = crop_image(image, camera, proposal.crop, side, INPUT_FILL * side)
+    f = 0.5 * (camera.fx_px + camera.fy_px) * INPUT_FILL * side / proposal.crop.diameter_px
+    small = CameraIntrinsics(side, side, f, f, 0.5 * (side - 1), 0.5 * (side - 1))
+    back = quat.from_matrix(proposal.crop.swing().T)
+    for k in range(min(5, len(proposal.q))):
+        tile = grey(view, max(float(np.percentile(view, 99.5)), 1.0))
+        q = quat.normalise(quat.multiply(back, proposal.q[k]))
+        draw_wireframe(tile, model, small, q, proposal.crop.swing().T @ proposal.t[k], ORANGE)
+        label(tile, f"{k + 1}: log likelihood {proposal.log_likely[k] - proposal.log_likely[0]:.1f}")
+        tiles.append(tile)
+    return _grid(tiles, 3, size)
+
+
+def drawn_picture(drawn: Drawn, size: Tuple[int, int]) -> Array:
+    """(H, W, 3) the picture, the craft drawn without and with its shadows, and what is left of each in noise."""
+    top = max(float(np.percentile(drawn.picture, 99.8)), 1.0)
+    best = drawn.plain if drawn.shadowed is None else drawn.shadowed
+    named = [
+        (grey(drawn.picture, top), "the picture"),
+        (grey(drawn.plain, top), "drawn, no shadows"),
+        (_left(drawn.picture - drawn.plain, drawn.noise), "what is left, no shadows"),
+    ]
+    if drawn.shadowed is not None:
+        named.insert(2, (grey(best, top), "drawn, with shadows"))
+        named.append((_left(drawn.picture - best, drawn.noise), "what is left, with shadows"))
+        named.insert(3, (_compass(drawn.sun, named[0][0].shape), "the Sun, seen from the camera"))
+    tiles = []
+    for picture, text in named:
+        tile = _fitted(picture, size[0] // 3, size[1] // 2)
+        label(tile, text)
+        tiles.append(tile)
+    return _grid(tiles, 3, size)
+
+
+def _left(residual: Array, noise: float) -> Array:
+    """Red where the picture is brighter than the drawing, blue where it is darker."""
+    r = np.clip(residual / max(SIGMAS * noise, 1e-9), -1, 1)
+    white = np.full((*r.shape, 3), 255.0)
+    white[..., 0] -= 255 * np.clip(r, 0, 1)
+    white[..., 1] -= 255 * np.abs(r)
+    white[..., 2] -= 255 * np.clip(-r, 0, 1)
+    return np.asarray(white, np.uint8)
+
+
+def _compass(sun: Optional[Array], shape: Tuple[int, ...]) -> Array:
+    """A ball lit from where the Sun was found."""
+    h, w = shape[:2]
+    r = 0.35 * min(h, w)
+    x, y = np.meshgrid((np.arange(w) - 0.5 * (w - 1)) / r, (np.arange(h) - 0.5 * (h - 1)) / r)
+    inside = x * x + y * y < 1
+    z = -np.sqrt(np.maximum(1 - x * x - y * y, 0))
+    s = np.zeros(3) if sun is None else sun
+    return grey(np.where(inside, 0.12 + 0.88 * np.clip(x * s[0] + y * s[1] + z * s[2], 0, 1), 0), 1.0)
+
+
+def _fitted(picture: Array, width: int, height: int) -> Array:
+    scale = min(width / picture.shape[1], height / picture.shape[0])
+    wh = (max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale)))
+    canvas = np.zeros((height, width, 3), np.uint8)
+    x, y = (width - wh[0]) // 2, (height - wh[1]) // 2
+    canvas[y : y + wh[1], x : x + wh[0]] = cv2.resize(picture, wh, interpolation=cv2.INTER_AREA)
+    return canvas
+
+
+def _grid(tiles: List[Array], columns: int, size: Tuple[int, int]) -> Array:
+    canvas = np.zeros((size[1], size[0], 3), np.uint8)
+    for k, tile in enumerate(tiles):
+        h, w = tile.shape[:2]
+        y, x = (k // columns) * (size[1] // 2), (k % columns) * (size[0] // columns)
+        canvas[y : y + h, x : x + w] = tile
+    return canvas

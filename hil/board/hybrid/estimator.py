@@ -1,0 +1,319 @@
+"""The method ``hybrid``: an image in, a pose with its confidence out.
+
+Every function takes a frozen state and returns the next (``search_states``): prepare -> propose -> choose -> check ->
+answer. A round is a proposal with all that follows it; ``PoseEstimator.initialise`` says which rounds there are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import List, Optional, Sequence, Tuple
+
+import numpy as np
+
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.estimation.estimator import Estimator
+from flyaround.hil.board.estimation.record import StageRecord
+from flyaround.hil.board.estimation.result import PoseResult
+from flyaround.hil.board.estimation.target_model import BoardModel
+from flyaround.hil.board.hybrid.decide.axial_symmetry import check_axial_symmetry
+from flyaround.hil.board.hybrid.decide.confidence import (
+    ACCEPT_AT,
+    TRIED,
+    Evidence,
+    confidence,
+    decide,
+    doubtful,
+    error_scale,
+)
+from flyaround.hil.board.hybrid.decide.decision import decided, reconsidered
+from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry
+from flyaround.hil.board.hybrid.decide.near_minima import check_near_minima
+from flyaround.hil.board.hybrid.decide.selection import Selection, select_by_edges, select_by_image
+from flyaround.hil.board.hybrid.hypotheses.ambiguity import same_end
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
+from flyaround.hil.board.hybrid.native.library import library
+from flyaround.hil.board.hybrid.prepare import prepare
+from flyaround.hil.board.hybrid.propose.edge_search import group_poses, region_edges, template_poses
+from flyaround.hil.board.hybrid.propose.learned.learned_proposal import (
+    LAMPS,
+    LearnedProposal,
+    LearnedProposer,
+)
+from flyaround.hil.board.hybrid.propose.learned_hypotheses import hypotheses_of_places, learned_hypotheses
+from flyaround.hil.board.hybrid.refine.close import refine_close_up
+from flyaround.hil.board.hybrid.refine.coarse import refine_coarsely, refine_many_scales
+from flyaround.hil.board.hybrid.refine.edge_hypotheses import refine_by_edges
+from flyaround.hil.board.hybrid.refine.final_edges import refine_on_edges
+from flyaround.hil.board.hybrid.refine.settling import settle
+from flyaround.hil.board.hybrid.refine.synthetic_view import draw_at
+from flyaround.hil.board.hybrid.search_states import Choice, PreparedImage, Proposals, SearchSetup
+from flyaround.hil.board.method_names import HYBRID
+from flyaround.hil.board.svd.wireframe_groups import model_triads
+
+# Confidences between which a pose in the light of lamps is held against near leans, accepted or not: of 171 surer ones
+# leaning made none right or wrong, and 11 worse of the 13 that it moved by a degree.
+LIKELY, CLEAR = 0.5, 0.99
+
+# Regions looked at by the learned proposal, and places it hands on with a texture behind and with nothing.
+ASKED, PLACES, EMPTY_PLACES = 5, 2, 1
+
+# Logit of there being a craft from which its edges are not searched: what the picture cannot settle, they cannot.
+SURE = 2.0
+
+# Regions searched at most with a texture behind and with nothing.
+REGIONS, EMPTY_REGIONS = 2, 3
+
+
+# --- propose
+
+
+def propose_learned(image: PreparedImage) -> Proposals:
+    """Propose poses of the most likely places, by the pose proposal network (Sharma & D'Amico 2019)."""
+    frame, places = image.frame, []
+    if image.learned is not None:
+        keep = PLACES if frame.background < 0 else EMPTY_PLACES
+        places = image.learned.propose(
+            frame.image, frame.noise, image.regions[:ASKED], keep, image.reduced, frame.black
+        )
+    hypotheses = [h for place in places for h in learned_hypotheses(image.setup.target, frame, place)]
+    frame.keep("learned_proposals", places)
+    frame.mark("learned_proposal")
+    return Proposals(image, hypotheses, places)
+
+
+def propose_many_scales(first: Proposals, learned: LearnedProposer) -> Proposals:
+    """Add poses of many places and sizes about what the first round saw, by the same network, to its hypotheses."""
+    image, target, frame = first.image, first.image.setup.target, first.image.frame
+    source = first.hypotheses[0].source
+    elsewhere, crops = hypotheses_of_places(target, frame, learned, first.places[0], source, image.reduced)
+    frame.mark("multi_scale_proposal")
+    # they share no patch with those of a region: one patch of all of them
+    aligned = refine_many_scales(target, frame, elsewhere, crops) if crops else []
+    frame.mark("multi_scale_alignment")
+    return replace(first, aligned=tuple(aligned), thorough=True)
+
+
+def propose_by_edges(image: PreparedImage, places: Sequence[LearnedProposal]) -> Proposals:
+    """Propose poses of perceptual groups and of viewpoint templates, aligned on the edges of each region."""
+    target, frame = image.setup.target, image.frame
+    # what the learned proposal is sure of is where it is: there edges find the attitudes that it does not
+    sure = [place.source for place in places if place.craft > SURE]
+    some = sure[:1] or image.regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]
+    frame.count("searched", 1)
+    found = []
+    for region in some:
+        edges = region_edges(target, frame, region)
+        if edges is not None:
+            templates = template_poses(target, frame, edges)
+            found.append((edges, templates, group_poses(target, image.setup.figures, frame, edges)))
+    frame.mark("edge_search")
+    hypotheses: List[Hypothesis] = []
+    for edges, *poses in found:
+        q, t = (np.concatenate(parts) for parts in zip(*poses))  # noqa: B905 - Python 3.9 has no strict=
+        hypotheses += refine_by_edges(target, frame, edges, q, t)
+    frame.mark("edge_alignment")
+    return Proposals(image, hypotheses, list(places), thorough=True)
+
+
+def ranked(proposals: Proposals) -> Proposals:
+    """Return the hypotheses in the order of their scores."""
+    hypotheses = sorted(proposals.hypotheses, key=lambda h: -h.score)
+    proposals.image.frame.keep("found", hypotheses)
+    proposals.image.frame.mark("ranking")
+    return replace(proposals, hypotheses=hypotheses)
+
+
+# --- choose
+
+
+def choose(proposals: Proposals) -> Choice:
+    """Refine the hypotheses and choose among them: by the whole image if the target has faces, else by edges."""
+    if proposals.image.setup.has_faces:
+        return _choose_by_image(proposals)
+    target, frame = proposals.image.setup.target, proposals.image.frame
+    aligned = refine_on_edges(target, frame, proposals.hypotheses)
+    frame.mark("subpixel_alignment")
+    selection = select_by_edges(target, proposals.hypotheses, aligned)
+    frame.mark("selection")
+    return Choice(proposals, selection)
+
+
+def _choose_by_image(proposals: Proposals) -> Choice:
+    target, frame, thorough = proposals.image.setup.target, proposals.image.frame, proposals.thorough
+    # the best of each region on a small patch of it
+    leaders = refine_coarsely(target, frame, proposals.hypotheses, thorough=thorough)
+    aligned = sorted([*leaders, *proposals.aligned], key=lambda h: -h.score)
+    frame.mark("coarse_alignment")
+    # the leaders, the winner's near-symmetries and its tilts on one patch of the target
+    patch, aligned = refine_close_up(target, frame, aligned, thorough=thorough)
+    frame.mark("close_alignment")
+    # those refined to their ends on the whole image
+    selection = select_by_image(target, frame, patch, aligned, thorough=thorough)
+    frame.mark("final_alignment")
+    return Choice(proposals, selection)
+
+
+# --- check
+
+
+def check(choice: Choice) -> Choice:
+    """Hold the selected pose against its symmetries and near minima, as far as the target and the doubt ask for it."""
+    setup, frame = choice.image.setup, choice.image.frame
+    if setup.has_faces and not setup.tried and setup.target.round:
+        choice = replace(choice, selection=check_axial_symmetry(setup.target, frame, choice.selection))
+        frame.mark("axial_symmetry")
+    if setup.has_faces and not setup.tried and setup.has_symmetries:
+        # of a round target a few small parts tell them apart
+        selection = check_discrete_symmetry(setup.target, frame, choice.selection, _prior(choice))
+        choice = replace(choice, selection=selection)
+        frame.mark("discrete_symmetry")
+    if _accepted_in_doubt(choice):
+        frame.count("checked", 1)
+        choice = replace(choice, selection=_tilted(choice))
+        frame.mark("near_minima")
+    return choice
+
+
+def _tilted(choice: Choice) -> Selection:
+    """Return the selection after near minima; of a target not tried before its near-symmetries have the last word."""
+    setup, frame, before = choice.image.setup, choice.image.frame, choice.selection
+    if setup.tried:
+        return check_near_minima(setup.target, frame, before)
+    after = check_near_minima(setup.target, frame, before, symmetries=False)
+    if after.best is before.best:
+        # the near-symmetries are named still
+        return replace(after.no_clearer(before.evidence), alternatives=before.alternatives)
+    evidence = after.evidence
+    if setup.has_symmetries:
+        after = check_discrete_symmetry(setup.target, frame, after, _prior(choice))
+    return after.no_clearer(evidence)
+
+
+def _accepted_in_doubt(choice: Choice) -> bool:
+    """A first round would accept the pose, with a confidence that wrong ones have too; by lamps, nearly would."""
+    if not choice.image.setup.has_faces or choice.proposals.thorough:
+        return False
+    evidence = _evidence(choice)
+    if evidence.lamps:
+        return LIKELY < confidence(evidence) < CLEAR
+    return not decide(evidence, choice.image.setup.accept_at) and doubtful(evidence)
+
+
+def _prior(choice: Choice) -> Optional[Prior]:
+    """The learned proposal's log-likelihood of a pose, where it has looked."""
+    learned, places = choice.image.learned, choice.proposals.places
+    return None if learned is None or not places else partial(learned.log_likelihood, places)
+
+
+def _evidence(choice: Choice) -> Evidence:
+    """The evidence with what is known of the target's confidences."""
+    image = choice.image
+    return replace(
+        choice.selection.evidence,
+        tried=image.setup.tried,
+        looked=image.learned is not None,
+        lamps=image.by_lamps,
+    )
+
+
+# --- answer
+
+
+def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
+    """Settle the selected pose and decide on it; the surest answer of all rounds stands.
+
+    Parameters
+    ----------
+    first : PoseResult, optional
+        The answer of the rounds before.
+    """
+    setup, frame, selection = choice.image.setup, choice.image.frame, choice.selection
+    pose = selection.best.pose
+    if setup.has_faces:
+        # the last steps of the pose; what it was chosen by stays as it is
+        pose = settle(setup.target, frame, selection.close, selection.best)
+        frame.mark("settling")
+    evidence = _evidence(choice)
+    if evidence.lamps and first is not None and isinstance(first.evidence, Evidence):
+        agreed = _agrees(first, pose)
+        evidence = replace(evidence, agreed=agreed)
+        first = reconsidered(first, replace(first.evidence, agreed=agreed), setup.accept_at)
+    frame.count("edges", evidence.edges)
+    frame.keep("field", selection.best.source.field)
+    if frame.shows_all:
+        frame.keep("drawn", draw_at(setup.target, frame, pose.q, pose.t))
+    if evidence.score is not None:
+        pose = replace(pose, covariance=error_scale(evidence) * pose.covariance)
+    result = decided(frame, pose, evidence, selection.alternatives, setup.accept_at)
+    # not by what they explain: the rounds were judged on different cuts of the image
+    return result if first is None or result.confidence > first.confidence else first
+
+
+def _agrees(result: PoseResult, pose: PoseFit) -> bool:
+    """Return True if an answer is the same pose."""
+    q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
+    return q is not None and t is not None and same_end(PoseFit(q, t), pose)
+
+
+class PoseEstimator(Estimator):
+    """Estimates the target's pose from single images; keeps nothing between them.
+
+    Parameters
+    ----------
+    model : the target. camera : the intrinsics of every image.
+    accept_at : confidence at which a pose is accepted.
+
+    Raises
+    ------
+    KernelError
+        If the compiled library cannot be used here.
+    """
+
+    method = HYBRID
+    takes_sun = True
+
+    def __init__(self, model: BoardModel, camera: CameraIntrinsics, accept_at: float = ACCEPT_AT) -> None:
+        # loaded here, not while a frame waits
+        library()
+        super().__init__(model, camera)
+        self.target = PreparedTarget.prepare(model, camera)
+        learned = LearnedProposer.prepare(model, camera)
+        self.setup = SearchSetup(
+            self.target,
+            model_triads(self.target.model),
+            learned,
+            LearnedProposer.prepare(model, camera, LAMPS),
+            learned is not None and model.name in TRIED,
+            accept_at,
+        )
+
+    def _estimate(self, frame: StageRecord) -> PoseResult:
+        return self.initialise(Observation.of(frame))
+
+    def initialise(self, frame: Observation) -> PoseResult:
+        """Return the pose in one image, without knowing any other."""
+        image = prepare(self.setup, frame)
+        first, result = _round(propose_learned(image), None)
+        # edges besides would double the time: of 211 frames they set 8 right, and had a wrong pose accepted
+        if image.learned is not None and result is not None and not result.accepted:
+            _, result = _round(propose_many_scales(first, image.learned), result)
+        if result is None:
+            _, result = _round(propose_by_edges(image, first.places), None)
+        if result is None:
+            return self._declined(frame, "no target found")
+        if frame.shows_all and first.places and image.regions:
+            # the stages that were not needed, for the pictures of all
+            propose_by_edges(replace(image, regions=image.regions[:1]), [])
+        return replace(result, method=self.method)
+
+
+def _round(proposals: Proposals, before: Optional[PoseResult]) -> Tuple[Proposals, Optional[PoseResult]]:
+    """Return the ranked proposals, and the answer of all rounds; the one before if nothing is proposed."""
+    if not proposals.hypotheses:
+        return proposals, before
+    proposals = ranked(proposals)
+    return proposals, answer(check(choose(proposals)), before)

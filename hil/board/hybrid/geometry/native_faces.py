@@ -1,0 +1,67 @@
+"""Faces of the target as the library takes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from flyaround.hil.board.estimation.faces import Faces
+from flyaround.hil.board.hybrid.native.interface import STRUCTURES, Structure, contiguous
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class NativeFaces(Faces):
+    """Faces with the structure that the library reads, which is made once.
+
+    Parameters
+    ----------
+    native : Structure
+        The arrays in the library's layout.
+    """
+
+    native: Structure = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "native", _structure(self))
+
+    @staticmethod
+    def of(faces: Faces) -> NativeFaces:
+        """Return these faces with their structure."""
+        if isinstance(faces, NativeFaces):
+            return faces
+        return NativeFaces(**{f.name: getattr(faces, f.name) for f in fields(Faces)})
+
+
+def native_faces(faces: Faces) -> Structure:
+    """Return the structure of faces; only ``NativeFaces`` keep it."""
+    return NativeFaces.of(faces).native
+
+
+def _structure(faces: Faces) -> Structure:
+    return STRUCTURES["faces"](
+        corners=contiguous(faces.corners, "float64"),
+        normals=contiguous(faces.normals, "float64"),
+        offset=contiguous(faces.offset, "float64"),
+        middles=contiguous(faces.middles, "float64"),
+        plane=contiguous(faces.plane, "float64"),
+        children=_one_parent(faces.children),
+        first=contiguous(np.cumsum([0, *(len(m) for m in faces.members)]), "int64"),
+        members=contiguous(np.concatenate([np.zeros(0, int), *faces.members]), "int64"),
+        faces=len(faces.corners),
+        nodes=len(faces.children),
+    )
+
+
+def _one_parent(children: Array) -> Array:
+    """(N, 2) int64 with each child under the first node that names it: a file may name one twice."""
+    out = contiguous(children, "int64").copy()
+    taken = set()
+    for entry in range(out.size):
+        child = int(out.flat[entry])
+        if child >= 0 and child in taken:
+            out.flat[entry] = -1
+        taken.add(child)
+    return out

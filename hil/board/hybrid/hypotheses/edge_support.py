@@ -1,0 +1,155 @@
+"""Edge support of a pose: the share of visible model edges that lie on image edges of like direction.
+
+Support counts for a pose; model edges without picture edges, and picture edges without model edges, count
+against it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles, Projection, project
+from flyaround.hil.board.hybrid.image.edge_field import EdgeField
+from flyaround.hil.board.hybrid.model.silhouette import inward_sign, silhouette
+from flyaround.hil.board.hybrid.model.view_tables import ViewTable
+from flyaround.hil.board.hybrid.model.visibility import visible_samples
+
+Array = np.ndarray
+
+# How much a model edge counts that falls on darkness, relative to one on something lit.
+DARK_WEIGHT = 0.25
+
+# What lit area outside the silhouette costs: space cannot shine.
+OUTSIDE_WEIGHT = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """Evidence for one pose.
+
+    Parameters
+    ----------
+    drawn : share of the visible model's length that has an edge under it, 0..1.
+    explained : share of the picture's edges that the model explains, 0..1.
+    outside : share of what is lit that lies outside the model's silhouette; against empty space there
+        should be none.
+    total : all together: what poses are ranked by.
+    visible : (M,) samples seen from this pose.
+    """
+
+    drawn: float
+    explained: float
+    outside: float
+    total: float
+    visible: Array
+
+
+def quick_cost(
+    q: Array,
+    t: Array,
+    samples: EdgeSamples,
+    table: ViewTable,
+    field: EdgeField,
+    camera: CameraIntrinsics,
+    centre_m: Array,
+    cap_px: float,
+    every: int = 1,
+) -> Array:
+    """(B,) mean truncated directional distance of the nearest view's samples [field px].
+
+    ``every`` : only each ``every``-th sample is looked at.
+    """
+    R = quat.matrix(q)
+    view = table.nearest(R, t, centre_m)
+    idx, weight = table.track[view, ::every], table.weight[view, ::every]
+    pr = project(samples, camera, R, t, idx)
+    flat, inside = field.lookup(field.to_field(pr.pixels), pr.angle)
+    d = np.where(inside, np.minimum(field.distance.reshape(-1)[flat], cap_px), cap_px)
+    lit = field.lit.reshape(-1)[flat % field.lit.size] & inside
+    # darkness hides edges: it neither supports nor contradicts much
+    weight = weight * np.where(lit | (d < 0.5 * cap_px), 1.0, DARK_WEIGHT)
+    return np.asarray((d * weight).sum(axis=1) / np.maximum(weight.sum(axis=1), 1.0))
+
+
+def support(
+    q: Array,
+    t: Array,
+    samples: EdgeSamples,
+    occ: OccludingTriangles,
+    field: EdgeField,
+    camera: CameraIntrinsics,
+    spacing_m: float,
+    soft_px: float = 1.5,
+    *,
+    alone: bool = False,
+) -> Support:
+    """Full-model evidence for one pose, with exact visibility.
+
+    Parameters
+    ----------
+    alone : whether no other pose is asked for on this field, so that its tables are not worth making.
+    """
+    R = quat.matrix(q)
+    visible, outline = visible_samples(samples, occ, -R.T @ t)
+    idx = np.flatnonzero(visible)
+    if len(idx) < 8 or t[2] <= 0:
+        return Support(0.0, 0.0, 1.0, -1.0, idx)
+    pr = project(samples, camera, R[None], t[None], idx[None])
+    uv = field.to_field(pr.pixels)[0]
+    flat, inside = field.lookup(uv, pr.angle[0])
+    d, place = field.nearest_to(flat) if alone else (field.distance.reshape(-1)[flat], None)
+    s = np.exp(-((d / soft_px) ** 2)) * inside
+    shape = silhouette(R, t, occ, camera, (field.x0, field.y0), field.factor, field.size)
+    if field.empty:
+        # against empty space the craft is the brighter side: an edge of the other kind is another edge
+        inward = inward_sign(shape, uv, pr.normals[0])
+        place = field.nearest_at(flat) if place is None else place
+        e = np.clip(np.rint(place), 0, np.array(field.size) - 1).astype(np.intp)
+        gx, gy = field.gx[e[:, 1], e[:, 0]], field.gy[e[:, 1], e[:, 0]]
+        agree = inward * (gx * pr.normals[0][:, 0] + gy * pr.normals[0][:, 1])
+        s = np.where(agree < 0, 0.0, s)
+    # where nothing shines there is nothing to contradict: a face in shadow shows no edges
+    blind = inside & ~field.lit.reshape(-1)[flat % field.lit.size] & (d > soft_px)
+    weight = (
+        np.where(blind, DARK_WEIGHT, 1.0)
+        * _projected_length(pr, samples, R, idx, camera, spacing_m)
+        * np.where(outline[idx], 1.0, 0.6)
+    )
+    drawn = float((weight * s).sum() / max(weight.sum(), 1e-9))
+    explained = _explained(uv, pr, field, camera, spacing_m)
+    lit = int(field.core.sum())
+    outside = float((field.core & ~shape).sum() / lit) if lit else 0.0
+    total = 0.5 * drawn + 0.5 * explained - OUTSIDE_WEIGHT * outside
+    return Support(drawn, explained, outside, total, idx)
+
+
+def _projected_length(
+    pr: Projection, samples: EdgeSamples, R: Array, idx: Array, camera: CameraIntrinsics, spacing_m: float
+) -> Array:
+    P = pr.points_camera_m[0]
+    D = samples.tangents[idx] @ R.T
+    z = np.maximum(P[:, 2], 1e-3)
+    du = D[:, 0] - P[:, 0] / z * D[:, 2]
+    dv = D[:, 1] - P[:, 1] / z * D[:, 2]
+    return np.asarray(np.hypot(du, dv) * camera.fx_px * spacing_m / z)
+
+
+def _explained(
+    uv: Array, pr: Projection, field: EdgeField, camera: CameraIntrinsics, spacing_m: float
+) -> float:
+    """Share of the field's edge pixels within about two pixels of the drawn model."""
+    total = int(field.mask.sum())
+    if not total:
+        return 0.0
+    half = 0.55 * spacing_m * camera.fx_px / np.maximum(pr.points_camera_m[0][:, 2], 1e-3) / field.factor
+    n = pr.normals[0]
+    along = np.stack([-n[:, 1], n[:, 0]], axis=-1) * half[:, None]
+    ends = np.rint(np.clip(np.stack([uv - along, uv + along], axis=1), -5000, 5000)).astype(np.int32)
+    drawn = np.zeros(field.mask.shape, np.uint8)
+    cv2.polylines(drawn, list(ends), False, 1, 5)
+    return float((drawn & field.mask).sum() / total)

@@ -1,0 +1,291 @@
+"""Thin edges of a region of the picture, by direction, with the distance and way to the nearest one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Optional, Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.hybrid.image.image_region import library_reads, region
+from flyaround.hil.board.hybrid.native.library import is_available, library
+from flyaround.hil.board.svd.line_streams import drop_specks
+
+Array = np.ndarray
+
+CHANNELS = 8
+
+# Probability of the craft below which an edge is taken for texture.
+LIKELY = 0.08
+
+
+@dataclass(frozen=True, eq=False)
+class NearestEdges:
+    """Where the nearest edge of one direction is.
+
+    Parameters
+    ----------
+    distance : (h, w) float32 [field px]. label : (h, w) number of that edge; place : (N + 1, 2) its column and row.
+    """
+
+    distance: Array
+    label: Array
+    place: Array
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeField:
+    """Directional nearest-edge tables of one region at one scale.
+
+    Parameters
+    ----------
+    x0, y0 : the region's corner, full-resolution pixels; factor : full-resolution pixels per field pixel.
+    mask : (h, w) thin edges. gx, gy : (h, w) gradient.
+    strength : (h, w) gradient magnitude in units of its noise.
+    lit : (h, w) whether anything within two pixels is brighter than the empty background.
+    empty : whether the background is empty space.
+    core : (h, w) what is brighter than empty background less the rim that blur lit; none when
+        it is not empty.
+    """
+
+    x0: float
+    y0: float
+    factor: float
+    mask: Array
+    gx: Array
+    gy: Array
+    strength: Array
+    lit: Array
+    core: Array
+    empty: bool
+
+    @cached_property
+    def direction(self) -> Array:
+        """(h, w) direction of the gradient, -pi..pi, towards the brighter side."""
+        return np.arctan2(self.gy, self.gx)
+
+    @cached_property
+    def angle(self) -> Array:
+        """(h, w) the same without the side, 0..pi."""
+        return np.mod(self.direction, np.pi).astype(np.float32)
+
+    @cached_property
+    def tables(self) -> Tuple[NearestEdges, ...]:
+        """Of each of K directions; made when asked for: of most places that are looked at nobody does."""
+        return nearest_edges(self.mask, self.angle)
+
+    @cached_property
+    def distance(self) -> Array:
+        """(K, h, w) float32 distance to the nearest edge of about that direction [field px]."""
+        return np.stack([t.distance for t in self.tables])
+
+    @cached_property
+    def nearest(self) -> Array:
+        """(K, h, w, 2) float32 where that edge is [field px]."""
+        return np.stack([np.take(t.place, t.label, axis=0) for t in self.tables])
+
+    def nearest_at(self, flat: Array) -> Array:
+        """(N, 2) the same at few places, indices (N,) as ``lookup`` gives them."""
+        channel, at = np.divmod(flat, self.mask.size)
+        out = np.zeros((len(flat), 2), np.float32)
+        for k, t in enumerate(self.tables):
+            own = channel == k
+            out[own] = t.place[t.label.ravel()[at[own]]]
+        return out
+
+    def nearest_to(self, flat: Array) -> Tuple[Array, Array]:
+        """Distance (N,) and place (N, 2) of the nearest edge at few places, indices (N,) as ``lookup`` gives them.
+
+        As the tables have them but for the distance's approximation there, in a tenth of the time that they take.
+        """
+        channel, at = np.divmod(flat, self.mask.size)
+        distance, place = np.full(len(flat), 1e4, np.float32), np.zeros((len(flat), 2), np.float32)
+        y, x = np.nonzero(self.mask)
+        theta = np.mod(np.arctan2(self.gy[y, x], self.gx[y, x]), np.pi)
+        edge = np.stack([x, y], axis=-1).astype(np.float32)
+        here = np.stack(np.divmod(at, self.mask.shape[1])[::-1], axis=-1).astype(np.float32)
+        for k in range(CHANNELS):
+            own, near = np.flatnonzero(channel == k), edge[_of_channel(theta, k)]
+            if not len(own) or not len(near):
+                continue
+            away, down = here[own, :1] - near[:, 0], here[own, 1:] - near[:, 1]
+            # in place: as much memory again would take as long as the sums
+            away *= away
+            down *= down
+            away += down
+            best = away.argmin(axis=1)
+            distance[own], place[own] = np.sqrt(away[np.arange(len(own)), best]), near[best]
+        return distance, place
+
+    @property
+    def size(self) -> Tuple[int, int]:
+        """Width and height [field px]."""
+        return self.mask.shape[1], self.mask.shape[0]
+
+    def to_field(self, pixels: Array) -> Array:
+        """Field coordinates of full-resolution pixels (..., 2)."""
+        return (pixels - (self.x0, self.y0) + 0.5) / self.factor - 0.5
+
+    def lookup(self, uv: Array, angle: Array) -> Tuple[Array, Array]:
+        """Flat indices into (K, h, w) tables, and whether the point lies in the field.
+
+        Parameters
+        ----------
+        uv : (..., 2) field coordinates. angle : (...) direction of the model edge's normal, 0..pi.
+        """
+        w, h = self.size
+        x = np.rint(uv[..., 0])
+        y = np.rint(uv[..., 1])
+        inside = (x >= 0) & (x < w) & (y >= 0) & (y < h)
+        xi = np.clip(x, 0, w - 1).astype(np.intp)
+        yi = np.clip(y, 0, h - 1).astype(np.intp)
+        k = np.rint(angle * (CHANNELS / np.pi)).astype(np.intp) % CHANNELS
+        return (k * h + yi) * w + xi, inside
+
+
+@lru_cache(maxsize=32)
+def gradient_noise(blur_px: float) -> float:
+    """Noise of one gradient component for white noise of unit variance, through the same filters."""
+    noise = np.random.default_rng(1).standard_normal((192, 192)).astype(np.float32)
+    gx, _ = gradient(noise, blur_px)
+    return float(np.std(gx[16:-16, 16:-16]))
+
+
+def gradient(image: Array, blur_px: float) -> Tuple[Array, Array]:
+    """Gradient per pixel of a blurred float32 image, Scharr's kernels (nearly isotropic)."""
+    blurred = cv2.GaussianBlur(image, (0, 0), blur_px) if blur_px > 0 else image
+    return (
+        cv2.Scharr(blurred, cv2.CV_32F, 1, 0, scale=1 / 32),
+        cv2.Scharr(blurred, cv2.CV_32F, 0, 1, scale=1 / 32),
+    )
+
+
+def shrink(image: Array, x0: int, y0: int, x1: int, y1: int, longest_px: int) -> Tuple[Array, float]:
+    """A region reduced by area averaging (which averages noise too) to ``longest_px`` at most."""
+    crop = image[y0:y1, x0:x1]
+    factor = max(1.0, max(crop.shape) / longest_px)
+    if factor > 1.0:
+        width, height = max(8, round(crop.shape[1] / factor)), max(8, round(crop.shape[0] / factor))
+        crop = area_mean(crop, width, height)
+    return np.asarray(crop, np.float32), factor
+
+
+def area_mean(picture: Array, width: int, height: int) -> Array:
+    """(height, width) float32 means of what each pixel covers, rounded where the picture's are whole numbers."""
+    smaller = 0 < height <= picture.shape[0] and 0 < width <= picture.shape[1]
+    if not (smaller and is_available() and library_reads(picture)):
+        # the published methods need no library
+        return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), np.float32)
+    out = np.empty((height, width), np.float32)
+    if library().fly_area_average(*region(picture), height, width, out):
+        raise MemoryError("no memory to reduce a picture")
+    return out
+
+
+def thin_edges(gx: Array, gy: Array, sigma: float, low: float, high: float) -> Tuple[Array, Array]:
+    """Canny's thinning and hysteresis with thresholds in units of the gradient's noise."""
+    magnitude = cv2.magnitude(gx, gy)
+    top = max(float(magnitude.max()), 1e-9)
+    scale = 8000.0 / top
+    mask = cv2.Canny(
+        np.clip(gx * scale, -32000, 32000).astype(np.int16),
+        np.clip(gy * scale, -32000, 32000).astype(np.int16),
+        max(low * sigma * scale, 2.0),
+        max(high * sigma * scale, 3.0),
+        L2gradient=True,
+    )
+    return mask > 0, magnitude
+
+
+def edge_field(
+    image: Array,
+    box: Tuple[int, int, int, int],
+    noise: float,
+    longest_px: int,
+    high: float = 6.0,
+    low: float = 3.0,
+    background: float = -1.0,
+    likely: Optional[Array] = None,
+) -> EdgeField:
+    """Edge tables of ``box`` (x0, y0, x1, y1), reduced to ``longest_px``.
+
+    Parameters
+    ----------
+    noise : standard deviation of the picture's noise, in the picture's units.
+    background : level of empty space; negative when the background is not empty (all counts as lit then).
+    likely : (h, w) map of the craft over the whole picture: edges far from it are texture.
+    """
+    x0, y0, x1, y1 = box
+    small, factor = shrink(image, x0, y0, x1, y1, longest_px)
+    blur = 1.0 if factor >= 3 else (1.3 if factor >= 1.8 else 1.7)
+    gx, gy = gradient(small, blur)
+    # area averaging over factor^2 independent pixels
+    sigma = max(noise / factor * gradient_noise(blur), 1e-6)
+    mask, magnitude = thin_edges(gx, gy, sigma, low, high)
+    if likely is not None:
+        mask &= _about(likely, box, image.shape, mask.shape)
+    mask = drop_specks(mask, 5)
+    lit, core = np.ones(mask.shape, bool), np.zeros(mask.shape, bool)
+    if background >= 0:
+        # a Gaussian of b pixels averages 4 pi b^2 of them
+        level = cv2.GaussianBlur(small, (0, 0), blur)
+        step = 4.0 * noise / factor / (2 * np.sqrt(np.pi) * blur)
+        bright = (level > background + step).astype(np.uint8)
+        lit = cv2.dilate(bright, np.ones((5, 5), np.uint8)) > 0
+        core = cv2.erode(bright, np.ones((5, 5), np.uint8)) > 0
+    return EdgeField(
+        x0=float(x0),
+        y0=float(y0),
+        factor=factor,
+        mask=mask,
+        gx=gx,
+        gy=gy,
+        strength=magnitude / sigma,
+        lit=lit,
+        core=core,
+        empty=background >= 0,
+    )
+
+
+def _about(
+    likely: Array, box: Tuple[int, int, int, int], picture: Tuple[int, ...], field: Tuple[int, ...]
+) -> Array:
+    """Where in a field on ``box`` the craft may be, by a map of the whole picture."""
+    near = cv2.dilate((likely > LIKELY).astype(np.uint8), np.ones((3, 3), np.uint8))
+    (H, W), (h, w) = picture[:2], likely.shape
+    x = ((np.arange(field[1]) + 0.5) / field[1] * (box[2] - box[0]) + box[0]) * w / W
+    y = ((np.arange(field[0]) + 0.5) / field[0] * (box[3] - box[1]) + box[1]) * h / H
+    rows, columns = np.clip(y.astype(int), 0, h - 1), np.clip(x.astype(int), 0, w - 1)
+    return np.asarray(near[rows[:, None], columns[None]] > 0)
+
+
+def _of_channel(theta: Array, k: int) -> Array:
+    """Which of the directions (N,) are about the ``k``-th of all."""
+    step = np.pi / CHANNELS
+    off = np.abs(np.mod(theta - k * step + np.pi / 2, np.pi) - np.pi / 2)
+    return np.asarray(off < 1.2 * step)
+
+
+def nearest_edges(mask: Array, angle: Array) -> Tuple[NearestEdges, ...]:
+    """Distance and way to the nearest edge of each of K directions."""
+    h, w = mask.shape
+    at = np.flatnonzero(mask)
+    theta = angle.ravel()[at]
+    out = []
+    for k in range(CHANNELS):
+        near = at[_of_channel(theta, k)]
+        if not len(near):
+            far = np.full((h, w), 1e4, np.float32)
+            out.append(NearestEdges(far, np.zeros((h, w), np.int32), np.zeros((1, 2), np.float32)))
+            continue
+        zero = np.full(h * w, 255, np.uint8)
+        zero[near] = 0
+        distance, label = cv2.distanceTransformWithLabels(
+            zero.reshape(h, w), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+        )
+        place = np.zeros((len(near) + 1, 2), np.float32)
+        place[label.ravel()[near]] = np.stack(np.divmod(near, w)[::-1], axis=-1)
+        out.append(NearestEdges(distance, label, place))
+    return tuple(out)

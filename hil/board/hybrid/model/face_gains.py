@@ -1,0 +1,129 @@
+"""Brightness of the craft's faces, taken from the picture itself, and the picture drawn with it."""
+
+from __future__ import annotations
+
+from typing import Optional, Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.estimation.faces import Faces
+from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
+from flyaround.hil.board.hybrid.geometry.shading import Shading
+from flyaround.hil.board.hybrid.model import many_groups
+from flyaround.hil.board.hybrid.model.image_formation import gaussian, response_tables
+from flyaround.hil.board.hybrid.model.many_groups import blurred
+from flyaround.hil.board.hybrid.native.interface import contiguous
+from flyaround.hil.board.hybrid.native.library import library
+
+Array = np.ndarray
+
+# Blur of the optics [picture px], reach of the background's local brightness [patch px].
+OPTICS_PX, LOCAL_PX = 1.0, 8.0
+
+# Largest faces that are looked at for saturation.
+SATURATED = 4
+
+# Brightness of a saturated face above the scale, in scales, that is tried.
+OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
+
+
+def shade(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array] = None) -> Shading:
+    """Brightness of each face group from the picture, and the picture drawn with it.
+
+    Parameters
+    ----------
+    seen : drawn by ``draw_faces``. dark : (H, W) drawn pixels on which another face casts its shadow.
+    """
+    h, w = patch.gray.shape
+    group, level, picture, centre, area, core, empty, ground = _shaded(faces, seen, patch, dark)
+    bright = (area >= 60) & (level > 0.97 * patch.full)
+    # hardly any picture has one
+    for k in 1 + np.argsort(-area[1:], kind="stable")[:SATURATED] if bright[1:].any() else ():
+        if bright[k]:
+            part = cv2.resize((group == k).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+            over = _overexposed(picture, part, patch)
+            level[k] += over
+            picture = picture + np.float32(over) * part
+    behind = None
+    if patch.textured:
+        made = group, level, picture, centre, core, empty, ground
+        behind, picture = _with_background(patch, made, LOCAL_PX / 4)
+    return Shading(seen, group, level, picture, centre, area, behind)
+
+
+def _with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float) -> Tuple[Array, Array]:
+    """What the background differs from its level by (h, w), and the synthetic view with it, which takes its place.
+
+    Parameters
+    ----------
+    made : groups, levels, view, groups at middles, pixels well inside a group, the background's share of each pixel and
+        its mean. blur_px : of means of 4 x 4 pixels.
+    """
+    if made[0].dtype != np.uint8 or min(patch.gray.shape) < 2:
+        return many_groups.with_background(patch, made, blur_px)
+    _, level, picture, centre, core, empty, shown = made
+    h, w = patch.gray.shape
+    gray, out = contiguous(patch.gray, "float32"), np.empty((h, w), np.float32)
+    curve, blur, picture = response_tables(patch.response), gaussian(blur_px), contiguous(picture, "float32")
+    ground = float(shown[0]), float(level[0])
+    if library().fly_background(gray, core, centre, h, w, *ground, curve, blur, empty, out, picture) < 0:
+        raise MemoryError("no memory for the background about the craft")
+    return out, picture
+
+
+def _shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
+    """Groups of drawn pixels, their levels, and the synthetic view that they make.
+
+    Returns
+    -------
+    Groups (H, W), their levels (n,), the view (h, w), groups at middles (h, w), area (n,), pixels well inside a group
+    (h, w), the background's share of each (h, w), empty if it has one level, and the background's mean (1,).
+    """
+    (h, w), f, count = patch.gray.shape, patch.fine, len(faces.corners)
+    shape = h * f, w * f
+    group, centre, core = np.empty(shape, np.uint8), np.empty((h, w), np.uint8), np.empty((h, w), bool)
+    picture = np.empty((h, w), np.float32)
+    share = np.empty((h, w) if patch.textured else (0, 0), np.float32)
+    level, area, ground = np.empty(256), np.empty(256, np.int64), np.empty(1)
+    n = library().fly_face_gains(
+        contiguous(seen, "int32", shape),
+        None if dark is None else contiguous(dark, "bool", shape),
+        contiguous(faces.labels, "uint16", (count + 1,)),
+        count,
+        faces.groups + 1,
+        contiguous(patch.gray, "float32"),
+        h,
+        w,
+        f,
+        patch.sigma,
+        response_tables(patch.response),
+        group,
+        centre,
+        core,
+        picture,
+        level,
+        area,
+        ground,
+        share if patch.textured else None,
+    )
+    if n < 0:
+        raise MemoryError("no memory to find the brightness of faces")
+    if n == 0:
+        return many_groups.shaded(faces, seen, patch, dark)
+    return group, level[:n], picture, centre, area[:n], core, share, ground
+
+
+def _overexposed(picture: Array, part: Array, patch: ImagePatch) -> float:
+    """How far a saturated face's true brightness lies above the scale: blur carries it over its border."""
+    optics = OPTICS_PX / patch.factor
+    base, own = blurred(picture, optics), blurred(part, optics)
+    ring = (own > 0.02) & (own < 0.98)
+    if int(ring.sum()) < 10:
+        return 0.0
+    base, own, gray = base[ring], own[ring], patch.gray[ring]
+    costs = [
+        float(np.abs(patch.response.of(base + np.float32(over) * own)[0] - gray).sum())
+        for over in OVER * patch.full
+    ]
+    return float(OVER[int(np.argmin(costs))] * patch.full)

@@ -1,0 +1,74 @@
+"""Blur and response of the camera as the library takes them."""
+
+from __future__ import annotations
+
+import functools
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.hybrid.geometry import response
+from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
+from flyaround.hil.board.hybrid.geometry.response import Response
+from flyaround.hil.board.hybrid.native.interface import STRUCTURES, Structure
+
+# Widest blur that the library takes [px].
+WIDEST = 64
+
+# What is narrower is no blur [px].
+LEAST_BLUR_PX = 0.2
+
+
+def blur_reach(sigma_px: float) -> int:
+    """Return how far OpenCV's Gaussian of this width reaches in a float picture [px]."""
+    return (int(np.rint(8 * sigma_px + 1)) | 1) // 2 if sigma_px > LEAST_BLUR_PX else 0
+
+
+@functools.lru_cache(maxsize=256)
+def gaussian(sigma_px: float) -> Structure:
+    """Return OpenCV's Gaussian; one of no reach where it is narrower than ``LEAST_BLUR_PX``.
+
+    Raises
+    ------
+    ValueError
+        If it is wider than the library takes.
+    """
+    r = blur_reach(sigma_px)
+    if r > WIDEST:
+        raise ValueError(f"the library blurs by {WIDEST} px at most, not {r}")
+    taps = cv2.getGaussianKernel(2 * r + 1, sigma_px, cv2.CV_32F) if r else np.ones(1, np.float32)
+    return STRUCTURES["gaussian"](taps=np.ascontiguousarray(taps, np.float32), reach=r)
+
+
+@functools.lru_cache(maxsize=16)
+def response_tables(curve: Response) -> Structure:
+    """Return the response and its tables."""
+    lift, share = (np.ascontiguousarray(a, np.float32) for a in response.tables())
+    x, below = (np.ascontiguousarray(curve.sigma * a, np.float64) for a in response.means())
+    end = round(curve.full * response.STEPS / curve.sigma) if curve.sigma > 0 else 0
+    return STRUCTURES["response"](
+        sigma=float(curve.sigma),
+        full=float(curve.full),
+        lift=lift,
+        share=share,
+        x=x,
+        below=below,
+        entries=len(x),
+        end=min(end, 1 << 40),
+    )
+
+
+def pinhole_view(camera: CameraIntrinsics, patch: ImagePatch) -> Structure:
+    """Return what a patch shows of a pinhole's picture."""
+    across, down = patch.scale
+    return STRUCTURES["view"](
+        fx=camera.fx_px,
+        fy=camera.fy_px,
+        cx=camera.cx_px,
+        cy=camera.cy_px,
+        x0=patch.x0,
+        y0=patch.y0,
+        across=across,
+        down=down,
+    )

@@ -1,0 +1,105 @@
+"""Regions of the picture cut out for comparison with the drawn target, straightened where the lens bends."""
+
+from __future__ import annotations
+
+from typing import Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import CameraIntrinsics, undistorted_rays
+from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
+from flyaround.hil.board.hybrid.image.edge_field import shrink
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
+
+Array = np.ndarray
+Box = Tuple[int, int, int, int]
+
+# Drawn pixels per pixel of a patch, each way.
+FINE = 2
+
+# What is not drawn of a craft, as a share of the scale: where noise is quieter, it would speak against every pose.
+UNDRAWN = 0.02
+
+
+def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: int) -> ImagePatch:
+    """A region of the picture as a pinhole camera would show it.
+
+    Parameters
+    ----------
+    box : x0, y0, x1, y1 in the pixels of ``target.camera.pinhole``.
+    """
+    if target.camera.distorted:
+        # one box is often wanted at two sizes
+        if frame.straight is None or frame.straight[0] != box:
+            frame.straight = (box, straightened(frame.image, target.camera, box))
+        gray, factor = shrink(frame.straight[1], 0, 0, box[2] - box[0], box[3] - box[1], longest_px)
+        whole = box[2:]
+    else:
+        gray, factor = shrink(frame.image, *box, longest_px)
+        whole = frame.image.shape[1::-1]
+    full = 255.0 if frame.image.dtype == np.uint8 else float(frame.image.max())
+    plain = frame.background if frame.background >= 0 else None
+    h, w = gray.shape
+    wide, high = (min(b, n) - a for a, b, n in zip(box[:2], box[2:], whole))  # noqa: B905 - Python 3.9 has no strict=
+    across = wide / w
+    sigma = max(frame.noise, UNDRAWN * full) / factor
+    return ImagePatch(
+        gray,
+        sigma,
+        float(box[0]),
+        float(box[1]),
+        across,
+        FINE,
+        full,
+        plain,
+        high / h / across,
+        sun=frame.sun_camera,
+    )
+
+
+# The lens bends smoothly: the place of every eighth pixel is enough, of some round the box too.
+EVERY_PX, ROUND_PX = 8, 16
+
+
+def straightened(image: Array, camera: CameraIntrinsics, box: Box) -> Array:
+    """(h, w) what a pinhole would have seen in ``box``; black outside the picture."""
+    w, h = box[2] - box[0], box[3] - box[1]
+    x = box[0] + (np.arange(-EVERY_PX, w + ROUND_PX, EVERY_PX) - camera.cx_px)
+    y = box[1] + (np.arange(-EVERY_PX, h + ROUND_PX, EVERY_PX) - camera.cy_px)
+    u, v = np.meshgrid(x / camera.fx_px, y / camera.fy_px)
+    bent_u, bent_v = camera.distort(u, v)
+    at = np.stack([bent_u * camera.fx_px + camera.cx_px, bent_v * camera.fy_px + camera.cy_px], axis=-1)
+    between = np.array([[1 / EVERY_PX, 0.0, 1.0], [0.0, 1 / EVERY_PX, 1.0]])
+    how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    col, row = cv2.split(cv2.warpAffine(at.astype(np.float32), between, (w, h), flags=how))
+    return np.asarray(cv2.remap(image, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
+
+
+def pinhole_box(camera: CameraIntrinsics, box: Box) -> Box:
+    """The box in the pinhole's pixels that holds a box of the picture."""
+    if not camera.distorted:
+        return box
+    s = np.linspace(0.0, 1.0, 9)
+    x, y = box[0] + s * (box[2] - box[0]), box[1] + s * (box[3] - box[1])
+    rim = [(a, b) for a in x for b in (y[0], y[-1])] + [(a, b) for a in (x[0], x[-1]) for b in y]
+    rays = undistorted_rays(camera, np.array(rim))
+    p = rays * (camera.fx_px, camera.fy_px) + (camera.cx_px, camera.cy_px)
+    p = p[np.isfinite(p).all(axis=1)]
+    # a lens may show half the world: no more than about the picture is of use
+    far = np.array([camera.width_px, camera.height_px])
+    low, high = np.clip(p.min(axis=0), -0.5 * far, 1.5 * far), np.clip(p.max(axis=0), -0.5 * far, 1.5 * far)
+    return int(low[0]), int(low[1]), int(max(high[0], low[0] + 32)), int(max(high[1], low[1] + 32))
+
+
+def target_box(target: PreparedTarget, q: Array, t: Array) -> Box:
+    """What of the pinhole's picture a pose covers, with a margin, in whole pixels."""
+    camera = target.camera
+    p = camera.pinhole.pixels(target.model.ends_m @ quat.matrix(q).T + t)
+    (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)
+    m = 8 + 0.06 * max(x1 - x0, y1 - y0)
+    a, b, c, d = pinhole_box(camera, (0, 0, camera.width_px, camera.height_px))
+    left, top = int(np.clip(x0 - m, a, c - 32)), int(np.clip(y0 - m, b, d - 32))
+    return left, top, int(np.clip(x1 + m, left + 32, c)), int(np.clip(y1 + m, top + 32, d))

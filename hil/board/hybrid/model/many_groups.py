@@ -1,0 +1,283 @@
+"""Brightness of a craft with more groups of faces in view than a byte numbers, in numpy.
+
+The library numbers groups by bytes; round craft with many materials have more. Where a byte is enough this gives the
+library's numbers to rounding, and is the reference that it is tested against.
+"""
+
+from __future__ import annotations
+
+from functools import reduce
+from typing import Optional, Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.estimation.faces import Faces
+from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
+from flyaround.hil.board.hybrid.geometry.shading import Shading
+from flyaround.hil.board.hybrid.model.image_formation import LEAST_BLUR_PX, blur_reach
+
+Array = np.ndarray
+
+# Labels that a byte holds.
+LABELS = 255
+
+# What a pixel beside a border counts for its face's brightness.
+BESIDE = 0.05
+
+# Share of a pixel that is as good as none where brightness is found with the pose.
+LITTLE = 2e-4
+
+
+def shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
+    """Groups of drawn pixels, their levels, and the synthetic view that they make.
+
+    Returns
+    -------
+    Groups (H, W), their levels (n,), the view (h, w), groups at middles (h, w), area (n,), pixels well inside a group
+    (h, w), the background's share of each (h, w), empty if it has one level, and the background's mean (1,).
+    """
+    f, (h, w) = patch.fine, patch.gray.shape
+    n = faces.groups + 1
+    group = np.take(faces.labels, seen, mode="clip")
+    if dark is not None:
+        group, n = _divided(group, dark, n)
+    g = group.reshape(h, f, w, f)
+    centre = np.ascontiguousarray(g[:, f // 2, :, f // 2])
+    solid = (g[:, 0, :, 0] == centre) & (g[:, -1, :, -1] == centre)
+    solid &= (g[:, 0, :, -1] == centre) & (g[:, -1, :, 0] == centre)
+    # pixels beside a border show how far the pose is off, not how bright the face is
+    core = cv2.erode((solid & ~_borders(centre)).view(np.uint8), np.ones((3, 3), np.uint8)).view(bool)
+    mean, area = _levels(centre, solid, core, patch, n)
+    level = patch.response.brightness(mean)
+    picture = cv2.resize(look_up(level, group), (w, h), interpolation=cv2.INTER_AREA)
+    ground = mean[:1].copy()
+    _thin_levels(level, picture, group, area < 3, patch)
+    empty = np.zeros((0, 0), np.float32)
+    if patch.textured:
+        empty = cv2.resize((group == 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+    return group, level, picture, centre, area, core, empty, ground
+
+
+def with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float) -> Tuple[Array, Array]:
+    """What the background differs from its level by (h, w), and the synthetic view with it.
+
+    Parameters
+    ----------
+    made : groups, levels, view, groups at middles, pixels well inside a group, the background's share of each pixel and
+        its mean. blur_px : of means of 4 x 4 pixels.
+    """
+    _, level, picture, centre, core, empty, ground = made
+    shown = float(ground[0])
+    own = (core & (centre == 0)).astype(np.float32)
+    behind = _wide_mean(own * (patch.gray - np.float32(shown)), own, blur_px)
+    if patch.clipped > 0:
+        behind = patch.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
+    # the background's share of each pixel, of which the border pixels have a part
+    return behind, picture + empty * behind
+
+
+def look_up(table: Array, labels: Array) -> Array:
+    """float32 value of ``table`` (N,) at each label."""
+    if labels.dtype != np.uint8:
+        return np.asarray(np.take(table.astype(np.float32), labels, mode="clip"))
+    whole = np.zeros(256, np.float32)
+    whole[: len(table)] = table[:256]
+    return np.asarray(cv2.LUT(labels, whole))
+
+
+def _divided(group: Array, dark: Array, n: int) -> Tuple[Array, int]:
+    """Groups numbered anew, their parts in shadow after those in light, and how many there are.
+
+    Those that are not seen get no number: one byte is enough for what is, and bytes are the fastest to compare.
+    """
+    if group.dtype == np.uint8:
+        shadow = dark.view(np.uint8)
+        lit = np.flatnonzero(cv2.calcHist([group], [0], 1 - shadow, [256], [0, 256]))
+        shaded = np.flatnonzero(cv2.calcHist([group], [0], shadow, [256], [0, 256]))
+        lit = lit[lit > 0]
+        if 1 + len(lit) + len(shaded) <= LABELS:
+            to = np.zeros((2, 256), np.uint8)
+            to[0, lit] = 1 + np.arange(len(lit))
+            to[1, shaded] = 1 + len(lit) + np.arange(len(shaded))
+            out = cv2.LUT(group, to[0])
+            cv2.copyTo(cv2.LUT(group, to[1]), shadow, out)
+            return np.asarray(out), 1 + len(lit) + len(shaded)
+    group = group.astype(np.uint16)
+    group[dark] += np.uint16(n - 1)
+    return group, 2 * n - 1
+
+
+def _levels(centre: Array, solid: Array, core: Array, patch: ImagePatch, n: int) -> Tuple[Array, Array]:
+    """Brightness (n,) of each group, a mean without what lies far off it, and its pixels (n,) in ``core``."""
+    where = np.flatnonzero(solid | (centre > 0))
+    label = centre.ravel().take(where)
+    # group by group: sums over stretches cost less than sums by label
+    where = where[np.argsort(label, kind="stable")]
+    number = np.bincount(label, minlength=n)
+    some = np.flatnonzero(number)
+    level, area = np.zeros(n), np.zeros(n, np.intp)
+    if not len(some):
+        return level, area
+    number = number[some]
+    first = np.cumsum(number) - number
+    value = patch.gray.ravel().take(where).astype(float)
+    inner = core.ravel().take(where)
+    trust = inner + BESIDE * solid.ravel().take(where) + 1e-3
+    weight, mean = trust, np.zeros(len(some))
+    for last in (False, False, True):
+        total = np.maximum(np.add.reduceat(weight, first), 1e-9)
+        mean = np.add.reduceat(weight * value, first) / total
+        if not last:
+            away = np.abs(value - np.repeat(mean, number))
+            spread = np.add.reduceat(weight * away, first) / total
+            weight = trust * (away < np.repeat(2.5 * spread + patch.sigma, number))
+    level[some], area[some] = mean, np.add.reduceat(inner, first, dtype=np.intp)
+    return level, area
+
+
+def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, rows: Array, out: Array) -> int:
+    """Share of each pixel that the background and each of the ``most`` largest groups cover, blurred.
+
+    Parameters
+    ----------
+    blur_px : standard deviation. rows : (N,) flat indices of the pixels that are asked for, ascending.
+    out : (most + 1 or more, N) float32, zero; receives the shares above ``LITTLE``.
+
+    Returns
+    -------
+    Number of groups filled in.
+
+    Notes
+    -----
+    Most groups are small: each is looked at within its own box.
+    """
+    h, w = shading.centre.shape
+    f = patch.fine
+    # thin ones too: their brightness is known least of all
+    count = np.bincount(shading.centre.ravel(), minlength=len(shading.level))
+    order = 1 + np.argsort(-count[1:], kind="stable")[: min(most, 62)]
+    chosen = np.concatenate([[0], order[count[order] > 3]])
+    slot = np.full(max(len(shading.level), 256), 255, np.uint8)
+    slot[chosen] = np.arange(len(chosen))
+    byte = shading.group.dtype == np.uint8
+    slots = cv2.LUT(shading.group, slot[:256]) if byte else np.take(slot, shading.group, mode="clip")
+    # one more than the blur reaches: what it mirrors at the box's edge is empty then
+    far = blur_reach(blur_px) + 1
+    x0, y0, x1, y1 = _boxes(slots, len(chosen), f)
+    x0, y0 = np.maximum(x0 - far, 0), np.maximum(y0 - far, 0)
+    x1, y1 = np.minimum(x1 + 1 + far, w), np.minimum(y1 + 1 + far, h)
+    first, last = np.searchsorted(rows, y0 * w).tolist(), np.searchsorted(rows, y1 * w).tolist()
+    plane = np.zeros((h, w), np.float32)
+    flat = plane.ravel()
+    for k, (left, top, right, bottom) in enumerate(zip(x0.tolist(), y0.tolist(), x1.tolist(), y1.tolist())):  # noqa: B905 - 3.9
+        a, b = first[k], last[k]
+        if left >= right or a >= b:
+            continue
+        mask = (slots[top * f : bottom * f, left * f : right * f] == k).view(np.uint8)
+        # a mean of 0 and f^2 over f x f pixels is a whole number
+        share = cv2.resize(mask * np.uint8(f * f), (right - left, bottom - top), interpolation=cv2.INTER_AREA)
+        own = plane[top:bottom, left:right]
+        if blur_px > LEAST_BLUR_PX:
+            cv2.GaussianBlur(share.astype(np.float32), (0, 0), blur_px, dst=own)
+        else:
+            own[:] = share
+        flat.take(rows[a:b], None, out[k, a:b], "clip")
+        own[:] = 0.0
+    share = out[: len(chosen)]
+    share *= np.float32(1.0 / (f * f))
+    share[share <= LITTLE] = 0.0
+    return len(chosen)
+
+
+def _boxes(slots: Array, n: int, f: int) -> Array:
+    """(4, n) first and last column and row of each of the labels 0 .. n - 1; the first beyond the last where none is.
+
+    They are counted in patch pixels of ``f`` x ``f`` drawn ones.
+
+    All at once: a label is a bit, and a row or column holds the bits of what is in it.
+    """
+    kind = np.uint32 if n <= 32 else np.uint64
+    place = np.arange(n, dtype=kind)
+    bit = np.zeros(256, kind)
+    bit[:n] = np.left_shift(kind(1), place)
+    # OpenCV's table looks bytes up several times faster, and has no whole numbers of this size
+    bits = cv2.LUT(slots, bit.view(np.float32 if n <= 32 else np.float64)).view(kind)
+    for _ in range(2):
+        # rows of each patch pixel first, then columns, as rows of what lies on its side
+        bits = reduce(np.bitwise_or, [bits[k::f] for k in range(f)]).T
+    out = []
+    for axis in (0, 1):
+        there = np.bitwise_or.reduce(bits, axis=axis)
+        on = np.right_shift(there, place[:, None]) & kind(1) > 0
+        some, size = on.any(axis=1), on.shape[1]
+        out.append(
+            (
+                np.where(some, on.argmax(axis=1), 10 * size),
+                np.where(some, size - 1 - on[:, ::-1].argmax(axis=1), -10 * size),
+            )
+        )
+    return np.stack([out[0][0], out[1][0], out[0][1], out[1][1]])
+
+
+def _wide_mean(value: Array, weight: Array, blur_px: float) -> Array:
+    """Mean of ``value`` over ``weight`` within four times the blur, towards zero where there is little of it."""
+    h, w = value.shape
+    size = (max(2, w // 4), max(2, h // 4))
+    num, den = (
+        cv2.GaussianBlur(cv2.resize(v, size, interpolation=cv2.INTER_AREA), (0, 0), blur_px)
+        for v in (value, weight)
+    )
+    return cv2.resize(num / (den + 0.02), (w, h), interpolation=cv2.INTER_LINEAR)
+
+
+def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch: ImagePatch) -> None:
+    """Brightness of groups that fill no pixel: what is left of the picture there, over what they cover.
+
+    Parameters
+    ----------
+    level : (G + 1,) and picture : (h, w) drawn with it, both changed in place.
+    """
+    f, (h, w) = patch.fine, patch.gray.shape
+    if group.dtype == np.uint8:
+        marked = np.zeros(256, np.uint8)
+        marked[: len(thin)] = thin
+        where = np.flatnonzero(cv2.LUT(group, marked).view(bool))
+    else:
+        where = np.flatnonzero(np.take(thin, group, mode="clip"))
+    if not len(where):
+        return
+    own = group.ravel()[where]
+    # a remainder costs ten times what this does
+    row = where // (w * f)
+    cell = (row // f) * w + (where - row * (w * f)) // f
+    number = np.bincount(cell, minlength=h * w)
+    # few pixels hold any: only those are looked at from here on
+    cells = np.flatnonzero(number > 0)
+    place = np.empty(h * w, np.intp)
+    place[cells] = np.arange(len(cells))
+    at = place[cell]
+    n = len(level)
+    covered = np.maximum(np.bincount(own, number[cell] / float(f * f), n) + 2.0, 1e-9)
+    gray = patch.gray.ravel()[cells]
+    drawn = picture.ravel()[cells]
+    for _ in range(2):
+        step = np.bincount(own, (gray - patch.response.of(drawn)[0])[at], n) / covered
+        after = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * patch.full)
+        change = np.bincount(at, (after - level)[own], len(cells)) / (f * f)
+        drawn += change.astype(np.float32)
+        level[:] = after
+    picture.ravel()[cells] = drawn
+
+
+def _borders(centre: Array) -> Array:
+    """Pixels whose right or lower neighbour belongs to another group."""
+    out = np.zeros(centre.shape, bool)
+    out[:, :-1] |= centre[:, 1:] != centre[:, :-1]
+    out[:-1] |= centre[1:] != centre[:-1]
+    return out
+
+
+def blurred(image: Array, sigma: float) -> Array:
+    """The image (h, w) or (h, w, channels) through a Gaussian, as it is where that is narrower than a pixel."""
+    return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > LEAST_BLUR_PX else image

@@ -1,0 +1,69 @@
+"""The target prepared for one camera: what is worked out once, before any image comes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Optional, Tuple
+
+import numpy as np
+
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.estimation.faces import ROUND_STEPS, Faces
+from flyaround.hil.board.estimation.target_model import BoardModel
+from flyaround.hil.board.hybrid.geometry.native_faces import NativeFaces
+from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles
+from flyaround.hil.board.hybrid.model.shadow_map import ShadowMapTable
+from flyaround.hil.board.hybrid.model.view_tables import ViewTable, build_views, is_round, with_outlines
+from flyaround.hil.board.hybrid.model.visibility import occluders, sample_edges
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedTarget:
+    """What is prepared once from the model and the camera.
+
+    Parameters
+    ----------
+    samples : points on the wireframe, ``spacing_m`` apart. occ : what hides them.
+    tables : views of it, near and far.
+    centre_m, radius_m : sphere that holds it. suns : it as the Sun may see it; None without faces.
+    round : whether much of its outline lies on curved surfaces.
+    """
+
+    model: BoardModel
+    camera: CameraIntrinsics
+    samples: EdgeSamples
+    spacing_m: float
+    occ: OccludingTriangles
+    tables: Tuple[ViewTable, ...]
+    centre_m: Array
+    radius_m: float
+    suns: Optional[ShadowMapTable] = None
+    round: bool = False
+
+    @staticmethod
+    def prepare(model: BoardModel, camera: CameraIntrinsics) -> PreparedTarget:
+        """Tables of one target for one camera."""
+        if model.faces is not None:
+            model = replace(model, faces=NativeFaces.of(model.faces))
+        radius = model.radius_m
+        spacing = radius / 30.0
+        samples, occ = sample_edges(model, spacing), occluders(model)
+        # perspective changes shapes near by: one table near, one far
+        tables = tuple(build_views(model, samples, occ, d * radius) for d in (4.5, 14.0))
+        curved = is_round(model)
+        if model.outlines is not None and curved:
+            tables = tuple(with_outlines(view, model.outlines, model.centre_m) for view in tables)
+        suns = None if model.faces is None else ShadowMapTable.of(model.faces)
+        if model.faces is not None and curved:
+            model = replace(model, faces=model.faces.grouped(ROUND_STEPS))
+        centre = model.centre_m
+        return PreparedTarget(model, camera, samples, spacing, occ, tables, centre, radius, suns, curved)
+
+
+def faces_of(target: PreparedTarget) -> Faces:
+    """Faces of a target that has them."""
+    faces = target.model.faces
+    assert faces is not None  # noqa: S101 - the caller asked
+    return faces

@@ -1,0 +1,96 @@
+"""Which samples of the wireframe a camera can see: faces turned away and parts in front are removed."""
+
+from __future__ import annotations
+
+from typing import Tuple
+
+import numpy as np
+
+from flyaround.hil.board.estimation.target_model import BoardModel
+from flyaround.hil.board.estimation.vectors import cross
+from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles
+from flyaround.hil.board.hybrid.native.interface import contiguous
+from flyaround.hil.board.hybrid.native.library import library
+
+Array = np.ndarray
+# A sample lies on the surface that carries it; only what is nearer than this can hide it [m].
+SKIN_M = 0.006
+
+
+def sample_edges(model: BoardModel, spacing_m: float) -> EdgeSamples:
+    """Samples of every edge, ``spacing_m`` apart, at least one on each."""
+    points, tangents, radius, normals, faces, edge = [], [], [], [], [], []
+    for k, e in enumerate(model.wireframe):
+        d = e.b_m - e.a_m
+        length = float(np.linalg.norm(d))
+        if length < 1e-6:
+            continue
+        n = max(1, round(length / spacing_m))
+        s = (np.arange(n) + 0.5) / n
+        N = np.zeros((2, 3))
+        given = e.normals[:2]
+        if len(given):
+            N[: len(given)] = given / np.maximum(np.linalg.norm(given, axis=1, keepdims=True), 1e-9)
+        for side in (-1.0, 1.0) if e.radius_m > 0 else (0.0,):
+            points.append(e.a_m + s[:, None] * d)
+            tangents.append(np.repeat(d[None] / length, n, axis=0))
+            radius.append(np.full(n, side * e.radius_m))
+            normals.append(np.repeat(N[None], n, axis=0))
+            faces.append(np.full(n, len(given)))
+            edge.append(np.full(n, k))
+    return EdgeSamples(
+        np.concatenate(points),
+        np.concatenate(tangents),
+        np.concatenate(radius),
+        np.concatenate(normals),
+        np.concatenate(faces),
+        np.concatenate(edge),
+    )
+
+
+def occluders(model: BoardModel) -> OccludingTriangles:
+    """The model's hiding mesh, as vertex and edge vectors."""
+    tri = model.vertices_m[model.triangles] if model.triangles.size else np.zeros((0, 3, 3))
+    e1, e2 = tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]
+    n = np.cross(e1, e2)
+    keep = np.linalg.norm(n, axis=1) > 1e-12
+    return OccludingTriangles(tri[keep, 0], e1[keep], e2[keep], n[keep])
+
+
+def hidden(occ: OccludingTriangles, C_m: Array, X_m: Array, skin_m: Array) -> Array:
+    """Whether points (S, 3) are hidden from camera centre (3,): Moeller and Trumbore's test (1997).
+
+    With one ray origin for all points the triple products become three matrix products.
+    """
+    if not len(occ.v0):
+        return np.zeros(len(X_m), bool)
+    T = C_m - occ.v0
+    # a closed mesh hides with its near side: back faces need no test
+    front = np.einsum("ij,ij->i", T, occ.n) > 0
+    T, e1, e2, n = T[front], occ.e1[front], occ.e2[front], occ.n[front]
+    if not len(T):
+        return np.zeros(len(X_m), bool)
+    D = (X_m - C_m).astype(np.float32)
+    q = cross(T, e1)
+    A = np.concatenate([-n, cross(e2, T), q]).astype(np.float32)
+    B = D @ A.T
+    m = len(T)
+    det, u, v = B[:, :m], B[:, m : 2 * m], B[:, 2 * m :]
+    # near side only: the ray runs against the normal, det = -D.n > 0
+    depth = np.einsum("ij,ij->i", e2, q).astype(np.float32)
+    length = np.linalg.norm(D, axis=1)
+    limit = (1.0 - skin_m / np.maximum(length, 1e-6)).astype(np.float32)
+    hit = (det > 1e-12) & (u >= 0) & (v >= 0) & (u + v <= det) & (depth[None, :] < det * limit[:, None])
+    return np.asarray(hit.any(axis=1))
+
+
+def visible_samples(samples: EdgeSamples, occ: OccludingTriangles, C_m: Array) -> Tuple[Array, Array]:
+    """(S,) visible and (S,) outline flags from camera centre ``C_m`` (3,), target frame.
+
+    Moeller and Trumbore's test (1997) of each sample against each triangle that faces the camera.
+    """
+    visible, outline = np.empty(len(samples), bool), np.empty(len(samples), bool)
+    C = contiguous(C_m, "float64", (3,))
+    if library().fly_visible_samples(samples.native, occ.native, C, visible, outline):
+        raise MemoryError("no memory to see what hides the wireframe")
+    return visible, outline

@@ -1,0 +1,200 @@
+"""Types of the library's functions and structures, read from kernels.h: the one place that declares them."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import pkgutil
+import re
+from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple, Type
+
+import numpy as np
+
+Array = np.ndarray
+
+HEADER = pkgutil.get_data("flyaround.hil.board.hybrid.native", "kernels.h") or b""
+
+SCALARS: Dict[str, Any] = {
+    "void": None,
+    "int": ctypes.c_int,
+    "int64_t": ctypes.c_int64,
+    "float": ctypes.c_float,
+    "double": ctypes.c_double,
+}
+
+# Kinds of arrays behind a pointer; any, by its address, behind one to void.
+ELEMENTS = {
+    "uint8_t": ("uint8", "bool"),
+    "uint16_t": ("uint16",),
+    "int16_t": ("int16",),
+    "int32_t": ("int32",),
+    "int64_t": ("int64",),
+    "float": ("float32",),
+    "double": ("float64",),
+}
+
+# Built once: to compare a dtype with a name builds one each time.
+DTYPES = {kind: np.dtype(kind) for kinds in ELEMENTS.values() for kind in kinds}
+
+_FIRST: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
+
+
+def contiguous(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> Array:
+    """Return the array in C order and of this dtype: itself if it is so already, else a copy.
+
+    Parameters
+    ----------
+    shape : what the library takes it for, where that does not follow from other arguments.
+
+    Raises
+    ------
+    ValueError
+        If its shape is another: the library would read beside it.
+    """
+    if shape is not None and a.shape != shape:
+        raise ValueError(f"the library takes {kind} {shape}, not {a.shape}")
+    return a if a.dtype == DTYPES[kind] and a.flags.c_contiguous else np.ascontiguousarray(a, dtype=kind)
+
+
+def address(a: Array) -> int:
+    """Return the address of an array's first element; the caller keeps the array alive."""
+    try:
+        # a fifth of the time of ``__array_interface__``
+        return ctypes.addressof(_FIRST(a))
+    except (TypeError, ValueError):
+        # read-only, or empty
+        return int(a.__array_interface__["data"][0])
+
+
+class ArrayPointer:
+    """Type of a pointer argument: takes a C-contiguous array of its kind, or None for NULL."""
+
+    dtypes: Tuple[Any, ...] = ()
+
+    @classmethod
+    def from_param(cls, a: Optional[Array]) -> ctypes.c_void_p:
+        """Return the pointer for ctypes.
+
+        Raises
+        ------
+        TypeError
+            If the array is of another kind: the library would read beside it.
+        """
+        if a is None:
+            return ctypes.c_void_p()
+        if not isinstance(a, np.ndarray) or a.dtype not in cls.dtypes or not a.flags.c_contiguous:
+            kind = f"{a.dtype} {a.shape}" if isinstance(a, np.ndarray) else type(a).__name__
+            raise TypeError(f"takes a contiguous array of {cls.__name__}, not {kind}")
+        return ctypes.c_void_p(address(a))
+
+
+class Structure(ctypes.Structure):
+    """A structure of the header, made of all its fields by name; it keeps the arrays that it points to alive."""
+
+    pointers: Dict[str, Any] = {}  # noqa: RUF012 - filled where a structure is declared
+
+    def __init__(self, **values: Any) -> None:  # noqa: ANN401 - numbers and arrays
+        names = [field[0] for field in self._fields_]
+        if set(values) != set(names):
+            raise TypeError(f"{type(self).__name__} takes {', '.join(names)}, not {', '.join(values)}")
+        self.values = values
+        super().__init__(**{**values, **{k: t.from_param(values[k]) for k, t in self.pointers.items()}})
+
+    def __reduce__(self) -> Tuple[Any, ...]:
+        # pointers mean nothing to another process: it makes the structure anew
+        return make_structure, (type(self).__name__, self.values)
+
+
+def _array_pointer(element: str) -> Type[ArrayPointer]:
+    dtypes = tuple(DTYPES[kind] for kind in ELEMENTS[element])
+    return type(str(dtypes[0]), (ArrayPointer,), {"dtypes": dtypes})
+
+
+class AnyPointer(ArrayPointer):
+    """Type of a pointer to void: takes any array, or an address in one."""
+
+    @classmethod
+    def from_param(cls, a: Any) -> ctypes.c_void_p:  # noqa: ANN401 - see the class
+        """Return the pointer for ctypes."""
+        return ctypes.c_void_p(address(a) if isinstance(a, np.ndarray) else int(a))
+
+
+POINTERS: Dict[str, Type[ArrayPointer]] = {
+    **{element: _array_pointer(element) for element in ELEMENTS},
+    "void": AnyPointer,
+}
+
+
+def _declarations(text: str) -> Iterator[Tuple[str, bool, str]]:
+    """Yield type, whether it is a pointer, and name of fields or arguments in plain C."""
+    for declaration in filter(None, (part.strip() for part in text.split(";"))):
+        found = re.match(r"(?:const )?((?:struct )?\w+) (.+)", declaration, re.DOTALL)
+        if found is None:
+            raise ValueError(f"kernels.h: cannot read {declaration!r}")
+        for name in found[2].split(","):
+            yield found[1], name.strip().startswith("*"), name.strip(" *\n")
+
+
+def _field(kind: str, *, pointer: bool) -> Any:  # noqa: ANN401 - a ctypes type
+    return ctypes.c_void_p if pointer else SCALARS[kind]
+
+
+def _structures(text: str) -> Dict[str, Type[Structure]]:
+    out: Dict[str, Type[Structure]] = {}
+    for name, body in re.findall(r"^struct (\w+) \{(.*?)^\};", text, re.DOTALL | re.MULTILINE):
+        fields = list(_declarations(body))
+        out[name] = type(
+            name,
+            (Structure,),
+            {
+                "_fields_": [(field, _field(kind, pointer=star)) for kind, star, field in fields],
+                "pointers": {field: POINTERS[kind] for kind, star, field in fields if star},
+            },
+        )
+    return out
+
+
+def _argument(kind: str, *, pointer: bool) -> Any:  # noqa: ANN401 - a ctypes type
+    if kind.startswith("struct "):
+        return ctypes.POINTER(STRUCTURES[kind[7:]])
+    if pointer:
+        return POINTERS[kind]
+    return SCALARS[kind]
+
+
+def _functions(text: str) -> Dict[str, Tuple[Any, List[Any]]]:
+    out: Dict[str, Tuple[Any, List[Any]]] = {}
+    found = re.findall(r"^KERNEL (?:const )?(\w+) (\*?)(\w+)\((.*?)\);", text, re.DOTALL | re.MULTILINE)
+    for kind, star, name, arguments in found:
+        given = "" if arguments == "void" else arguments.replace(",", ";")
+        types = [_argument(kind, pointer=pointer) for kind, pointer, _ in _declarations(given)]
+        out[name] = ctypes.c_char_p if star else SCALARS[kind], types
+    return out
+
+
+_TEXT = re.sub(r"/\*.*?\*/", "", HEADER.decode(), flags=re.DOTALL)
+
+STRUCTURES = _structures(_TEXT)
+"""The header's structures by name."""
+
+FUNCTIONS = _functions(_TEXT)
+"""Type of the result and types of the arguments of each of the header's functions."""
+
+
+def make_structure(name: str, values: Dict[str, Any]) -> Structure:
+    """Return a structure of the header by its name."""
+    return STRUCTURES[name](**values)
+
+
+def checksum() -> str:
+    """Return the header's checksum, which a library of the same header names."""
+    return hashlib.sha256(HEADER.replace(b"\r\n", b"\n")).hexdigest()
+
+
+def layout() -> List[int]:
+    """Return the size of each structure and the offsets of its fields, as ``fly_layout`` does."""
+    out: List[int] = []
+    for structure in STRUCTURES.values():
+        out.append(ctypes.sizeof(structure))
+        out.extend(getattr(structure, field[0]).offset for field in structure._fields_)
+    return out

@@ -1,0 +1,95 @@
+"""What an image says before any target is looked for: noise, weak gradients, regions, background and black level."""
+
+from __future__ import annotations
+
+from typing import Tuple
+
+import numpy as np
+
+from flyaround.hil.board.hybrid.image.edge_field import shrink
+from flyaround.hil.board.hybrid.image.noise import (
+    black_level,
+    coarse_noise,
+    has_flat_floor,
+    noise_sigma,
+    whole_median,
+)
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.propose.regions import REDUCTION, propose_regions
+from flyaround.hil.board.hybrid.search_states import PreparedImage, SearchSetup
+from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
+
+Array = np.ndarray
+
+# Least noise: quantisation of a scale of 255 [its steps], and half as much again is not told from it.
+LEAST_NOISE, SCALE = 0.15, 255.0
+
+# Noise of means over many pixels from which it is not that of single ones, over what theirs would be.
+CORRELATED = 1.4
+
+# Black level from which a camera is one of a laboratory, over the noise: there the light is that of lamps.
+OFFSET = 2.0
+
+# The same before a texture, whose dark parts are above zero as well.
+FLOOR_OFFSET = 3.0
+
+# Share of the frame's tiles with edges above which the background is not empty space.
+BUSY = 0.25
+
+# The least diagonal of a region [px].
+SMALLEST_PX = 24.0
+
+
+def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
+    """Measure an image's noise and light, and find the regions where the target may be."""
+    reduced, smoothed = _measure_noise(frame)
+    frame.mark("noise")
+    # Sharma, Ventura & D'Amico (2018)
+    edges = eliminate_weak_gradients(reduced)
+    frame.keep("wge", edges)
+    frame.mark("weak_gradients")
+    regions, busy, frame.likely = propose_regions(reduced, edges, frame.noise / REDUCTION)
+    if busy < BUSY:
+        # reduced pixels are whole numbers as well
+        frame.background = whole_median(reduced.astype(np.int32))
+    frame.black = _black_level(frame, reduced, busy, smoothed=smoothed)
+    by_lamps = setup.lamps is not None and frame.black > OFFSET * frame.noise
+    frame.count("regions", len(regions))
+    frame.keep("regions", regions)
+    frame.mark("regions")
+    return PreparedImage(
+        setup,
+        frame,
+        reduced,
+        [r for r in regions if r.diagonal_px >= SMALLEST_PX],
+        setup.lamps if by_lamps else setup.learned,
+        smoothed,
+    )
+
+
+def _measure_noise(frame: Observation) -> Tuple[Array, bool]:
+    """Set the noise of the image (Immerkaer 1996); return the image reduced, and whether noise was smoothed."""
+    image = frame.image
+    # a 16-bit file may hold 10 or 12 bits: its own largest value is its scale
+    full_scale = SCALE if image.dtype == np.uint8 else float(image.max())
+    frame.noise = max(noise_sigma(image, full_scale), LEAST_NOISE * full_scale / SCALE)
+    reduced, _ = shrink(image, 0, 0, image.shape[1], image.shape[0], max(image.shape) // REDUCTION)
+    frame.keep("reduced", reduced)
+    coarse = coarse_noise(reduced, REDUCTION)
+    if coarse <= CORRELATED * frame.noise:
+        return reduced, False
+    frame.noise = coarse
+    return reduced, True
+
+
+def _black_level(frame: Observation, reduced: Array, busy: float, *, smoothed: bool) -> float:
+    """Return what the camera adds to light, 0 where nothing says that it does."""
+    noise = frame.noise / REDUCTION
+    if not smoothed and frame.clipped:
+        # noise is cut off at zero: nothing is added
+        return 0.0
+    black = black_level(reduced, noise)
+    if smoothed or busy < BUSY:
+        return black
+    # the Earth in the whole frame has a darkest part too
+    return black if has_flat_floor(reduced, noise) and black > FLOOR_OFFSET * frame.noise else 0.0

@@ -1,0 +1,80 @@
+"""Correspondences: figures of the picture paired with figures of the wireframe, each pair giving poses."""
+
+from __future__ import annotations
+
+from typing import Tuple
+
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import CameraIntrinsics, undistorted_rays
+from flyaround.hil.board.hybrid.image.edge_field import EdgeField
+from flyaround.hil.board.hybrid.propose.plane_poses import plane_poses
+from flyaround.hil.board.svd.perceptual_groups import Chains
+from flyaround.hil.board.svd.region_of_interest import Region
+
+Array = np.ndarray
+
+# Arms of an open triad end where a shadow or a part cuts them: longer ones are tried as well.
+ARM_LENGTHS = (1.0, 1.4)
+
+
+def stretch_arms(chains: Chains, factors: Tuple[float, ...] = ARM_LENGTHS) -> Array:
+    """(T', 4, 2) the figures, open ones once more with each longer arm."""
+    out = [chains.points]
+    p = chains.points[~chains.closed]
+    for f in factors:
+        if f == 1.0 or not len(p):
+            continue
+        q = p.copy()
+        q[:, 0] = p[:, 1] + f * (p[:, 0] - p[:, 1])
+        q[:, 3] = p[:, 2] + f * (p[:, 3] - p[:, 2])
+        out.append(q)
+    return np.concatenate(out)
+
+
+def pose_hypotheses(
+    figures_px: Array,
+    model_point_groups: Array,
+    camera: CameraIntrinsics,
+    region: Region,
+    centre_m: Array,
+    radius_m: float,
+    field: EdgeField,
+) -> Tuple[Array, Array]:
+    """Poses q (N, 4), t (N, 3) of every picture figure seen as every model figure.
+
+    Parameters
+    ----------
+    figures_px : (T, 4, 2) field pixels. model_point_groups : (M, 4, 3) [m].
+
+    Notes
+    -----
+    Kept when the figure's target lies in front of the camera, at a range that fits the region,
+    centred near it.
+    """
+    none = (np.zeros((0, 4)), np.zeros((0, 3)))
+    if not len(figures_px) or not len(model_point_groups):
+        return none
+    full = (figures_px + 0.5) * field.factor - 0.5 + (field.x0, field.y0)
+    rays = undistorted_rays(camera, full.reshape(-1, 2)).reshape(-1, 4, 2)
+    T, M = len(rays), len(model_point_groups)
+    obj = np.broadcast_to(model_point_groups[None], (T, M, 4, 3)).reshape(-1, 4, 3)
+    img = np.broadcast_to(rays[:, None], (T, M, 4, 2)).reshape(-1, 4, 2)
+    # a picture figure and its model are wound alike when the face looks at the camera; the batch holds each
+    # model figure both ways round, so half of the pairs fall out here by their own geometry
+    q, t, valid = plane_poses(obj, img)
+    q, t = q[valid].reshape(-1, 4), t[valid].reshape(-1, 3)
+    f = 0.5 * (camera.fx_px + camera.fy_px)
+    centre = np.einsum("nij,j->ni", quat.matrix(q), centre_m) + t
+    z = centre[:, 2]
+    ok = np.isfinite(z) & (z > 1.3 * radius_m)
+    q, t, centre, z = q[ok], t[ok], centre[ok], z[ok]
+    size = 2 * f * radius_m / z
+    u = camera.fx_px * centre[:, 0] / z + camera.cx_px
+    v = camera.fy_px * centre[:, 1] / z + camera.cy_px
+    ok = (size > 0.6 * region.diagonal_px) & (size < 3.5 * region.diagonal_px)
+    reach = 0.75 * region.diagonal_px
+    ok &= np.abs(u - 0.5 * (region.x0 + region.x1)) < reach
+    ok &= np.abs(v - 0.5 * (region.y0 + region.y1)) < reach
+    return q[ok], t[ok]

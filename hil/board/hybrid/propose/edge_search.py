@@ -1,0 +1,136 @@
+"""Poses of one region by its edges: perceptual groups with PnP, and viewpoint templates.
+
+How many poses go on was set on development frames: docs/lab/2026-11-estimator.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Optional, Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.hybrid.hypotheses.edge_support import quick_cost
+from flyaround.hil.board.hybrid.image.edge_field import EdgeField, edge_field, shrink
+from flyaround.hil.board.hybrid.image.line_segments import cleaned_stream, lsd_stream, wge_stream
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
+from flyaround.hil.board.hybrid.model.view_tables import ViewTable
+from flyaround.hil.board.hybrid.propose.correspondences import pose_hypotheses, stretch_arms
+from flyaround.hil.board.hybrid.propose.templates import match_views
+from flyaround.hil.board.svd.perceptual_groups import Chains, Lines, image_triads, proximity_pairs
+from flyaround.hil.board.svd.region_of_interest import Region
+from flyaround.hil.board.svd.segment_merging import merge_segments
+
+Array = np.ndarray
+
+# A region is searched with this margin (share of its diagonal): parts in shadow make it too small.
+MARGIN = 0.3
+
+# Longest side of the two edge fields [px].
+COARSE_PX, FINE_PX = 170, 360
+
+# Poses kept of the templates and of the perceptual groups for the first alignment.
+TEMPLATE_POSES, GROUP_POSES = 240, 160
+
+# Longest lines kept, the reach of a corner and the shortest line of LSD in shares of the region's diagonal.
+MOST_LINES, CORNER_REACH, SHORTEST = 45, 0.08, 0.04
+
+# Edge pixels below which a region shows nothing.
+LEAST_EDGES = 20
+
+# Ranking of thousands of poses: every so many-th sample of a view, and the poses kept by it; distance beyond which an
+# edge costs no more [field px].
+RANKINGS, RANK_CAP_PX = ((10, 1200), (3, GROUP_POSES)), 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class RegionEdges:
+    """The edges of a region, and the views of the target that fit its size.
+
+    Parameters
+    ----------
+    coarse, fine : the edges at two scales. views : the table for the range that the region's size stands for.
+    """
+
+    region: Region
+    coarse: EdgeField
+    fine: EdgeField
+    views: ViewTable
+
+
+def region_edges(target: PreparedTarget, frame: Observation, region: Region) -> Optional[RegionEdges]:
+    """The edges of a region at two scales, or `None` where there are hardly any."""
+    h, w = frame.image.shape
+    box = region.grown(MARGIN, w, h)
+    coarse, fine = (
+        edge_field(frame.image, box, frame.noise, px, background=frame.background, likely=frame.likely)
+        for px in (COARSE_PX, FINE_PX)
+    )
+    frame.count("edge_pixels", int(coarse.mask.sum()))
+    frame.mark("edges")
+    if int(coarse.mask.sum()) < LEAST_EDGES:
+        return None
+    return RegionEdges(region, coarse, fine, views_for(target, target.camera, region))
+
+
+def views_for(target: PreparedTarget, camera: CameraIntrinsics, region: Region) -> ViewTable:
+    """The table of views nearest to the range that a region's size stands for."""
+    depth = (camera.fx_px + camera.fy_px) * target.radius_m / region.diagonal_px
+    return min(target.tables, key=lambda v: abs(np.log(depth / v.distance_m)))
+
+
+def template_poses(target: PreparedTarget, frame: Observation, edges: RegionEdges) -> Tuple[Array, Array]:
+    """Poses of the viewpoint templates that fit a region best: q (N, 4), t (N, 3)."""
+    q, t, _ = match_views(
+        edges.views, edges.coarse, edges.region, target.camera, target.centre_m, TEMPLATE_POSES
+    )
+    frame.mark("templates")
+    return q, t
+
+
+def group_poses(
+    target: PreparedTarget, figures: Chains, frame: Observation, edges: RegionEdges
+) -> Tuple[Array, Array]:
+    """Poses of perceptual groups of line segments, the best by the coarse edges: q (N, 4), t (N, 3).
+
+    Parameters
+    ----------
+    figures : triads of the wireframe, see ``model_triads``.
+    """
+    region, fine, coarse = edges.region, edges.fine, edges.coarse
+    h, w = frame.image.shape
+    small, _ = shrink(frame.image, *region.grown(MARGIN, w, h), FINE_PX)
+    diagonal = region.diagonal_px / fine.factor
+    streams = [
+        merge_segments(wge_stream(small, diagonal), diagonal),
+        merge_segments(cleaned_stream(fine.mask, diagonal), diagonal),
+        lsd_stream(cv2.GaussianBlur(small, (0, 0), 1.0), SHORTEST * diagonal),
+    ]
+    frame.keep("streams", dict(zip(("WGE stream", "S&H stream", "LSD stream"), streams)))  # noqa: B905 - 3.9
+    frame.keep("stream_field", fine)
+    frame.mark("lines")
+    lines = Lines.of(merge_segments(np.concatenate(streams), diagonal, keep=MOST_LINES))
+    frame.mark("merge")
+    chains = image_triads(lines, proximity_pairs(lines, CORNER_REACH * diagonal))
+    frame.keep("merged", lines)
+    frame.keep("chains", chains)
+    frame.count("lines", len(lines.length))
+    frame.count("triads", len(chains.closed))
+    frame.mark("groups")
+    q, t = pose_hypotheses(
+        stretch_arms(chains), figures.points, target.camera, region, target.centre_m, target.radius_m, fine
+    )
+    frame.count("hypotheses", len(q))
+    frame.mark("pnp")
+    for every, keep in RANKINGS:
+        if len(q) > keep:
+            cost = quick_cost(
+                q, t, target.samples, edges.views, coarse, target.camera, target.centre_m, RANK_CAP_PX, every
+            )
+            top = np.argpartition(cost, keep)[:keep]
+            q, t = q[top], t[top]
+    frame.mark("correspondences")
+    return q, t

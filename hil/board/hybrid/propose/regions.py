@@ -1,0 +1,219 @@
+"""Regions of interest: where in the picture the target may be."""
+
+from __future__ import annotations
+
+from typing import List, Optional, Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.hybrid.image.edge_field import gradient, gradient_noise, thin_edges
+from flyaround.hil.board.hybrid.propose.saliency import (
+    CELL_PX,
+    boxes,
+    saliency_map,
+    shipped_weights,
+    straight_segments,
+)
+from flyaround.hil.board.svd.line_streams import drop_specks
+from flyaround.hil.board.svd.region_of_interest import Region, marginal_interval, overlap
+from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination
+
+Array = np.ndarray
+
+# The picture is searched at this reduction: 16 pixels averaged, noise a quarter.
+REDUCTION = 4
+
+# Shortest segment that makes a window [px of the reduced picture].
+LONG_PX = 8.0
+
+# Edges nearer than these are one group [px of the reduced picture]; those of other things than the craft are farther.
+APART = 31
+JOINS = (13, APART, 7)
+
+# Share of the edges on the craft from which the background is empty space.
+OWN_EDGES = 0.8
+
+
+def cdf_region(strong: Array, low: float = 0.025, high: float = 0.975) -> Region:
+    """Sharma's region: the 2.5 %..97.5 % interval of both marginal CDFs of the surviving gradient."""
+    x0, x1 = marginal_interval(strong.sum(axis=0), low, high)
+    y0, y1 = marginal_interval(strong.sum(axis=1), low, high)
+    f = REDUCTION
+    return Region(x0 * f - 0.5, y0 * f - 0.5, (x1 + 1) * f - 0.5, (y1 + 1) * f - 0.5, "wge-cdf")
+
+
+def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
+    """Boxes (x0, y0, x1, y1, edge pixels) of the groups of edges closer than ``join_px``, largest first."""
+    size = 2 * (join_px // 2) + 1
+    rows, columns = (np.flatnonzero(mask.any(axis=k)).tolist() for k in (1, 0))
+    if not rows:
+        return []
+    # what joins two edges lies between them: the rest of the picture is left out
+    y0, x0 = rows[0], columns[0]
+    part = mask[y0 : rows[-1] + 1, x0 : columns[-1] + 1]
+    joined = cv2.dilate(part.view(np.uint8), np.ones((size, size), np.uint8))
+    at = np.flatnonzero(part)
+    which = cv2.connectedComponents(joined, connectivity=8)[1].ravel().take(at)
+    # group by group, and within each row by row
+    at = at.take(np.argsort(which, kind="stable"))
+    number = np.bincount(which)
+    number = number[number > 0]
+    last = np.cumsum(number) - 1
+    first = last - number + 1
+    y = at // part.shape[1]
+    x = at - y * part.shape[1]
+    left, right = (f.reduceat(x, first) + x0 for f in (np.minimum, np.maximum))
+    ends = left, y[first] + y0, right, y[last] + y0, number
+    out = list(zip(*(v.tolist() for v in ends)))  # noqa: B905 - Python 3.9 has no strict=
+    return sorted(out, key=lambda c: -c[4])
+
+
+def propose_regions(
+    small: Array, wge: WeakGradientElimination, noise_small: float
+) -> Tuple[List[Region], float, Optional[Array]]:
+    """Hypotheses, the likeliest first, the share of the frame that is not empty, and the map of the craft.
+
+    Parameters
+    ----------
+    small : (h, w) float32, the picture reduced by ``REDUCTION``.
+    noise_small : standard deviation of its noise.
+
+    Notes
+    -----
+    Against black space everything above the noise belongs to the target, dim parts as well: the box of the
+    edge cluster is the best region. With Earth behind, the plain region grows to nearly the whole frame;
+    there the dense cluster of *strong, straight* edges is proposed next to it.
+    """
+    gx, gy = gradient(small, 1.0)
+    sigma = max(noise_small * gradient_noise(1.0), 1e-6)
+    mask, _ = thin_edges(gx, gy, sigma, 3.0, 6.0)
+    mask = drop_specks(mask, 4)
+    regions: List[Region] = []
+    likely: Optional[Array] = None
+    grouped = {join: clusters(mask, join) for join in JOINS}
+    busy = max(float(_busy_share(mask)), _elsewhere(grouped[APART], int(mask.sum())))
+
+    def add(x0: float, y0: float, x1: float, y1: float, source: str) -> None:
+        f = REDUCTION
+        r = Region(x0 * f, y0 * f, (x1 + 1) * f - 1, (y1 + 1) * f - 1, source)
+        if min(x1 - x0, y1 - y0) < 3 or any(overlap(r, o) > 0.85 for o in regions):
+            return
+        regions.append(r)
+
+    for join, groups in grouped.items():
+        if not groups:
+            continue
+        x0, y0, x1, y1, _ = groups[0]
+        add(x0, y0, x1, y1, f"cluster-{join}")
+        # parts lit apart from each other: everything of weight near the main group
+        diagonal = np.hypot(x1 - x0, y1 - y0)
+        for g in groups[1:]:
+            gap = max(g[0] - x1, x0 - g[2], g[1] - y1, y0 - g[3], 0)
+            if gap < 0.6 * diagonal and g[4] >= 4:
+                x0, y0, x1, y1 = min(x0, g[0]), min(y0, g[1]), max(x1, g[2]), max(y1, g[3])
+        if busy < 0.2:
+            add(x0, y0, x1, y1, f"clusters-{join}")
+    if busy >= 0.2:
+        # behind the craft lies texture: what is made has straight lines, and many of them together
+        segments = straight_segments(small)
+        weights = shipped_weights()
+        if weights is not None:
+            likely = saliency_map(small, noise_small, weights, segments, (gx, gy))
+            if _on_craft(mask, likely) > OWN_EDGES:
+                # a craft near by fills the frame with edges of its own: nothing else is there
+                return regions, 0.0, None
+            for box in boxes(likely, 2):
+                add(CELL_PX * box[0], CELL_PX * box[1], CELL_PX * box[2], CELL_PX * box[3], "saliency")
+        for box in straight_windows(small, segments):
+            add(*box, "straight")
+        regions.sort(
+            key=lambda r: (
+                ("saliency", "straight").index(r.source) if r.source in ("saliency", "straight") else 2
+            )
+        )
+    cdf = cdf_region(wge.strong)
+    if not any(overlap(cdf, o) > 0.85 for o in regions):
+        regions.append(cdf)
+    return regions, busy, likely
+
+
+def straight_windows(
+    small: Array, segments: Array, count: int = 3
+) -> List[Tuple[float, float, float, float]]:
+    """Boxes around the densest groups of long straight segments (N, 4), best first [px of ``small``].
+
+    Coastlines and clouds break into short pieces; a segment counts by the square of its length.
+    """
+    segments = segments[np.hypot(*(segments[:, 2:] - segments[:, :2]).T) >= LONG_PX]
+    if not len(segments):
+        return []
+    h, w = small.shape
+    ends = segments.reshape(-1, 2, 2)
+    middle = ends.mean(axis=1)
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    # the limb of the Earth is one very long line; no edge of the craft outweighs it by length alone
+    weight = np.minimum(length, 60.0) ** 2
+    d = (ends[:, 1] - ends[:, 0]) / length[:, None]
+    # a window's place need not be finer than two pixels
+    h, w = (h + 1) // 2, (w + 1) // 2
+    x, y = np.clip((0.5 * middle + 0.25).astype(int), 0, [w - 1, h - 1]).T
+    turned = (weight, weight * (d[:, 0] ** 2 - d[:, 1] ** 2), weight * 2 * d[:, 0] * d[:, 1])
+    heat = [np.bincount(y * w + x, t, h * w).reshape(h, w).astype(np.float32) for t in turned]
+    mean = 0.25 * float(heat[0].mean())
+    found: List[Tuple[float, Tuple[float, float, float, float]]] = []
+    for side in (44, 72, 116, 190, 290):
+        half = side // 2
+        total, c, s = (
+            cv2.boxFilter(layer, -1, (half, half), normalize=False, borderType=cv2.BORDER_CONSTANT)
+            for layer in heat
+        )
+        # a square window of texture holds as many segments as it has area: the craft holds more, and across
+        # each other, where waves and limbs run one way
+        crossed = 1.0 - cv2.magnitude(c, s) / np.maximum(total, 1e-6)
+        score = (total - mean * side * side) * crossed / side
+        own = half // 2
+        for _ in range(2):
+            row, col = (int(v) for v in np.unravel_index(int(np.argmax(score)), score.shape))
+            if score[row, col] <= 0:
+                break
+            here = 2.0 * np.array([col, row]) + 0.5
+            # by the pixel that was counted: a middle just outside would leave the window empty
+            inside = (np.abs(x - col) <= own) & (np.abs(y - row) <= own)
+            # segments that leave the window belong to it no more than halfway
+            p = np.clip(ends[inside].reshape(-1, 2), here - 0.6 * side, here + 0.6 * side)
+            (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)
+            found.append((float(score[row, col]), (float(x0), float(y0), float(x1), float(y1))))
+            score[max(0, row - own) : row + own, max(0, col - own) : col + own] = -1.0
+    found.sort(key=lambda f: -f[0])
+    return [box for _, box in found[: 2 * count]]
+
+
+def _on_craft(mask: Array, likely: Array) -> float:
+    """Share of the edges that lie where the map sees the craft."""
+    h, w = likely.shape
+    cell = cv2.resize(mask.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+    near = cv2.dilate((likely > 0.3).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    return float(cell[near].sum() / max(float(cell.sum()), 1e-9))
+
+
+def _elsewhere(groups: List[Tuple[int, int, int, int, int]], total: int) -> float:
+    """Share of ``total`` edges that lie outside the main group of them, when it is not a few specks."""
+    if len(groups) < 2 or total < 200:
+        return 0.0
+    x0, y0, x1, y1, count = groups[0]
+    near = 0.6 * float(np.hypot(x1 - x0, y1 - y0))
+    for g in groups[1:]:
+        if max(g[0] - x1, x0 - g[2], g[1] - y1, y0 - g[3], 0) < near:
+            count += g[4]
+    return 1.0 - count / total
+
+
+def _busy_share(mask: Array) -> float:
+    """Share of 16 x 16 tiles of the frame that hold edges: small for black space, large for Earth."""
+    h, w = mask.shape
+    th, tw = h // 16, w // 16
+    if not th or not tw:
+        return 0.0
+    tiles = cv2.resize(mask[: th * 16, : tw * 16].astype(np.float32), (tw, th), interpolation=cv2.INTER_AREA)
+    return float((tiles > 3.0 / 256.0).mean())

@@ -1,0 +1,215 @@
+"""Saliency of the target before a textured background: a small network on local measures of texture.
+
+Before an Earth full of clouds no single measure tells a spacecraft. Brightness, edges, their straightness and long
+segments, each at several scales, do together: two layers trained on rendered images weigh them.
+"""
+
+from __future__ import annotations
+
+import io
+import pkgutil
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import BinaryIO, List, Optional, Tuple, Union
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.hybrid.image.edge_field import gradient, gradient_noise
+from flyaround.hil.board.hybrid.image.line_segments import lsd_stream
+
+Array = np.ndarray
+
+# Pixels of the reduced image in a cell, each way; scales of the measures [cells].
+CELL_PX = 2
+REACHES = (3, 7, 15, 31)
+
+# Shortest straight segment that says anything [px].
+SEGMENT_PX = 5.0
+
+# Cells weighed at once.
+AT_ONCE = 4096
+
+WEIGHTS = "saliency.npz"
+
+
+@dataclass(frozen=True, eq=False)
+class SaliencyWeights:
+    """Two layers: mean and scale of the measures (F,), then (F, H), (H,), (H,), bias."""
+
+    mean: Array
+    scale: Array
+    first: Array
+    first_bias: Array
+    second: Array
+    second_bias: float
+
+    @staticmethod
+    def read(file: Union[str, BinaryIO]) -> SaliencyWeights:
+        """From an ``.npz`` file."""
+        with np.load(file) as f:
+            return SaliencyWeights(
+                f["mean"],
+                f["scale"],
+                f["first"].astype(np.float32),
+                f["first_bias"],
+                f["second"],
+                float(f["second_bias"]),
+            )
+
+
+@lru_cache(maxsize=1)
+def shipped_weights() -> Optional[SaliencyWeights]:
+    """The weights of this package, None where they were left out of an installation."""
+    # a bundle is a zip file: its members are read through the importer
+    data = pkgutil.get_data("flyaround.hil.board.hybrid.propose", WEIGHTS)
+    return None if data is None else SaliencyWeights.read(io.BytesIO(data))
+
+
+def measures(
+    small: Array,
+    noise: float,
+    segments: Optional[Array] = None,
+    slopes: Optional[Tuple[Array, Array]] = None,
+) -> Array:
+    """(h, w, F) float32 texture measures of each cell.
+
+    Parameters
+    ----------
+    small : (H, W) float32 reduced picture. noise : its standard deviation.
+    segments, slopes : what ``straight_segments`` finds in it, and its gradient, where that is known already.
+    """
+    top = max(float(np.percentile(small[::4, ::4], 99.5)), 8.0 * noise)
+    level = np.sqrt(np.clip(small / top, 0.0, 1.5))
+    gx, gy = slopes or gradient(small, 1.0)
+    sigma = noise * gradient_noise(1.0)
+    steep = cv2.magnitude(gx, gy)
+    # strength where it stands above the noise, on a scale that neither exposure nor contrast sets
+    strength = cv2.log(np.maximum(steep * np.float32(1.0 / sigma) - np.float32(2.0), np.float32(1.0)))
+    local = cv2.GaussianBlur(small, (0, 0), 3.0) + 3.0 * noise + 0.02 * top
+    relative = np.minimum(steep / local, 2.0)
+    h, w = small.shape[0] // CELL_PX, small.shape[1] // CELL_PX
+    dark = cv2.erode(level, np.ones((3, 3), np.uint8))
+    layers = [_cells(v, w, h) for v in (level, strength, relative, dark)]
+    layers += [
+        _straightness(gx, gy, sigma, w, h),
+        *_segments(straight_segments(small) if segments is None else segments, w, h),
+    ]
+    out = np.empty((len(layers) * (1 + len(REACHES)) + len(REACHES), h, w), np.float32)
+    k = 0
+    for layer in layers:
+        out[k] = layer
+        for j, r in enumerate(REACHES):
+            cv2.blur(out[k], (r, r), dst=out[k + 1 + j])
+        k += 1 + len(REACHES)
+    for j, r in enumerate(REACHES):
+        mean = out[1 + j]
+        out[k + j] = np.sqrt(np.maximum(cv2.blur(layers[0] ** 2, (r, r)) - mean * mean, 0.0))
+    return np.moveaxis(out, 0, -1)
+
+
+def _cells(layer: Array, w: int, h: int) -> Array:
+    return cv2.resize(layer.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+
+
+def _straightness(gx: Array, gy: Array, sigma: float, w: int, h: int) -> Array:
+    """Coherence of the gradient about a cell: 1 along a straight edge, 0 in texture."""
+    xx, yy = gx * gx, gy * gy
+    energy = xx + yy
+    weight = np.minimum(energy, (20 * sigma) ** 2)
+    scale = weight / np.maximum(energy, 1e-12)
+    c, s, total = (
+        cv2.blur(_cells(v, w, h), (5, 5)) for v in ((xx - yy) * scale, 2 * gx * gy * scale, weight)
+    )
+    return np.asarray(np.hypot(c, s) / (total + (3 * sigma) ** 2))
+
+
+def straight_segments(small: Array) -> Array:
+    """(N, 4) straight segments of the reduced picture, from five pixels on."""
+    return lsd_stream(cv2.GaussianBlur(small, (0, 0), 0.8), SEGMENT_PX)
+
+
+def _segments(segments: Array, w: int, h: int) -> List[Array]:
+    """Length of straight segments per cell: short, fair and long ones, and how much they cross each other."""
+    out = [np.zeros((h, w), np.float32) for _ in range(5)]
+    if not len(segments):
+        return out[:4]
+    ends = segments.reshape(-1, 2, 2) / CELL_PX
+    d = ends[:, 1] - ends[:, 0]
+    length = np.hypot(d[:, 0], d[:, 1])
+    d = d / length[:, None]
+    count = np.maximum(1, np.rint(length)).astype(int)
+    which = np.repeat(np.arange(len(length)), count)
+    step = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
+    p = ends[which, 0] + d[which] * (step + 0.5)[:, None]
+    x = np.clip(np.rint(p[:, 0]).astype(int), 0, w - 1)
+    y = np.clip(np.rint(p[:, 1]).astype(int), 0, h - 1)
+    size = length[which]
+    at, cells = y * w + x, h * w
+    for k, part in enumerate((size < 6, (size >= 6) & (size < 14), size >= 14)):
+        out[k] += np.bincount(at[part], minlength=cells).reshape(h, w)
+    weight = np.minimum(size, 20.0)
+    u, v = d[which, 0], d[which, 1]
+    turned = (weight, weight * (u * u - v * v), weight * 2 * u * v)
+    total, out[3], out[4] = (np.bincount(at, t, cells).reshape(h, w).astype(np.float32) for t in turned)
+    about, c, s = (cv2.blur(v, (11, 11)) for v in (total, out[3], out[4]))
+    return [*out[:3], about - np.hypot(c, s)]
+
+
+def saliency_map(
+    small: Array,
+    noise: float,
+    weights: SaliencyWeights,
+    segments: Optional[Array] = None,
+    slopes: Optional[Tuple[Array, Array]] = None,
+) -> Array:
+    """(h, w) probability that a cell shows the target; others as in ``measures``."""
+    m = measures(small, noise, segments, slopes)
+    h, w, n = m.shape
+    # measures less their mean over their scale, taken into the weights
+    first = (weights.first / weights.scale[:, None]).astype(np.float32)
+    bias = (weights.first_bias - (weights.mean / weights.scale) @ weights.first).astype(np.float32)
+    flat, second = np.moveaxis(m, -1, 0).reshape(n, -1), weights.second.astype(np.float32)
+    z = np.empty(h * w, np.float32)
+    for k in range(0, h * w, AT_ONCE):
+        # in parts that stay in the processor's cache
+        hidden = first.T @ flat[:, k : k + AT_ONCE]
+        hidden += bias[:, None]
+        z[k : k + AT_ONCE] = second @ np.maximum(hidden, 0.0, out=hidden)
+    z += weights.second_bias
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30)))).reshape(h, w)
+
+
+def boxes(probability: Array, most: int = 4) -> List[Tuple[float, float, float, float]]:
+    """Boxes around the most salient regions, best first [cells].
+
+    Regions at several thresholds: a craft half in shadow comes in pieces, and a low one may join it to a cloud.
+    """
+    smooth = cv2.GaussianBlur(probability.astype(np.float32), (0, 0), 1.0)
+    found: List[Tuple[float, Tuple[float, float, float, float]]] = []
+    for level in (0.5, 0.25, 0.75, 0.12):
+        mask = cv2.morphologyEx((smooth > level).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+        for k in range(1, count):
+            x, y, bw, bh, area = (int(v) for v in stats[k])
+            if area < 6 or min(bw, bh) < 2:
+                continue
+            inside = smooth[y : y + bh, x : x + bw][labels[y : y + bh, x : x + bw] == k]
+            # what of the evidence about it a box holds, less what it holds that is none
+            score = float((inside - 0.3).sum()) / float(np.sqrt(bw * bh))
+            found.append((score, (float(x), float(y), float(x + bw), float(y + bh))))
+    found.sort(key=lambda f: -f[0])
+    chosen: List[Tuple[float, float, float, float]] = []
+    for _, box in found:
+        if all(_overlap(box, other) < 0.6 for other in chosen):
+            chosen.append(box)
+        if len(chosen) >= most:
+            break
+    return chosen
+
+
+def _overlap(a: Tuple[float, float, float, float], b: Tuple[float, float, float, float]) -> float:
+    w, h = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+    if w <= 0 or h <= 0:
+        return 0.0
+    return w * h / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - w * h)

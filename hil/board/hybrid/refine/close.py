@@ -1,0 +1,115 @@
+"""Close alignment: the leaders, the winner's near-symmetries and its tilts, judged on one patch of the target."""
+
+from __future__ import annotations
+
+from typing import List, Tuple
+
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.result import DISTINCT_RAD
+from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
+from flyaround.hil.board.hybrid.hypotheses.ambiguity import SPREAD_RAD, without_duplicates
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.model.image_patch import Box, cut_patch, target_box
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
+from flyaround.hil.board.hybrid.propose.variants import TILT_RAD, near_symmetries, over_its_image, tilts
+from flyaround.hil.board.hybrid.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
+
+# How many are compared with the winner, and where those of a first round did not settle it.
+RIVALS, ALL_RIVALS = 3, 7
+
+# The share of its score with which a near-symmetry is looked at again, and how much of a pose another one covers that
+# is at the same place.
+TWIN_SHARE, SAME_PLACE = 0.6, 0.5
+
+# Longest side of the patch [px], the blur of each step, and who goes on with it (see ``coarse.COARSE_PRUNINGS``).
+CLOSE_PX, CLOSE_BLURS = 120, (1.2, 0.6)
+CLOSE_PRUNINGS = (Pruning(0.65, 0.07), Pruning(0.85, 0.07))
+
+# Tilts start far off: the tilt of what is nearly flat has near minima.
+TILT_BLURS = (2.0, 2.0, 2.0, 1.2, 0.6)
+TILT_PRUNINGS = (Pruning(-9.0, 0.0), Pruning(-9.0, 0.03), Pruning(-9.0, 0.05), *CLOSE_PRUNINGS)
+
+
+def refine_close_up(
+    target: PreparedTarget, frame: Observation, leaders: List[Hypothesis], *, thorough: bool = False
+) -> Tuple[ImagePatch, List[Hypothesis]]:
+    """The patch that holds the winner, and the leaders and its near-symmetries aligned there, the best first.
+
+    Parameters
+    ----------
+    leaders : of ``refine_coarsely``, the best first, at least one.
+    thorough : ask more leaders, every near-symmetry, and tilts of the winner, all with their shadows: a near minimum
+        may have held it.
+    """
+    first = leaders[0].at(leaders[0].q, leaders[0].t)
+    box = target_box(target, first.q, first.t)
+    others = [h.at(h.q, h.t) for h in without_duplicates(leaders) if h is not leaders[0]]
+    if thorough:
+        others = [o for o in others if _overlap(box, target_box(target, o.q, o.t)) > SAME_PLACE][:ALL_RIVALS]
+        boxes = np.array([box, *(target_box(target, o.q, o.t) for o in others)])
+        (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+        box = int(x0), int(y0), int(x1), int(y1)
+    else:
+        others = [o for o in others if o.source.region == first.source.region][:RIVALS]
+    patch = cut_patch(target, frame, box, CLOSE_PX)
+    some = [draw(target, patch, h) for h in (first, *others)]
+    # a leader that is not compared here says nothing of its twin
+    twins = [
+        draw(target, patch, twin)
+        for twin in over_its_image(target, patch, near_symmetries(target, [first]), first)
+        if all(quat.angle_rad(twin.q, o.q) > SPREAD_RAD for o in (first, *others))
+    ]
+    # against a texture a few degrees cost a pose most of its score: there every twin is aligned
+    every = thorough or frame.background < 0
+    some += [twin for twin in twins if every or twin.score > TWIN_SHARE * some[0].score]
+    some = [draw_shadows(target, patch, h) for h in some]
+    ranked = refine_in_parallel(target, patch, some, CLOSE_BLURS, CLOSE_PRUNINGS)
+    judged = len(ranked)
+    if thorough:
+        ranked += refine_tilts(target, patch, ranked[0], TILT_BLURS, TILT_PRUNINGS)
+        ranked.sort(key=lambda h: -h.score)
+        ranked += refine_symmetries(target, patch, ranked[0])
+        judged = len(ranked)
+        ranked = without_duplicates(sorted(ranked, key=lambda h: -h.score))
+    frame.keep("ranked", ranked)
+    frame.count("judged", judged)
+    return patch, ranked
+
+
+def refine_tilts(
+    target: PreparedTarget,
+    patch: ImagePatch,
+    held: Hypothesis,
+    blurs: Tuple[float, ...],
+    prunings: Tuple[Pruning, ...],
+    lean_rad: float = TILT_RAD,
+) -> List[Hypothesis]:
+    """Tilts of a pose, aligned with their shadows, the best first."""
+    about = [draw_shadows(target, patch, draw(target, patch, h)) for h in tilts(target, held, lean_rad)]
+    return refine_in_parallel(target, patch, about, blurs, prunings)
+
+
+def refine_symmetries(
+    target: PreparedTarget, patch: ImagePatch, held: Hypothesis, *, listed: bool = True
+) -> List[Hypothesis]:
+    """Near-symmetries of a pose near its end, aligned with their shadows; those of the model's list where told to.
+
+    Those of a pose on its way were a few degrees off, which against a texture costs the right one its lead: of ten
+    poses that were lost on development frames it explains 0.05 to 0.2 more at its own end.
+    """
+    asked = over_its_image(target, patch, near_symmetries(target, [held]), held)
+    if not listed:
+        turned = [quat.multiply(held.q, s) for s in target.model.symmetry_wxyz]
+        asked = [h for h in asked if all(quat.angle_rad(h.q, q) > DISTINCT_RAD for q in turned)]
+    some = [draw_shadows(target, patch, draw(target, patch, h)) for h in asked]
+    return refine_in_parallel(target, patch, some, CLOSE_BLURS, CLOSE_PRUNINGS)
+
+
+def _overlap(a: Box, b: Box) -> float:
+    """Area two boxes share over that of the smaller one."""
+    wide, high = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+    least = min((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in (a, b))
+    return max(wide, 0) * max(high, 0) / max(least, 1)

@@ -1,0 +1,196 @@
+"""Alignment of poses on the edges of the picture: robust Gauss-Newton on distances across model edges."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles, jacobian, project
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import EdgeFit, PoseFit
+from flyaround.hil.board.hybrid.image.edge_field import EdgeField
+from flyaround.hil.board.hybrid.model.silhouette import inward_sign, silhouette
+from flyaround.hil.board.hybrid.model.view_tables import ViewTable
+from flyaround.hil.board.hybrid.refine.robust import geman_mcclure, tukey
+from flyaround.hil.board.svd.refinement import apply_step, gauss_newton_step, parameter_scale
+
+Array = np.ndarray
+
+
+def align_to_field(
+    q: Array,
+    t: Array,
+    samples: EdgeSamples,
+    table: ViewTable,
+    field: EdgeField,
+    camera: CameraIntrinsics,
+    centre_m: Array,
+    radius_m: float,
+    reach_px: Tuple[float, ...],
+    every: int = 1,
+) -> Tuple[Array, Array]:
+    """Iterate the closest-edge alignment of a batch of poses.
+
+    Parameters
+    ----------
+    reach_px : one entry per iteration: edges farther than this are ignored [field px].
+    every : use each ``every``-th sample only.
+    """
+    idx = weight = np.zeros(0)
+    for k, reach in enumerate(reach_px):
+        R = quat.matrix(q)
+        if k % 3 == 0:
+            view = table.nearest(R, t, centre_m)
+            idx, weight = table.track[view, ::every], table.weight[view, ::every]
+        pr = project(samples, camera, R, t, idx)
+        uv = field.to_field(pr.pixels)
+        flat, inside = field.lookup(uv, pr.angle)
+        d = field.distance.reshape(-1)[flat]
+        e = field.nearest.reshape(-1, 2)[flat]
+        r = np.einsum("bmi,bmi->bm", e - uv, pr.normals)
+        w = weight * inside * (d < reach) * (pr.points_camera_m[..., 2] > 0.1)
+        w = geman_mcclure(w, r, 0.4 * reach)
+        J = jacobian(pr, camera, t) / field.factor
+        depth = float(np.median(np.maximum(t[:, 2], radius_m)))
+        step, _ = gauss_newton_step(J, r, w, parameter_scale(depth, radius_m), 1e-3)
+        step = limit_step(step, t, radius_m)
+        q, t = apply_step(q, t, step)
+        t[:, 2] = np.maximum(t[:, 2], 1.2 * radius_m)
+    return q, t
+
+
+def limit_one_step(step: Array, t: Array, radius_m: float) -> Array:
+    """The same of one step (6,) at one place (3,): of so few numbers arrays cost ten times what they take."""
+    a, b, c, x, y, z = step.tolist()
+    over = max(
+        math.sqrt(a * a + b * b + c * c) / 0.25,
+        abs(z) / (0.2 * max(float(t[2]), radius_m)),
+        math.sqrt(x * x + y * y) / radius_m,
+        1.0,
+    )
+    if not math.isfinite(over + a + b + c + x + y + z):
+        step = limit_step(step[None], t[None], radius_m)[0]
+        return np.asarray(step)
+    return step / over
+
+
+def limit_step(step: Array, t: Array, radius_m: float) -> Array:
+    """No single step turns by more than 0.25 rad or changes the range by more than a fifth."""
+    depth = np.maximum(t[:, 2], radius_m)
+    over = np.maximum(
+        np.linalg.norm(step[:, :3], axis=1) / 0.25,
+        np.maximum(np.abs(step[:, 5]) / (0.2 * depth), np.linalg.norm(step[:, 3:5], axis=1) / radius_m),
+    )
+    step = np.nan_to_num(step)
+    return step / np.maximum(1.0, np.nan_to_num(over, nan=1.0, posinf=1e6))[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class Gradients:
+    """Gradient of a region at nearly full resolution, for the sub-pixel search.
+
+    Parameters
+    ----------
+    gx, gy : (h, w) float32. sigma : noise of one component. x0, y0, factor : as in EdgeField.
+    empty : whether the background is empty space.
+    """
+
+    gx: Array
+    gy: Array
+    sigma: float
+    x0: float
+    y0: float
+    factor: float
+    empty: bool
+
+
+def fine_align(
+    q: Array,
+    t: Array,
+    samples: EdgeSamples,
+    idx: Array,
+    gradients: Gradients,
+    occ: OccludingTriangles,
+    camera: CameraIntrinsics,
+    radius_m: float,
+    reach_px: Tuple[int, ...],
+) -> Tuple[PoseFit, EdgeFit]:
+    """One-dimensional search along the normals of visible samples, sub-pixel.
+
+    Polarity is ignored, but for outlines against empty space: there the craft is the brighter side, which
+    tells the outer edge of a bright frame from its inner one.
+
+    Parameters
+    ----------
+    idx : (M,) samples visible from this pose. reach_px : half length of the search, per iteration [field px].
+
+    References
+    ----------
+    Harris & Stennett (1990), RAPID; Drummond & Cipolla (2002), robust weights.
+    """
+    q, t = q[None].copy(), t[None].copy()
+    f = gradients.factor
+    H, rms, found, tight, inliers = np.eye(6), 9.9, 0.0, 0.0, 0.0
+    h, w = gradients.gx.shape
+    for reach in reach_px:
+        pr = project(samples, camera, quat.matrix(q), t, idx[None])
+        uv = ((pr.pixels[0] - (gradients.x0, gradients.y0) + 0.5) / f - 0.5).astype(np.float32)
+        n = pr.normals[0].astype(np.float32)
+        inward = np.zeros(len(uv), int)
+        if gradients.empty:
+            shape = silhouette(quat.matrix(q)[0], t[0], occ, camera, (gradients.x0, gradients.y0), f, (w, h))
+            inward = inward_sign(shape, uv, n)
+        offset, strength = search_normals(gradients, uv, n, inward, reach)
+        good = strength > 4.0
+        r = np.where(good, offset, 0.0)
+        spread = max(0.35, 1.4826 * float(np.median(np.abs(r[good]))) if good.any() else 1.0)
+        weight = good * tukey(r, 4.0 * spread)
+        J = jacobian(pr, camera, t) / f
+        step, normal = gauss_newton_step(
+            J, r[None], weight[None], parameter_scale(float(t[0, 2]), radius_m), 1e-6
+        )
+        step = limit_step(step, t, radius_m)
+        q, t = apply_step(q, t, step)
+        H = normal[0]
+        inliers = float(weight.sum())
+        found = inliers / max(len(idx), 1)
+        tight = float((good * np.exp(-((r / 0.7) ** 2))).sum()) / max(len(idx), 1)
+        rms = float(np.sqrt((weight * r * r).sum() / max(inliers, 1e-9)))
+    covariance = np.linalg.pinv(H) * max(rms, 0.1) ** 2 * 4.0
+    return PoseFit(q[0], t[0], rms, covariance), EdgeFit(found, tight, rms * f)
+
+
+def search_normals(
+    gradients: Gradients, uv: Array, n: Array, inward: Array, reach: int
+) -> Tuple[Array, Array]:
+    """Offset of the best edge along each normal [field px], and its strength in noise units.
+
+    Among local maxima the nearest strong one wins: the score falls with distance.
+    """
+    k = np.arange(-reach, reach + 1, dtype=np.float32)
+    x = uv[:, :1] + n[:, :1] * k
+    y = uv[:, 1:] + n[:, 1:] * k
+    gx = cv2.remap(gradients.gx, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
+    gy = cv2.remap(gradients.gy, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
+    g = (gx * n[:, :1] + gy * n[:, 1:]) / gradients.sigma
+    known = inward[:, None]
+    g = np.where(known == 0, np.abs(g), np.maximum(g * known, 0.0))
+    peak = np.zeros_like(g)
+    mid = g[:, 1:-1]
+    is_peak = (mid >= g[:, :-2]) & (mid > g[:, 2:])
+    # strength saturates: a far strong edge must not beat a near fair one
+    weight = np.minimum(mid, 30.0) * (1 - 0.6 * np.abs(k[1:-1]) / (reach + 1e-6))
+    peak[:, 1:-1] = np.where(is_peak, weight, 0.0)
+    best = np.argmax(peak, axis=1)
+    rows = np.arange(len(g))
+    found = peak[rows, best] > 0
+    best = np.clip(best, 1, g.shape[1] - 2)
+    a, b, c = g[rows, best - 1], g[rows, best], g[rows, best + 1]
+    curve = a - 2 * b + c
+    sub = np.where(np.abs(curve) > 1e-6, 0.5 * (a - c) / np.where(np.abs(curve) > 1e-6, curve, 1.0), 0.0)
+    return np.where(found, k[best] + np.clip(sub, -0.5, 0.5), 0.0), np.where(found, b, 0.0)

@@ -1,0 +1,90 @@
+"""Final alignment on sub-pixel edges, for targets without faces and for the published methods."""
+
+from __future__ import annotations
+
+from typing import Dict, List
+
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.hybrid.hypotheses.edge_support import support
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
+from flyaround.hil.board.hybrid.image.edge_field import gradient, gradient_noise, shrink
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
+from flyaround.hil.board.hybrid.model.visibility import visible_samples
+from flyaround.hil.board.hybrid.propose.edge_search import MARGIN
+from flyaround.hil.board.hybrid.propose.variants import near_symmetries, neighbours
+from flyaround.hil.board.hybrid.refine.edges import Gradients, fine_align
+from flyaround.hil.board.svd.region_of_interest import Region
+
+# Leaders refined, and how far behind the first they may be in total support.
+LEADERS, LEAD = 6, 0.1
+
+# How near the winner's neighbours are: share of the steps of ``variants.NEIGHBOURS``.
+NEAR = 0.4
+
+# Longest side of the region for the sub-pixel search [px], and how far is searched in its steps [px].
+LONGEST_PX, REACHES = 800, ((8, 6, 5), (4, 4, 3, 3))
+
+
+def refine_on_edges(target: PreparedTarget, frame: Observation, found: List[Hypothesis]) -> List[Hypothesis]:
+    """The leaders refined to sub-pixel on all visible edges, then the winner's neighbours and near-symmetries.
+
+    Parameters
+    ----------
+    found : hypotheses of every region, best first, at least one.
+    """
+    gradients: Dict[Region, Gradients] = {}
+    refined = [
+        _refined(target, frame, h, gradients) for h in found[:LEADERS] if h.score >= found[0].score - LEAD
+    ]
+    # once more around the winner: pairs of parallel edges make many near minima
+    about = neighbours(target, [max(refined, key=_score)], NEAR)
+    refined += [_refined(target, frame, h, gradients) for h in about]
+    # and its twins at the same precision: the rival must have had every chance
+    about = near_symmetries(target, [max(refined, key=_score)])
+    refined += [_refined(target, frame, h, gradients) for h in about]
+    return refined
+
+
+def _score(h: Hypothesis) -> float:
+    return h.score
+
+
+def _refined(
+    target: PreparedTarget, frame: Observation, start: Hypothesis, gradients: Dict[Region, Gradients]
+) -> Hypothesis:
+    """A hypothesis refined on the sub-pixel edges of its region."""
+    region, field = start.source.region, start.source.field
+    if region not in gradients:
+        gradients[region] = region_gradients(frame, region, empty=field.empty)
+    pose, fit = start.pose, None
+    for reach in REACHES:
+        R = quat.matrix(pose.q)
+        visible = np.flatnonzero(visible_samples(target.samples, target.occ, -R.T @ pose.t)[0])
+        if len(visible) < 8 and fit is not None:
+            break
+        pose, fit = fine_align(
+            pose.q,
+            pose.t,
+            target.samples,
+            visible,
+            gradients[region],
+            target.occ,
+            target.camera,
+            target.radius_m,
+            reach,
+        )
+    s = support(pose.q, pose.t, target.samples, target.occ, field, target.camera, target.spacing_m)
+    return Hypothesis(pose, start.source, s.total, s, edge_fit=fit, start=start)
+
+
+def region_gradients(frame: Observation, region: Region, *, empty: bool) -> Gradients:
+    """Gradient of a region for the sub-pixel search."""
+    h, w = frame.image.shape
+    x0, y0, x1, y1 = region.grown(MARGIN, w, h)
+    small, factor = shrink(frame.image, x0, y0, x1, y1, LONGEST_PX)
+    blur = 1.0 if factor > 1.5 else 1.5
+    gx, gy = gradient(small, blur)
+    return Gradients(gx, gy, frame.noise / factor * gradient_noise(blur), x0, y0, factor, empty)

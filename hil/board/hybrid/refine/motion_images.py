@@ -1,0 +1,61 @@
+"""What a pose does to the drawn picture: its derivative lives where faces meet."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.estimation.faces import Faces
+from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
+from flyaround.hil.board.hybrid.geometry.shading import Shading
+from flyaround.hil.board.hybrid.native.interface import STRUCTURES, Structure, contiguous
+from flyaround.hil.board.hybrid.native.library import library
+from flyaround.hil.board.hybrid.refine import many_groups
+
+Array = np.ndarray
+
+
+def motion_images(
+    shading: Shading, faces: Faces, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
+) -> Array:
+    """(6, h, w) float32 derivative of the drawn picture by (turn about the target's origin, shift), camera axes.
+
+    Where two groups meet, the nearer face's point carries the border with it.
+
+    Parameters
+    ----------
+    camera : a pinhole (see ``ImagePatch.rays``).
+    """
+    if shading.group.dtype != np.uint8:
+        return many_groups.motion_images(shading, faces, patch, camera, R, t)
+    (h, w), f = patch.gray.shape, patch.fine
+    out = np.empty((6, h, w), np.float32)
+    moving = pose_motion(shading, faces, patch, camera, R, t)
+    group = contiguous(shading.group, "uint8", (h * f, w * f))
+    if library().fly_image_jacobian(moving, group, h, w, f, out) < 0:
+        raise MemoryError("no memory for the derivatives of a picture")
+    return out
+
+
+def pose_motion(
+    shading: Shading, faces: Faces, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
+) -> Structure:
+    """A drawn craft that moves, as the library takes it; parameters as in ``motion_images``."""
+    (h, w), f, n, (across, down) = patch.gray.shape, patch.fine, len(faces.corners), patch.scale
+    level = np.zeros(256)
+    level[: len(shading.level)] = shading.level
+    return STRUCTURES["pose_motion"](
+        seen=contiguous(shading.seen, "int32", (h * f, w * f)),
+        level=level,
+        behind=None if shading.behind is None else contiguous(shading.behind, "float32", (h, w)),
+        normal=contiguous(faces.normals, "float64", (n, 3)),
+        offset=contiguous(faces.offset, "float64", (n,)),
+        faces=n,
+        R=contiguous(R, "float64", (3, 3)),
+        t=contiguous(t, "float64", (3,)),
+        # as ``ImagePatch.rays``
+        u=(0.5 / across - 0.5 + patch.x0 - camera.cx_px) / camera.fx_px,
+        v=(0.5 / down - 0.5 + patch.y0 - camera.cy_px) / camera.fy_px,
+        step_u=1.0 / (across * camera.fx_px),
+        step_v=1.0 / (down * camera.fy_px),
+    )

@@ -1,0 +1,283 @@
+"""Alignment of a predicted pose on the picture's edges: profiles across the model's visible edges, no region pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Optional, Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.estimation.vectors import cross
+from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles, jacobian, project
+from flyaround.hil.board.hybrid.model.visibility import visible_samples
+from flyaround.hil.board.hybrid.refine.robust import tukey
+from flyaround.hil.board.svd.refinement import gauss_newton_step, parameter_scale
+
+Array = np.ndarray
+
+# Neighbouring samples share their errors, and so do frames: variance over that of as many independent samples, so that
+# errors on ``tango-flyaround`` have the median of chi-square (with 4 it was three times that).
+SHARED = 12.0
+
+# Edge samples looked at in a frame, and pixels to either side averaged along an edge.
+SAMPLES, ALONG = 220, 2
+
+# Edges kept of a profile: the model's own may not be the strongest.
+CANDIDATES = 3
+
+# Half length of a profile [px of the reduced picture], and of the derivative's kernel.
+REACH, KERNEL = 12, 2
+
+# How many pixels farther off an edge may be for each sigma it is stronger.
+STRENGTH = 0.04
+
+# An edge stands out of its profile by this many sigma of the noise.
+STRONG = 4.5
+
+# Gauss-Newton steps at each reduction.
+STEPS = 6
+
+# The derivative of a Gaussian of one pixel, for unit steps.
+_DERIVATIVE = np.array([-0.0585, -0.2597, 0.0, 0.2597, 0.0585], np.float32) / 0.7534 * 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class TrackFit:
+    """A pose aligned on edges.
+
+    Parameters
+    ----------
+    q, t : (4,), (3,). covariance : (6, 6) of turn [rad] and shift [m], camera axes.
+    found : share of visible samples with an edge near the model's; near : with one within a pixel.
+    rms_px : of the used residuals. used : their number.
+    polarity : (S,) sign and trust of each sample's edge, -1..1: brighter along the normal or against it.
+    """
+
+    q: Array
+    t: Array
+    covariance: Array
+    found: float
+    near: float
+    rms_px: float
+    used: int
+    polarity: Array
+
+
+def evenly_chosen(visible: Array, most: int = SAMPLES) -> Array:
+    """Indices of at most ``most`` of the visible samples, evenly."""
+    idx = np.flatnonzero(visible)
+    return idx if len(idx) <= most else idx[np.linspace(0, len(idx) - 1, most).astype(int)]
+
+
+def track_edges(
+    image: Array,
+    noise: float,
+    q: Array,
+    t: Array,
+    samples: EdgeSamples,
+    occ: OccludingTriangles,
+    camera: CameraIntrinsics,
+    radius_m: float,
+    reach_px: float,
+    polarity: Array,
+    *,
+    empty: bool = False,
+) -> Optional[TrackFit]:
+    """Align a pose on the edges within ``reach_px`` of where it puts the model's; None when nothing is visible.
+
+    Parameters
+    ----------
+    image : (H, W) uint8 or uint16. noise : standard deviation of its noise. polarity : as ``TrackFit``.
+    empty : whether the background is empty space, darker than the craft.
+
+    Notes
+    -----
+    RAPID's one-dimensional search (Harris & Stennett 1990) with several candidates kept for each sample, so
+    that the pose as a whole chooses between the parallel edges of a frame (Vacchetti et al. 2004). First on a
+    reduced picture as far as the prediction may be off, then at full resolution.
+    """
+    R = quat.matrix(q)
+    visible, _ = visible_samples(samples, occ, -R.T @ t)
+    idx = evenly_chosen(visible)
+    if len(idx) < 8:
+        return None
+    if empty:
+        polarity = np.where(polarity == 0, outline_polarity(samples, R, t), polarity)
+    fit: Optional[TrackFit] = None
+    factors = (max(1, int(np.ceil(reach_px / REACH))), 1)
+    for factor in dict.fromkeys(factors):
+        # the reduced picture blurs less in its own pixels: fewer iterations and a wider loss
+        fit = _one_scale(image, noise, q, t, samples, idx, camera, radius_m, factor, polarity)
+        if fit is None:
+            return None
+        q, t = fit.q, fit.t
+    return fit
+
+
+def outline_polarity(samples: EdgeSamples, R: Array, t: Array) -> Array:
+    """(S,) half a vote for each outline, -0.5..0.5 along the projected normal: darker where the craft is not.
+
+    A vote only: behind an outline there may be another part of the craft.
+    """
+    C = -R.T @ t
+    idx = np.arange(len(samples))[None]
+    X, T = (a[0] for a in samples.outline(idx, C[None]))
+    sight = C - X
+    seen = np.einsum("skj,sj->sk", samples.normals, sight) > 0
+    turned_away = (samples.faces == 2) & (seen.sum(axis=1) == 1)
+    outward = np.where(seen[:, :1], samples.normals[:, 1], samples.normals[:, 0])
+    round_member = samples.radius_m != 0
+    grazed = cross(T, X - C) * np.sign(samples.radius_m)[:, None]
+    outward = np.where(round_member[:, None], grazed, outward)
+    # the projected normal is the projected tangent turned by a quarter: its sense in space is sight x tangent
+    n = cross(T, sight)
+    side = np.sign(np.einsum("sj,sj->s", outward, n))
+    return np.asarray(np.where(turned_away | round_member, -0.5 * side, 0.0))
+
+
+def _one_scale(
+    image: Array,
+    noise: float,
+    q: Array,
+    t: Array,
+    samples: EdgeSamples,
+    idx: Array,
+    camera: CameraIntrinsics,
+    radius_m: float,
+    factor: int,
+    polarity: Array,
+) -> Optional[TrackFit]:
+    """The pose aligned at one reduction of the image; None where too little of it is in view."""
+    pr = project(samples, camera, quat.matrix(q)[None], t[None], idx[None])
+    at, n = pr.pixels[0], pr.normals[0]
+    edges = _edge_candidates(image, noise, at, n, factor, polarity[idx])
+    if edges is None:
+        return None
+    candidate, strength, sign = edges
+    fit_q, fit_t = q, t
+    H, choice = np.eye(6), np.zeros(len(idx), int)
+    r, weight = np.zeros(len(idx)), np.zeros(len(idx))
+    for k in range(STEPS):
+        now = project(samples, camera, quat.matrix(fit_q)[None], fit_t[None], idx[None])
+        gaps = candidate - np.einsum("mi,mi->m", now.pixels[0] - at, n)[:, None]
+        r, weight, choice = _weighted_residuals(gaps, strength, factor, k)
+        J = jacobian(now, camera, fit_t[None])
+        scale = parameter_scale(float(fit_t[2]), radius_m)
+        step, normal = gauss_newton_step(J, r[None], weight[None], scale, 1e-5)
+        if not np.isfinite(step).all():
+            return None
+        fit_q, fit_t, H = quat.turned(fit_q, step[0, :3]), fit_t + step[0, 3:], normal[0]
+    rms = float(np.sqrt((weight * r * r).sum() / max(float(weight.sum()), 1e-9)))
+    learnt, sure = polarity.copy(), weight > 0.5
+    learnt[idx[sure]] = 0.7 * learnt[idx[sure]] + 0.3 * sign[np.arange(len(idx)), choice][sure]
+    return TrackFit(
+        fit_q,
+        fit_t,
+        np.linalg.pinv(H) * max(rms, 0.15) ** 2 * SHARED,
+        float((weight > 0.2).mean()),
+        float((np.isfinite(candidate).any(axis=1) & (np.abs(r) < 1.0 * factor) & (weight > 0)).mean()),
+        rms,
+        int((weight > 0.2).sum()),
+        learnt,
+    )
+
+
+def _edge_candidates(
+    image: Array, noise: float, at: Array, n: Array, factor: int, polarity: Array
+) -> Optional[Tuple[Array, Array, Array]]:
+    """Offsets [px], strengths [sigma] and signs (M, CANDIDATES) of edges across each sample; None out of view.
+
+    Parameters
+    ----------
+    at, n : (M, 2) samples and their normals on the image. polarity : (M,) what each sample's edge has been.
+    """
+    crop = _crop(image, at, factor * (REACH + KERNEL + 2))
+    if crop is None:
+        return None
+    small, x0, y0 = crop
+    if factor > 1:
+        h, w = (s // factor for s in small.shape)
+        small = cv2.resize(small[: h * factor, : w * factor], (w, h), interpolation=cv2.INTER_AREA)
+    profile = _profiles(np.asarray(small, np.float32), ((at - (x0, y0)) + 0.5) / factor - 0.5, n)
+    offset, strength = _peaks(profile, noise / factor)
+    # a candidate of the other polarity than this edge has had is another edge
+    sign = np.sign(strength)
+    strength = np.abs(strength) * np.where(sign * polarity[:, None] < -0.4, 0.3, 1.0)
+    return np.where(strength > STRONG, offset * factor, np.nan), strength, sign
+
+
+def _weighted_residuals(gaps: Array, strength: Array, factor: int, k: int) -> Tuple[Array, Array, Array]:
+    """Residual [px], weight and number of the candidate chosen for each sample, in iteration ``k``.
+
+    Parameters
+    ----------
+    gaps : (M, CANDIDATES) from the model's edge to each candidate [px], NaN where there is none.
+    """
+    # near before strong, but a faint near one does not beat a clear one a little farther off
+    cost = np.where(np.isfinite(gaps), np.abs(gaps) / factor - STRENGTH * np.minimum(strength, 40.0), 1e9)
+    choice = cost.argmin(axis=1)
+    r = gaps[np.arange(len(gaps)), choice]
+    ok = np.isfinite(r)
+    r = np.where(ok, r, 0.0)
+    spread = max(0.4 * factor, 1.4826 * float(np.median(np.abs(r[ok]))) if ok.any() else factor)
+    gate = 0.35 * REACH * factor
+    limit = min(4.0 * spread, max(gate * (1.0 - k / STEPS) * 3.0, 3.0 * factor))
+    return r, ok * tukey(r, limit), choice
+
+
+def _crop(image: Array, at: Array, margin: float) -> "Optional[Tuple[Array, int, int]]":
+    h, w = image.shape
+    x0, y0 = (int(v) for v in np.clip(at.min(axis=0) - margin, 0, [w, h]))
+    x1, y1 = (int(v) for v in np.clip(at.max(axis=0) + margin + 2, 0, [w, h]))
+    if min(x1 - x0, y1 - y0) < 16:
+        return None
+    return image[y0:y1, x0:x1], x0, y0
+
+
+def _profiles(image: Array, at: Array, n: Array) -> Array:
+    """(M, 2 REACH + 1) derivative across the edge at each sample, averaged along it."""
+    k = np.arange(-(REACH + KERNEL), REACH + KERNEL + 1, dtype=np.float32)
+    along = np.stack([-n[:, 1], n[:, 0]], axis=-1)
+    s = np.arange(-ALONG, ALONG + 1, dtype=np.float32) * 1.2
+    x = at[:, None, None, 0] + n[:, None, None, 0] * k + along[:, None, None, 0] * s[:, None]
+    y = at[:, None, None, 1] + n[:, None, None, 1] * k + along[:, None, None, 1] * s[:, None]
+    m, a, p = x.shape
+    values = cv2.remap(
+        image,
+        x.reshape(m * a, p).astype(np.float32),
+        y.reshape(m * a, p).astype(np.float32),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    ).reshape(m, a, p)
+    mean = values.mean(axis=1)
+    return sum(_DERIVATIVE[j] * mean[:, j : j + 2 * REACH + 1] for j in range(2 * KERNEL + 1))
+
+
+def _peaks(profile: Array, noise: float) -> Tuple[Array, Array]:
+    """Offset [px] and signed strength [sigma] of the strongest ``CANDIDATES`` edges of each profile."""
+    g = np.abs(profile)
+    mid = g[:, 1:-1]
+    peak = np.where((mid >= g[:, :-2]) & (mid > g[:, 2:]), mid, 0.0)
+    best = np.argsort(-peak, axis=1)[:, :CANDIDATES] + 1
+    rows = np.arange(len(g))[:, None]
+    a, b, c = g[rows, best - 1], g[rows, best], g[rows, best + 1]
+    curve = a - 2 * b + c
+    sub = np.where(np.abs(curve) > 1e-9, 0.5 * (a - c) / np.where(np.abs(curve) > 1e-9, curve, 1.0), 0.0)
+    height = np.where(peak[rows, best - 1] > 0, b, 0.0)
+    sigma = max(noise * PROFILE_NOISE, 1e-6)
+    return best - REACH + np.clip(sub, -0.5, 0.5), height / sigma * np.sign(profile[rows, best])
+
+
+def _profile_noise() -> float:
+    """Noise of the derivative for white noise of unit variance, through the same sampling."""
+    rng = np.random.default_rng(3)
+    field = rng.standard_normal((96, 96)).astype(np.float32)
+    angle = rng.uniform(0, 2 * np.pi, 200)
+    n = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return float(np.std(_profiles(field, rng.uniform(30, 65, (200, 2)), n)))
+
+
+PROFILE_NOISE = _profile_noise()

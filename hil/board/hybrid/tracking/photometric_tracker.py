@@ -1,0 +1,118 @@
+"""Photometric alignment while tracking: a synthetic view with cast shadows, the Sun near where it was last."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Optional, Tuple
+
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
+from flyaround.hil.board.hybrid.geometry.shading import Shading
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.model.image_patch import cut_patch, target_box
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap
+from flyaround.hil.board.hybrid.refine.photometric import explained, photo_draw, photo_shade, photo_step
+from flyaround.hil.board.hybrid.refine.shadows import search_sun
+
+Array = np.ndarray
+Pose = Tuple[Array, Array]
+
+# Longest side of the drawing [px], and the blur of each step.
+PICTURE_PX, BLURS = 120, (1.2, 0.6)
+
+# What another pose than the likeliest must explain more: a drawing this small tells a tilt of 5 deg no better.
+WORTH = 0.02
+
+# Variance over that of ``photo_step``: it is told for the end of an alignment of poses from anywhere; those seen
+# here are nearly right (fly-arounds of Tango at 7 to 11 m, three starts).
+HELD = 0.6
+
+# Side of the craft's picture from the Sun [px], and how far beside the last direction others are tried [rad]: the
+# camera of a fly-around turns by a degree or two each frame.
+SUN_PX, SUN_STEP_RAD = 96, float(np.radians(4.0))
+
+
+@dataclass(frozen=True, eq=False)
+class PhotometricTrack:
+    """A tracked pose by its synthetic view.
+
+    Parameters
+    ----------
+    fit : the pose. sun : direction (3,) to the Sun, camera axes; None where no shadows are seen.
+    """
+
+    fit: PoseFit
+    sun: Optional[Array]
+
+
+def find_sun(craft: PreparedTarget, frame: Observation, pose: Pose) -> Optional[Array]:
+    """Direction (3,) to the Sun, camera axes, by the shadows at a pose; None where none explain the picture."""
+    if craft.model.faces is None:
+        return None
+    found = search_sun(craft, faces_of(craft), _patch(craft, frame, pose), *pose).sun
+    return None if found is None else quat.matrix(pose[0]) @ found.direction
+
+
+def align_photometrically(
+    craft: PreparedTarget,
+    frame: Observation,
+    poses: Tuple[Pose, ...],
+    sun: Optional[Array],
+    *,
+    follow_sun: bool = True,
+) -> PhotometricTrack:
+    """The pose whose synthetic view explains the image best, refined on it.
+
+    Parameters
+    ----------
+    poses : where it may be, the likeliest first: edges that hold on to others lead away from a good prediction, and
+        a target that changes its rates away from its own. sun : of the last call. follow_sun : it may have
+        moved.
+    """
+    faces, camera = faces_of(craft), craft.camera.pinhole
+    patch = _patch(craft, frame, poses[0])
+    painted = None if sun is None else ShadowMap.of(faces, quat.matrix(poses[0][0]).T @ sun, SUN_PX)
+    shadings = [photo_draw(q, t, faces, patch, camera, painted) for q, t in poses]
+    scores = [explained(shading, patch) for shading in shadings]
+    first = int(np.argmax(scores))
+    if scores[first] < scores[0] + WORTH:
+        first = 0
+    drawn, fit = shadings[first], PoseFit(*poses[first], 9.9, np.eye(6))
+    if painted is not None and follow_sun:
+        painted, drawn = _followed_sun(craft, patch, fit, painted, drawn)
+    for k, blur in enumerate(BLURS):
+        if k:
+            drawn = photo_draw(fit.q, fit.t, faces, patch, camera, painted)
+        step = photo_step(fit, drawn, faces, patch, camera, craft.radius_m, blur)
+        if step is None:
+            break
+        fit = step
+    fit = replace(fit, covariance=HELD * fit.covariance)
+    return PhotometricTrack(fit, None if painted is None else quat.matrix(fit.q) @ painted.direction)
+
+
+def _patch(craft: PreparedTarget, frame: Observation, pose: Pose) -> ImagePatch:
+    """The picture about a pose."""
+    return replace(cut_patch(craft, frame, target_box(craft, *pose), PICTURE_PX), exact=True)
+
+
+def _followed_sun(
+    craft: PreparedTarget, patch: ImagePatch, fit: PoseFit, sun: ShadowMap, drawn: Shading
+) -> Tuple[ShadowMap, Shading]:
+    """The Sun, or one beside it whose shadows explain the picture better, and the craft drawn with those.
+
+    Each side is tried until one helps: where nothing has moved all four, else two or three.
+    """
+    best = explained(drawn, patch)
+    for k in range(4):
+        side = (1 - k // 2 * 2) * sun.axes[k % 2]
+        beside = np.cos(SUN_STEP_RAD) * sun.direction + np.sin(SUN_STEP_RAD) * side
+        tried = ShadowMap.of(faces_of(craft), beside, SUN_PX)
+        shading = photo_shade(drawn.seen, fit.q, fit.t, faces_of(craft), patch, craft.camera.pinhole, tried)
+        if explained(shading, patch) > best:
+            return tried, shading
+    return sun, drawn

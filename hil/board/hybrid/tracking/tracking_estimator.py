@@ -1,0 +1,288 @@
+"""The method ``hybrid-track``: ``hybrid`` until a pose is accepted, then edges and a filter, frame to frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Optional, Sequence
+
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.estimation.estimator import Estimator
+from flyaround.hil.board.estimation.record import StageRecord, Trace
+from flyaround.hil.board.estimation.result import PoseResult
+from flyaround.hil.board.estimation.target_model import BoardModel
+from flyaround.hil.board.hybrid.decide.confidence import Evidence
+from flyaround.hil.board.hybrid.estimator import PoseEstimator
+from flyaround.hil.board.hybrid.hypotheses.ambiguity import largest_sigma
+from flyaround.hil.board.hybrid.image.noise import noise_sigma
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.tracking.edge_tracker import TrackFit, track_edges
+from flyaround.hil.board.hybrid.tracking.photometric_tracker import align_photometrically, find_sun
+from flyaround.hil.board.hybrid.tracking.pose_filter import (
+    TrackState,
+    first_state,
+    innovation,
+    predict,
+    update,
+)
+from flyaround.hil.board.method_names import HYBRID_TRACK
+
+Array = np.ndarray
+
+# Time between frames where the caller gives none [s].
+FRAME_S = 1.0
+
+# A prediction further off than this is not searched for: initialise instead [px].
+WIDEST_PX, NARROWEST_PX = 60.0, 6.0
+
+# What an initialisation is taken to be good for: attitude [rad], position across and along the sight, over range.
+FIRST_RAD, FIRST_ACROSS, FIRST_ALONG = float(np.radians(1.0)), 0.001, 0.006
+
+# What a fit must show to be taken in, and the confidence below which tracking ends.
+LEAST_FOUND, LEAST_USED, WORST_RMS_PX, LEAST_CONFIDENCE = 0.3, 25, 2.5, 0.5
+
+# Below this confidence the synthetic view is asked as well, and above this sigma of the attitude [rad]: edges of a
+# craft that shows little else than one face leave its tilt open, and agree on a wrong one.
+SURE, OPEN_RAD = 0.9, float(np.radians(0.6))
+
+# Above this sigma of the predicted attitude it cannot tell edges that are locked on others, and the picture must: as
+# long as the rates are hardly known [rad].
+UNFORESEEN_RAD = float(np.radians(1.8))
+
+# The same of edges that lead this far from the prediction: 95 % of right innovations are shorter.
+SURPRISE = 12.6
+
+# So many frames in a row may rest on edges alone: a drift of theirs aligned sure, and is caught by the picture.
+ALONE = 5
+
+# Edges this near to the prediction need no choice between the two [rad]; the Sun is followed in one alignment of three.
+NEAR_RAD, FOLLOWED = float(np.radians(1.0)), 3
+
+# 99.99 % of right innovations are shorter: chi squared of 6 degrees of freedom.
+GATE = 27.9
+
+# Frames in a row without a good fit that are bridged by the filter alone.
+COAST = 2
+
+
+class TrackingEstimator(Estimator):
+    """Follows the target through the frames of a sequence.
+
+    Parameters
+    ----------
+    model, camera : as ``Estimator``.
+
+    Notes
+    -----
+    Frames must come in the order they were taken; ``t_s`` that does not increase begins a new sequence.
+    """
+
+    method = HYBRID_TRACK
+    keeps_state = True
+    takes_sun = True
+
+    def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
+        super().__init__(model, camera)
+        self.first = PoseEstimator(model, camera)
+        self.craft = self.first.target
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the target."""
+        self.state: Optional[TrackState] = None
+        self.at_s: Optional[float] = None
+        self.polarity = np.zeros(len(self.craft.samples))
+        self.missed = 0
+        self.alone = 0
+        self.aligned = 0
+        self.empty = False
+        self.sun: Optional[Array] = None
+
+    def estimate(
+        self,
+        image: Any,  # noqa: ANN401 - as Estimator
+        trace: Optional[Trace] = None,
+        t_s: Optional[float] = None,
+        sun_camera: Optional[Sequence[float]] = None,
+    ) -> PoseResult:
+        """As ``Estimator.estimate``; ``t_s`` is the time of mid-exposure [s], None: ``FRAME_S`` after the last."""
+        if t_s is not None and not np.isfinite(t_s):
+            t_s = None
+        dt = FRAME_S if t_s is None or self.at_s is None else t_s - self.at_s
+        if dt <= 0:
+            self.reset()
+            dt = FRAME_S
+        self.at_s = t_s if t_s is not None else (self.at_s or 0.0) + dt
+        if self.state is not None:
+            self.state = predict(self.state, dt)
+        result = super().estimate(image, trace, t_s, sun_camera)
+        self.missed += not result.accepted
+        if self.missed > COAST:
+            self.state = None
+        return result
+
+    def _estimate(self, record: StageRecord) -> PoseResult:
+        frame = Observation.of(record)
+        if self.state is not None:
+            result = self._track(frame, self.state)
+            if result is not None:
+                return result
+            frame.count("tracking_lost", 1)
+        return self._initialise(frame)
+
+    def _track(self, frame: Observation, state: TrackState) -> Optional[PoseResult]:
+        """The pose by tracking; None when it does not hold."""
+        fit = self._by_edges(frame, state)
+        if fit is None or fit.used < LEAST_USED or fit.rms_px > WORST_RMS_PX or fit.found < LEAST_FOUND:
+            return None
+        sure = track_confidence(fit)
+        q, t, covariance = fit.q, fit.t, fit.covariance
+        alone = self.alone + 1
+        doubt = sure < SURE or alone > ALONE or largest_sigma(covariance[:3, :3]) > OPEN_RAD
+        doubt |= largest_sigma(state.P[:3, :3]) > UNFORESEEN_RAD
+        doubt |= update(state, q, t, covariance)[1] > SURPRISE
+        before, polarity = state, fit.polarity
+        if doubt and self.craft.model.faces is not None:
+            q, t, covariance = self._by_picture(frame, state, fit)
+            # edges that the picture has just contradicted teach nothing, and are not believed on the next frame
+            if distance_of(fit, q, t) > SURPRISE:
+                polarity, alone = self.polarity, ALONE
+            else:
+                before, alone = update(state, fit.q, fit.t, fit.covariance)[0], 0
+        distance = update(state, q, t, covariance)[1]
+        after = update(before, q, t, covariance)[0]
+        if distance > GATE or sure < LEAST_CONFIDENCE:
+            return None
+        self.state, self.polarity, self.missed, self.alone = after, polarity, 0, alone
+        frame.count("edges", fit.used)
+        frame.mark("update")
+        return PoseResult(
+            True,
+            "",
+            after.q,
+            after.t,
+            sure,
+            frame.stages_ms,
+            frame.counts,
+            None,
+            after.P[:6, :6],
+            (),
+            self.method,
+        )
+
+    def _by_edges(self, frame: Observation, state: TrackState) -> Optional[TrackFit]:
+        """The predicted pose aligned on the edges near it; None when the prediction is too vague or too near."""
+        craft, reach = self.craft, self._reach(state)
+        if reach is None or state.t[2] < 1.2 * craft.radius_m:
+            return None
+        frame.mark("predict")
+        frame.noise = self._noise(frame.image, state)
+        frame.mark("noise")
+        fit = track_edges(
+            frame.image,
+            frame.noise,
+            state.q,
+            state.t,
+            craft.samples,
+            craft.occ,
+            self.camera,
+            craft.radius_m,
+            reach,
+            self.polarity,
+            empty=self.empty,
+        )
+        frame.mark("edge_alignment")
+        return fit
+
+    def _by_picture(
+        self, frame: Observation, state: TrackState, edges: TrackFit
+    ) -> "tuple[Array, Array, Array]":
+        """A pose that edges do not hold well or have held for long, aligned on the drawn craft: pose and covariance.
+
+        The edges of a craft that shows little else than one lit face let a pose drift, each frame a little, and agree.
+        """
+        if self.empty:
+            frame.background = float(np.median(self._strip(frame.image, state.t)))
+        poses = ((state.q, state.t), (edges.q, edges.t))
+        near = quat.angle_rad(state.q, edges.q) < NEAR_RAD
+        self.aligned += 1
+        given = frame.sun_camera
+        follow = given is None and self.aligned % FOLLOWED == 0
+        seen = align_photometrically(
+            self.craft,
+            frame,
+            poses[1:] if near else poses,
+            self.sun if given is None else given,
+            follow_sun=follow,
+        )
+        self.sun = seen.sun
+        frame.count("picture", 1)
+        frame.mark("photometric_alignment")
+        return seen.fit.q, seen.fit.t, seen.fit.covariance
+
+    def _initialise(self, frame: Observation) -> PoseResult:
+        found = self.first.initialise(frame)
+        frame.count("initialised", 1)
+        q, t = found.q_camera_from_target_wxyz, found.t_camera_from_target_m
+        if q is not None and t is not None:
+            self.empty = isinstance(found.evidence, Evidence) and found.evidence.empty
+            self._begin(q, t, accepted=found.accepted)
+            if found.accepted:
+                self.sun = find_sun(self.craft, frame, (q, t))
+                frame.mark("sun")
+        return replace(found, method=self.method)
+
+    def _begin(self, q: Array, t: Array, *, accepted: bool) -> None:
+        """Take an initialisation in: two that agree teach the rates, one that does not begins anew."""
+        z = float(t[2])
+        covariance = np.diag([FIRST_RAD] * 3 + [FIRST_ACROSS * z] * 2 + [FIRST_ALONG * z]) ** 2
+        if self.state is not None:
+            after, distance = update(self.state, q, t, covariance)
+            if distance < GATE:
+                # a declined pose that comes out where the filter expects it is right
+                self.state, self.missed = after, 0
+                return
+        if accepted:
+            self.state, self.missed = first_state(q, t, covariance), 0
+            self.polarity = np.zeros(len(self.craft.samples))
+
+    def _reach(self, state: TrackState) -> Optional[float]:
+        """How far edges may lie from where the prediction puts them: three sigma [px]; None: too far."""
+        z = max(float(state.t[2]), self.craft.radius_m)
+        f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
+        turn = float(np.sqrt(np.trace(state.P[:3, :3]) / 3)) * self.craft.radius_m
+        across = float(np.sqrt(np.trace(state.P[3:5, 3:5]) / 2))
+        along = float(np.sqrt(state.P[5, 5])) * self.craft.radius_m / z
+        reach = 3.0 * f / z * float(np.sqrt(turn**2 + across**2 + along**2))
+        return None if reach > WIDEST_PX else max(reach, NARROWEST_PX)
+
+    def _noise(self, image: Array, state: TrackState) -> float:
+        """Noise around the target: a strip of the frame is enough."""
+        full_scale = 255.0 if image.dtype == np.uint8 else float(image.max())
+        centre = quat.matrix(state.q) @ self.craft.centre_m + state.t
+        return max(noise_sigma(self._strip(image, centre), full_scale), 0.15 * full_scale / 255)
+
+    def _strip(self, image: Array, at_m: Array) -> Array:
+        """96 rows of the picture about a point in the camera's axes."""
+        v = float(self.camera.pixels(at_m)[1])
+        h = image.shape[0]
+        y0 = int(np.clip(v - 48, 0, max(0, h - 96)))
+        return image[y0 : y0 + 96]
+
+
+def distance_of(fit: TrackFit, q: Array, t: Array) -> float:
+    """Squared Mahalanobis length of the way from a pose aligned on edges to another, by what edges are sure of."""
+    off = innovation(first_state(fit.q, fit.t, fit.covariance), q, t)
+    return float(off @ np.linalg.solve(fit.covariance, off))
+
+
+def track_confidence(fit: TrackFit) -> float:
+    """Probability-like figure 0..1 from the share of edges found where they should be, and how near.
+
+    On 60 frames of ``tango-flyaround`` 95 % of the right locks have more than 36 % of the visible samples
+    within a pixel and 54 % with an edge at all; the median wrong lock has 20 % and 37 %.
+    """
+    z = 14.0 * (fit.near - 0.33) + 8.0 * (fit.found - 0.48) - max(0.0, fit.rms_px - 1.0)
+    return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))

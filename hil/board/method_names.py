@@ -1,0 +1,61 @@
+"""Names of the methods that ``--method`` takes, and those that older files hold."""
+
+from __future__ import annotations
+
+import logging
+from functools import lru_cache
+
+from flyaround.hil.board.errors import BoardModelError
+
+logger = logging.getLogger(__name__)
+
+HYBRID, HYBRID_TRACK = "hybrid", "hybrid-track"
+
+METHODS = (HYBRID, "svd-2018", "svd-thesis", HYBRID_TRACK)
+
+# Methods that compute with the compiled library.
+WITH_LIBRARY = (HYBRID, HYBRID_TRACK)
+
+NETWORK = "net:"
+
+ALL_METHODS = (*METHODS, f"{NETWORK}FILE")
+"""Every method, as a help page lists them."""
+
+# Former names: the method that carried the name of the published algorithm is not that algorithm.
+RENAMED = {"svd": HYBRID, "svd-track": HYBRID_TRACK}
+
+
+def refuse_former_name(method: str) -> None:
+    """Raise if a method is called by its former name.
+
+    Raises
+    ------
+    BoardModelError
+        With the names that replace it.
+    """
+    if method in RENAMED:
+        raise BoardModelError(
+            f"method {method!r} is now called {RENAMED[method]!r}: take that, or the published algorithm as"
+            " 'svd-2018' or 'svd-thesis'"
+        )
+
+
+def name_in_file(method: str, path: object) -> str:
+    """Return the present name of a method that a file names, and log a warning if the file has a former one.
+
+    Parameters
+    ----------
+    method : str
+        As the file has it.
+    path : path-like
+        The file, for the warning.
+    """
+    if method in RENAMED:
+        _warn(method, str(path))
+    return RENAMED.get(method, method)
+
+
+@lru_cache(maxsize=256)
+def _warn(method: str, path: str) -> None:
+    """Log once per file and name."""
+    logger.warning("%s: method %r is read as %r, its present name", path, method, RENAMED[method])

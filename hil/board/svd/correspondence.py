@@ -1,0 +1,115 @@
+"""Poses from pairs of groups: every group of the picture as every group of its kind on the wireframe."""
+
+from __future__ import annotations
+
+from typing import Any, Iterator, List, Tuple
+
+import numpy as np
+
+from flyaround.hil.board.estimation.camera import CameraIntrinsics, undistorted_rays
+from flyaround.hil.board.svd.perceptual_groups import PointGroups
+from flyaround.hil.board.svd.pose_solvers import from_rotvecs, point_solver, three_point_poses
+from flyaround.hil.board.svd.settings import PublishedConfig
+
+Array = np.ndarray
+Pairs = Tuple[Array, Array]
+
+# Pairs of groups solved at most: the search must end.
+BUDGET = 6000
+
+# Share of the budget of each combination, the most telling first.
+ORDER = (
+    ("closed_tetrad", True),
+    ("open_tetrad", False),
+    ("closed_tetrad", False),
+    ("open_triad", True),
+    ("open_triad", False),
+    ("proximity_pair", True),
+    ("parallel_pair", False),
+)
+
+
+def correspondences(image: PointGroups, model: PointGroups, budget: int = BUDGET) -> Iterator[Pairs]:
+    """Pairs of one combination at a time: picture points (N, P, 2) and model points (N, P, 3), P four to six.
+
+    Notes
+    -----
+    The published search joins a polygon with an antenna where it finds one, for six points that do not lie in
+    one plane; each combination gets an even share of what is left of the budget, picked evenly.
+    """
+    left = budget
+    for k, (kind, with_antenna) in enumerate(ORDER):
+        share = left // (len(ORDER) - k)
+        pairs = _pairs(image, model, kind, with_antenna=with_antenna)
+        total = pairs.shape[0]
+        chosen = pairs if total <= share else pairs[np.linspace(0, total - 1, share).astype(int)]
+        left -= len(chosen)
+        i, m, a, b = chosen.T
+        points, target = image.of(kind)[i], model.of(kind)[m]
+        if with_antenna:
+            points = np.concatenate([points, image.of("antenna")[a]], axis=1)
+            target = np.concatenate([target, model.of("antenna")[b]], axis=1)
+        yield points, target
+
+
+def _pairs(image: PointGroups, model: PointGroups, kind: str, *, with_antenna: bool) -> Array:
+    """(N, 4) indices: picture group, model group, picture antenna, model antenna."""
+    counts = [len(image.of(kind)), len(model.of(kind)), 1, 1]
+    if with_antenna:
+        counts[2:] = [len(image.of("antenna")), len(model.of("antenna"))]
+    return np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 4)
+
+
+def solve_all(
+    image: PointGroups, model: PointGroups, camera: CameraIntrinsics, config: PublishedConfig
+) -> Tuple[Array, Array, int]:
+    """Every pose of every pair: q (N, 4), t (N, 3), and the number of pairs solved.
+
+    Notes
+    -----
+    With RANSAC three points of the pair are drawn at random for the solver, so that one bad corner of four does not
+    spoil the figure; inliers are counted afterwards for all poses together.
+    """
+    rng = np.random.default_rng(2018)
+    needed = _needed(config.solver)
+    rays = PointGroups(
+        {
+            kind: undistorted_rays(camera, p.reshape(-1, 2)).reshape(p.shape)
+            for kind, p in image.by_kind.items()
+        }
+    )
+    turns, shifts = [np.zeros((0, 4))], [np.zeros((0, 3))]
+    solved = 0
+    for points, target in correspondences(rays, model):
+        n, size = points.shape[:2]
+        solved += n
+        used: Any = slice(None)
+        if config.ransac and size > needed:
+            drawn = np.array([rng.permutation(size) for _ in range(n)], int).reshape(n, size)
+            used = np.arange(n)[:, None], np.sort(drawn[:, :needed], axis=1)
+        elif config.solver in ("p3p", "ap3p"):
+            used = np.s_[:, :needed]
+        q, t = _poses(target[used], points[used], config.solver)
+        turns.append(q)
+        shifts.append(t)
+    return np.concatenate(turns), np.concatenate(shifts), solved
+
+
+def _poses(target: Array, points: Array, solver: str) -> Tuple[Array, Array]:
+    """All poses of figures (N, P, 3) seen as (N, P, 2): three points together, OpenCV's solvers one by one."""
+    if solver == "p3p":
+        q, t, _ = three_point_poses(target, points)
+        return q, t
+    solve = point_solver(solver)
+    turns: List[Array] = []
+    shifts: List[Array] = []
+    for figure, seen in zip(target, points):  # noqa: B905 - Python 3.9 has no strict=
+        turn, shift = solve(figure, seen)
+        turns += turn
+        shifts += shift
+    return from_rotvecs(turns, shifts)
+
+
+def _needed(solver: str) -> int:
+    """Points a solver takes at least."""
+    return {"p3p": 3, "ap3p": 4, "epnp": 4, "sqpnp": 4, "ippe": 4, "iterative": 4}[solver]

@@ -1,0 +1,288 @@
+"""Ellipses by a Hough transform, and the poses of a round body that its circles then allow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import List, Optional, Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import CameraIntrinsics, undistorted_rays
+from flyaround.hil.board.estimation.target_model import BoardModel
+
+Array = np.ndarray
+
+# Edge points that vote, and pairs of them tried as the ends of a major axis.
+POINTS, PAIRS = 260, 6000
+
+# Ellipses kept of a picture, circles of a model, and roll angles tried about a circle's axis.
+ELLIPSES, CIRCLES, ROLLS = 4, 8, 24
+
+
+@dataclass(frozen=True)
+class EllipseFit:
+    """An ellipse on the picture.
+
+    Parameters
+    ----------
+    u, v : centre [px]. a, b : half axes [px], a >= b. angle_rad : of the major axis from x to y.
+    share : of its outline that has edges.
+    """
+
+    u: float
+    v: float
+    a: float
+    b: float
+    angle_rad: float
+    share: float
+
+    def points(self, n: int = 90) -> Array:
+        """(n, 2) points of the outline [px]."""
+        s = np.arange(n) * (2 * np.pi / n)
+        c, d = np.cos(self.angle_rad), np.sin(self.angle_rad)
+        x, y = self.a * np.cos(s), self.b * np.sin(s)
+        return np.stack([self.u + c * x - d * y, self.v + d * x + c * y], axis=-1)
+
+
+def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float) -> Tuple[EllipseFit, ...]:
+    """The ellipses with the best covered outlines.
+
+    Parameters
+    ----------
+    mask : (h, w) thin edges. origin : full-resolution pixel of its corner.
+
+    References
+    ----------
+    Xie & Ji (2002), A new efficient ellipse detection method, ICPR: two points are taken for the ends of the major
+    axis, every third one votes for the minor half axis, a one-dimensional accumulator. Each winner is then
+    fitted to the edges near it by least squares.
+    """
+    ys, xs = np.nonzero(mask)
+    if len(xs) < 20:
+        return ()
+    points = np.stack([xs, ys], axis=-1).astype(float)
+    rng = np.random.default_rng(len(xs))
+    sample = points[rng.permutation(len(points))[:POINTS]]
+    i, j = np.triu_indices(len(sample), 1)
+    axis = np.linalg.norm(sample[i] - sample[j], axis=1)
+    ok = (axis > 0.2 * diagonal_px) & (axis < 1.1 * diagonal_px)
+    i, j = i[ok], j[ok]
+    pick = rng.permutation(len(i))[:PAIRS]
+    i, j = i[pick], j[pick]
+    a, b, votes = _minor_axes(sample, i, j)
+    distance = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
+    found: List[EllipseFit] = []
+    for k in np.argsort(-votes)[:60]:
+        if votes[k] < 8:
+            break
+        d = sample[j[k]] - sample[i[k]]
+        centre = 0.5 * (sample[i[k]] + sample[j[k]])
+        start = EllipseFit(
+            float(centre[0]), float(centre[1]), float(a[k]), float(b[k]), float(np.arctan2(d[1], d[0])), 0.0
+        )
+        fit = _refit(start, points, distance)
+        if fit is None or fit.share < 0.5 or any(_same(fit, other) for other in found):
+            continue
+        found.append(fit)
+    found.sort(key=lambda e: -e.share * e.a)
+    return tuple(
+        EllipseFit(e.u + origin[0], e.v + origin[1], e.a, e.b, e.angle_rad, e.share) for e in found[:ELLIPSES]
+    )
+
+
+def _minor_axes(sample: Array, i: Array, j: Array) -> Tuple[Array, Array, Array]:
+    """Half axes and votes of each pair of points as ends of a major axis."""
+    half = 0.5 * np.linalg.norm(sample[i] - sample[j], axis=1)
+    best_b, best_votes = np.zeros(len(i)), np.zeros(len(i))
+    for low in range(0, len(i), 1000):
+        part = slice(low, low + 1000)
+        centre = 0.5 * (sample[i[part]] + sample[j[part]])
+        a = half[part][:, None]
+        d = np.linalg.norm(sample[None] - centre[:, None], axis=2)
+        f = np.linalg.norm(sample[None] - sample[j[part]][:, None], axis=2)
+        cos = (a * a + d * d - f * f) / np.maximum(2 * a * d, 1e-9)
+        cos2 = np.clip(cos * cos, 0, 1)
+        b2 = a * a * d * d * (1 - cos2) / np.maximum(a * a - d * d * cos2, 1e-9)
+        good = (d < a) & (b2 > (0.12 * a) ** 2) & (b2 <= (1.02 * a) ** 2)
+        bins = np.clip(np.sqrt(np.maximum(b2, 0)) / a * 32, 0, 32).astype(int)
+        counts = np.zeros((len(a), 34))
+        row = np.repeat(np.arange(len(a)), len(sample))
+        np.add.at(counts, (row, bins.ravel()), good.ravel().astype(float))
+        best = counts.argmax(axis=1)
+        best_b[part] = (best + 0.5) / 32 * a[:, 0]
+        best_votes[part] = counts[np.arange(len(a)), best]
+    return half, best_b, best_votes
+
+
+def _refit(e: EllipseFit, points: Array, distance: Array) -> Optional[EllipseFit]:
+    for reach in (4.0, 2.5):
+        near = _band(e, points, reach)
+        if near.sum() < 12:
+            return None
+        (u, v), (width, height), angle = cv2.fitEllipseDirect(points[near].astype(np.float32))
+        if not np.all(np.isfinite([u, v, width, height])) or min(width, height) < 4:
+            return None
+        turn = np.radians(angle) + (0.0 if width >= height else np.pi / 2)
+        e = EllipseFit(u, v, 0.5 * max(width, height), 0.5 * min(width, height), float(turn), 0.0)
+    at = np.rint(e.points()).astype(int)
+    h, w = distance.shape
+    inside = (at[:, 0] >= 0) & (at[:, 0] < w) & (at[:, 1] >= 0) & (at[:, 1] < h)
+    at = np.clip(at, 0, [w - 1, h - 1])
+    share = float((inside & (distance[at[:, 1], at[:, 0]] < 2.5)).mean())
+    return EllipseFit(e.u, e.v, e.a, e.b, e.angle_rad, share)
+
+
+def _band(e: EllipseFit, points: Array, reach: float) -> Array:
+    """Points within about ``reach`` pixels of the outline."""
+    c, s = np.cos(e.angle_rad), np.sin(e.angle_rad)
+    x = points[:, 0] - e.u
+    y = points[:, 1] - e.v
+    p, q = (c * x + s * y) / e.a, (-s * x + c * y) / max(e.b, 1e-6)
+    r = np.hypot(p, q)
+    # first-order distance: the implicit value over its gradient
+    slope = np.hypot(p / e.a, q / max(e.b, 1e-6)) / np.maximum(r, 1e-9)
+    return np.asarray(np.abs(r - 1) / np.maximum(slope, 1e-9) < reach)
+
+
+def _same(a: EllipseFit, b: EllipseFit) -> bool:
+    return bool(np.hypot(a.u - b.u, a.v - b.v) < 0.1 * a.a + 3 and abs(a.a - b.a) < 0.1 * a.a + 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Circle:
+    """A circle of the wireframe: (3,) centre and unit axis, target frame, and radius [m]."""
+
+    centre_m: Array
+    axis: Array
+    radius_m: float
+
+
+def model_circles(model: BoardModel) -> Tuple[Circle, ...]:
+    """Closed rings of short wireframe edges that lie on a circle, the largest first."""
+    ends = np.array([[e.a_m, e.b_m] for e in model.wireframe if e.radius_m == 0]).reshape(-1, 2, 3)
+    free = np.ones(len(ends), bool)
+    out: List[Circle] = []
+    for k in range(len(ends)):
+        if not free[k]:
+            continue
+        ring = _ring_from(ends, k)
+        if len(ring) < 10:
+            continue
+        free[ring] = False
+        p = ends[ring].reshape(-1, 3)
+        centre = p.mean(axis=0)
+        r = np.linalg.norm(p - centre, axis=1)
+        if r.std() < 0.02 * r.mean():
+            axis = np.linalg.svd(p - centre)[2][2]
+            out.append(Circle(centre, axis, float(r.mean())))
+    out.sort(key=lambda c: -c.radius_m)
+    return tuple(out[:CIRCLES])
+
+
+def _ring_from(ends: Array, start: int) -> List[int]:
+    """Edges that follow ``start`` bend by bend until the ring closes; empty when it does not."""
+    ring, at = [start], ends[start, 1]
+    heading = ends[start, 1] - ends[start, 0]
+    for _ in range(400):
+        near = np.linalg.norm(ends - at, axis=2) < 1e-4
+        best, best_cos, best_end = -1, 0.7, 0
+        for m in np.flatnonzero(near.any(axis=1)):
+            if m == ring[-1]:
+                continue
+            end = 1 - int(near[m].argmax())
+            d = ends[m, end] - at
+            cos = float(d @ heading / max(np.linalg.norm(d) * np.linalg.norm(heading), 1e-12))
+            if cos > best_cos:
+                best, best_cos, best_end = int(m), cos, end
+        if best < 0:
+            return []
+        if best == start:
+            return ring
+        if best in ring:
+            return []
+        ring.append(best)
+        heading, at = ends[best, best_end] - at, ends[best, best_end]
+    return []
+
+
+def circle_poses(
+    ellipses: Tuple[EllipseFit, ...], circles: Tuple[Circle, ...], camera: CameraIntrinsics
+) -> Tuple[Array, Array]:
+    """Poses q (N, 4), t (N, 3) of every ellipse seen as every circle, at ``ROLLS`` angles about its axis.
+
+    A circle leaves two mirror-image attitudes of its axis, each with either sense, and the roll open.
+
+    References
+    ----------
+    Forsyth et al. (1991), Invariant descriptors for 3D object recognition and pose, IEEE PAMI 13, appendix.
+    """
+    q_out: List[Array] = []
+    t_out: List[Array] = []
+    for e in ellipses:
+        rays = undistorted_rays(camera, e.points(36))
+        for normal, centre in circle_views(rays):
+            for c in circles:
+                for sign in (1.0, -1.0):
+                    base = _turn_to(sign * c.axis, normal)
+                    angle = np.arange(ROLLS) * (2 * np.pi / ROLLS)
+                    q = quat.normalise(quat.multiply(quat.from_rotvec(angle[:, None] * normal), base))
+                    q_out.append(q)
+                    t_out.append(centre * c.radius_m - np.einsum("nij,j->ni", quat.matrix(q), c.centre_m))
+    if not q_out:
+        return np.zeros((0, 4)), np.zeros((0, 3))
+    return np.concatenate(q_out), np.concatenate(t_out)
+
+
+def circle_views(rays: Array) -> List[Tuple[Array, Array]]:
+    """Both (axis towards the camera, centre) of a circle of radius 1 whose outline has these rays (N, 2) at z = 1."""
+    x, y = rays[:, 0], rays[:, 1]
+    mean = np.array([x.mean(), y.mean()])
+    scale = max(float(np.hypot(x - mean[0], y - mean[1]).mean()), 1e-9)
+    u, v = (x - mean[0]) / scale, (y - mean[1]) / scale
+    D = np.stack([u * u, u * v, v * v, u, v, np.ones_like(u)], axis=-1)
+    A, B, C, F, G, H = np.linalg.svd(D)[2][5]
+    Q = np.array([[A, B / 2, F / 2], [B / 2, C, G / 2], [F / 2, G / 2, H]])
+    T = np.array([[1, 0, -mean[0]], [0, 1, -mean[1]], [0, 0, scale]]) / scale
+    Q = T.T @ Q @ T
+    values, vectors = np.linalg.eigh(Q)
+    # a cone: two eigenvalues of one sign, ordered l1 >= l2 > 0 > l3
+    if (values > 0).sum() == 1:
+        values, vectors = -values[::-1], vectors[:, ::-1]
+    if not values[0] < 0 < values[1]:
+        return []
+    l3, l2, l1 = values
+    e1, e3 = vectors[:, 2], vectors[:, 0]
+    s, c = np.sqrt(max(l1 - l2, 0.0) / (l1 - l3)), np.sqrt((l2 - l3) / (l1 - l3))
+    out = []
+    for sign in (1.0, -1.0):
+        normal = sign * s * e1 + c * e3
+        centre = _unit_section(Q, normal)
+        if centre[2] < 0:
+            centre = -centre
+        normal = normal if normal @ centre < 0 else -normal
+        out.append((normal, centre))
+    return out
+
+
+def _unit_section(Q: Array, normal: Array) -> Array:
+    """(3,) centre of the circle of radius 1 that planes across ``normal`` cut from cone ``Q``.
+
+    The centre is the pole of the plane's line at infinity, ``Q c`` along ``normal``; its distance follows from
+    the section ``(x - c)' Q (x - c) = -c' Q c``.
+    """
+    c = np.linalg.solve(Q, normal)
+    c = c / max(float(np.linalg.norm(c)), 1e-12)
+    d = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.9 else [0.0, 1.0, 0.0])
+    r2 = -float(c @ Q @ c) / float(d @ Q @ d) * float(d @ d)
+    return np.asarray(c / np.sqrt(max(r2, 1e-18)))
+
+
+def _turn_to(a: Array, b: Array) -> Array:
+    """Quaternion of the shortest turn from unit vector ``a`` to ``b``."""
+    v, w = np.cross(a, b), 1.0 + float(a @ b)
+    if w < 1e-9:
+        v = np.cross(a, [1.0, 0.0, 0.0] if abs(a[0]) < 0.9 else [0.0, 1.0, 0.0])
+        w = 0.0
+    return np.asarray(quat.normalise(np.array([w, *v])))

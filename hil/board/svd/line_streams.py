@@ -1,0 +1,221 @@
+"""The published region and line streams, at the picture's full resolution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Dict, Optional, Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.svd.ellipses import EllipseFit, hough_ellipses
+from flyaround.hil.board.svd.region_of_interest import Region, crop_of, grown_region
+from flyaround.hil.board.svd.segment_merging import merge_segments
+from flyaround.hil.board.svd.settings import PublishedConfig
+from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination, prewitt
+
+Array = np.ndarray
+
+# Share of the region's diagonal: least length and largest gap of each stream.
+WGE_LENGTH, WGE_GAP = 0.15, 0.03
+SH_LENGTH, SH_GAP = 0.05, 0.01
+
+# Blur before both gradients [px]: the published sigma is not given; noise of 5 % of full scale asks for this.
+BLUR_PX = 1.5
+
+# Lines kept after merging, the longest.
+LINES = 40
+
+# Lines are looked for this far around the region, share of its diagonal: one that leaves it keeps its true end.
+AROUND = 0.25
+
+# Corners of the Harris detector.
+HARRIS_CORNERS, HARRIS_K = 60, 0.04
+
+
+@dataclass(frozen=True, eq=False)
+class Streams:
+    """What the feature streams found, full-resolution pixels.
+
+    Parameters
+    ----------
+    lines : (N, 4) merged segments. by_name : each stream's segments. merged : each after its own merging, where
+        the method has one.
+    corners : (C, 2) of the Harris detector. ellipses : of round bodies. sobel : (h, w) thinned edges around the region.
+    region : the region, enlarged as the method says; what lies outside is dropped.
+    """
+
+    lines: Array
+    by_name: Dict[str, Array]
+    corners: Array
+    ellipses: Tuple[EllipseFit, ...]
+    sobel: Array
+    region: Region
+    merged: Dict[str, Array] = field(default_factory=dict)
+
+
+def thinned(mask: Array, magnitude: Array, gx: Array, gy: Array) -> Array:
+    """Pixels of a mask whose magnitude is a maximum across the larger gradient component: edges one pixel wide."""
+    h, w = magnitude.shape
+    out = np.zeros(mask.shape, bool)
+    # a few per cent of the picture: looked at one by one
+    flat = np.flatnonzero(mask)
+    y, x = np.divmod(flat, w)
+    m, gx, gy = magnitude.ravel(), gx.ravel()[flat], gy.ravel()[flat]
+    steep = np.abs(gx) >= np.abs(gy)
+    inside = np.where(steep, (x > 0) & (x < w - 1), (y > 0) & (y < h - 1))
+    flat, step = flat[inside], np.where(steep, 1, w)[inside]
+    here = m[flat]
+    out.ravel()[flat] = (here > m[flat - step]) & (here >= m[flat + step])
+    return out
+
+
+def sobel_edges(image: Array, threshold: Optional[float] = None) -> Array:
+    """Thinned Sobel edges: squared magnitude above ``threshold``; None: ``sobel_threshold`` of this picture."""
+    gx, gy = _sobel(image)
+    b = gx * gx + gy * gy
+    return thinned(b > (4.0 * float(b.mean()) if threshold is None else threshold), b, gx, gy)
+
+
+def sobel_threshold(image: Array) -> float:
+    """The customary threshold, four times the mean of the squared magnitude over the whole picture.
+
+    Over the region alone one saturated part would set it, and with it lose the rest of the craft.
+    """
+    gx, gy = _sobel(image)
+    return 4.0 * float(cv2.mean(gx * gx + gy * gy)[0])
+
+
+def _sobel(image: Array) -> Tuple[Array, Array]:
+    blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
+    return cv2.Sobel(blurred, cv2.CV_32F, 1, 0), cv2.Sobel(blurred, cv2.CV_32F, 0, 1)
+
+
+def wge_edges(image: Array, strong: Array) -> Array:
+    """What weak gradient elimination left of ``image``, thinned: the band of a blurred edge is many lines to Hough."""
+    blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
+    gx, gy = prewitt(blurred)
+    return thinned(strong, gx * gx + gy * gy, gx, gy)
+
+
+def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
+    """(N, 4) segments x0 y0 x1 y1 by the probabilistic Hough transform, 1 px and 0.5 deg."""
+    votes = int(max(12, 0.6 * min_length_px))
+    found = cv2.HoughLinesP(
+        mask.astype(np.uint8) * 255,
+        1.0,
+        np.radians(0.5),
+        votes,
+        minLineLength=float(min_length_px),
+        maxLineGap=float(max(1.0, max_gap_px)),
+    )
+    # OpenCV 4 returns (N, 1, 4), OpenCV 5 (N, 4), both None when there is nothing
+    return np.zeros((0, 4)) if found is None else np.asarray(found, float).reshape(-1, 4)
+
+
+def drop_specks(mask: Array, smallest: int) -> Array:
+    """The mask without connected components of fewer than ``smallest`` pixels."""
+    rows, columns = (np.flatnonzero(mask.any(axis=k)) for k in (1, 0))
+    if not len(rows):
+        return mask
+    # before empty space the rest is most of the picture
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    part = mask[box].astype(bool)
+    # counted where edges are alone, which takes less than the statistics of all
+    at = np.flatnonzero(part)
+    own: Array = cv2.connectedComponents(part.view(np.uint8), connectivity=8)[1].ravel().take(at)
+    part.ravel()[at] = (np.bincount(own) >= smallest).take(own)
+    out = np.zeros_like(mask)
+    out[box] = part
+    return out
+
+
+def lsd_lines(image: Array, shortest_px: float) -> Array:
+    """Return (N, 4) sub-pixel segments of OpenCV's line segment detector; none if OpenCV was built without it."""
+    low, high = float(image.min()), float(np.percentile(image[::2, ::2], 99.5))
+    if high <= low:
+        return np.zeros((0, 4))
+    scaled = np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
+    try:
+        found = cv2.createLineSegmentDetector().detect(scaled)[0]
+    except (cv2.error, AttributeError):
+        # removed from 3.4.6-3.4.15 and 4.1.0-4.5.3 for its licence
+        return np.zeros((0, 4))
+    # None when there is nothing, which OpenCV's stubs do not say
+    lines = np.asarray([] if np.ndim(found) == 0 else found, float).reshape(-1, 4)
+    return lines[np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1]) >= shortest_px]
+
+
+def harris_corners(image: Array, origin: Tuple[float, float]) -> Array:
+    """(C, 2) corners of Harris and Stephens (1988), sub-pixel by the response's own parabola."""
+    blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
+    response = cv2.cornerHarris(blurred, 5, 3, HARRIS_K)
+    top = float(response.max())
+    if top <= 0:
+        return np.zeros((0, 2))
+    peak = (response == cv2.dilate(response, np.ones((9, 9), np.uint8))) & (response > 0.01 * top)
+    peak[:2], peak[-2:], peak[:, :2], peak[:, -2:] = False, False, False, False
+    ys, xs = np.nonzero(peak)
+    order = np.argsort(-response[ys, xs])[:HARRIS_CORNERS]
+    ys, xs = ys[order], xs[order]
+    dx = _parabola(response[ys, xs - 1], response[ys, xs], response[ys, xs + 1])
+    dy = _parabola(response[ys - 1, xs], response[ys, xs], response[ys + 1, xs])
+    return np.stack([xs + dx, ys + dy], axis=-1) + origin
+
+
+def _parabola(a: Array, b: Array, c: Array) -> Array:
+    curve = a - 2 * b + c
+    return np.clip(0.5 * (a - c) / np.where(np.abs(curve) < 1e-12, -1e-12, curve), -0.5, 0.5)
+
+
+def find_streams(
+    image: Array, wge: WeakGradientElimination, region: Region, config: PublishedConfig
+) -> Streams:
+    """Every stream of ``config`` in a region; edges outside of it are dropped by not being looked at.
+
+    Parameters
+    ----------
+    image : (H, W) float32. wge : of the whole picture.
+    """
+    diagonal = region.diagonal_px
+    rows, cols = crop_of(region, image, AROUND * diagonal)
+    origin = (float(cols.start), float(rows.start))
+    shift = np.array([*origin, *origin])
+    crop = np.ascontiguousarray(image[rows, cols])
+    sobel = sobel_edges(crop, sobel_threshold(image))
+    if config.least_component:
+        sobel = drop_specks(sobel, int(max(4, config.least_component * diagonal)))
+    found: Dict[str, Array] = {}
+    if "wge" in config.streams:
+        edges = wge_edges(crop, wge.strong[rows, cols])
+        found["wge"] = hough(edges, WGE_LENGTH * diagonal, WGE_GAP * diagonal) + shift
+    if "sh" in config.streams:
+        found["sh"] = hough(sobel, SH_LENGTH * diagonal, SH_GAP * diagonal) + shift
+    if "lsd" in config.streams:
+        found["lsd"] = lsd_lines(cv2.GaussianBlur(crop, (0, 0), 1.0), 0.04 * diagonal) + shift
+    grown = grown_region(region, _together(found), config.roi_growth, image.shape)
+    found = {name: lines[_inside(lines, grown)] for name, lines in found.items()}
+    merged = {
+        name: merge_segments(s, diagonal, keep=LINES) if name in config.merge_each or name == "lsd" else s
+        for name, s in found.items()
+    }
+    lines = merge_segments(_together(merged), diagonal, keep=LINES)
+    corners = np.zeros((0, 2))
+    if "harris" in config.streams:
+        rows, cols = crop_of(region, image)
+        corners = harris_corners(
+            np.ascontiguousarray(image[rows, cols]), (float(cols.start), float(rows.start))
+        )
+    ellipses = hough_ellipses(sobel, origin, diagonal) if "ellipse" in config.streams else ()
+    own = {name: s for name, s in merged.items() if s is not found[name]}
+    return Streams(lines, found, corners, ellipses, sobel, grown, own)
+
+
+def _together(found: Dict[str, Array]) -> Array:
+    return np.concatenate([np.zeros((0, 4)), *found.values()])
+
+
+def _inside(lines: Array, region: Region) -> Array:
+    """(N,) whether the middle of each line (N, 4) lies in the region."""
+    x, y = 0.5 * (lines[:, 0] + lines[:, 2]), 0.5 * (lines[:, 1] + lines[:, 3])
+    return np.asarray((x >= region.x0) & (x <= region.x1) & (y >= region.y0) & (y <= region.y1))

@@ -1,0 +1,253 @@
+"""Perceptual groups: the same small figures found among picture lines and on the wireframe.
+
+Sharma et al. (2018) list antenna, parallel pair, proximity pair, open polygonal triad, open tetrad and closed
+tetrad. A chain of lines joined at corners is a triad; a chain whose ends meet, a closed tetrad.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Dict, List, Tuple
+
+import numpy as np
+
+Array = np.ndarray
+
+KINDS = ("closed_tetrad", "open_tetrad", "open_triad", "proximity_pair", "parallel_pair", "antenna")
+
+# Groups of each kind kept of a picture, the largest.
+LARGEST = {
+    "closed_tetrad": 12,
+    "open_tetrad": 12,
+    "open_triad": 20,
+    "proximity_pair": 20,
+    "parallel_pair": 12,
+    "antenna": 4,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Segments with what the grouping needs of them.
+
+    Parameters
+    ----------
+    ends : (N, 2, 2). direction : (N, 2) unit. length : (N,).
+    """
+
+    ends: Array
+    direction: Array
+    length: Array
+
+    @staticmethod
+    def of(segments: Array) -> Lines:
+        """From (N, 4) x0 y0 x1 y1."""
+        ends = np.asarray(segments, float).reshape(-1, 2, 2)
+        d = ends[:, 1] - ends[:, 0]
+        length = np.linalg.norm(d, axis=1)
+        return Lines(ends, d / np.maximum(length, 1e-9)[:, None], length)
+
+
+def parallel_pairs(lines: Lines, angle_rad: float = np.radians(8.0)) -> Array:
+    """(P, 2) pairs of about one direction that overlap along it."""
+    n = len(lines.length)
+    cross = np.abs(_cross(lines.direction[:, None], lines.direction[None]))
+    i, j = np.nonzero(np.triu(cross < np.sin(angle_rad), 1))
+    if not n or not len(i):
+        return np.zeros((0, 2), int)
+    d = lines.direction[i]
+    base = lines.ends[i, 0]
+    a = np.einsum("pk,pk->p", lines.ends[j, 0] - base, d)
+    b = np.einsum("pk,pk->p", lines.ends[j, 1] - base, d)
+    overlap = np.minimum(np.maximum(a, b), lines.length[i]) - np.maximum(np.minimum(a, b), 0.0)
+    keep = overlap > 0.4 * np.minimum(lines.length[i], lines.length[j])
+    return np.stack([i[keep], j[keep]], axis=-1)
+
+
+def antennas(lines: Lines, pairs: Array, diagonal_px: float) -> Array:
+    """(A, 2) parallel pairs that are much longer than wide: the outlines of rods."""
+    if not len(pairs):
+        return pairs
+    i, j = pairs[:, 0], pairs[:, 1]
+    middle = lines.ends[j].mean(axis=1) - lines.ends[i, 0]
+    width = np.abs(_cross(lines.direction[i], middle))
+    length = np.minimum(lines.length[i], lines.length[j])
+    return np.asarray(pairs[(width < 0.4 * length) & (width < 0.08 * diagonal_px) & (width > 1.0)])
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Proximity pairs: two lines whose ends nearly meet at an angle.
+
+    Parameters
+    ----------
+    line, end : (C, 2) lines, and which end of each. point : (C, 2) where the lines intersect.
+    """
+
+    line: Array
+    end: Array
+    point: Array
+
+
+def proximity_pairs(lines: Lines, reach_px: float, least_angle_rad: float = np.radians(12.0)) -> Corners:
+    """Corners: intersections no farther than ``reach_px`` from one end of both lines."""
+    n = len(lines.length)
+    i, j = np.triu_indices(n, 1)
+    det = _cross(lines.direction[i], lines.direction[j])
+    ok = np.abs(det) > np.sin(least_angle_rad)
+    i, j, det = i[ok], j[ok], det[ok]
+    if not len(i):
+        return Corners(np.zeros((0, 2), int), np.zeros((0, 2), int), np.zeros((0, 2)))
+    s = _cross(lines.ends[j, 0] - lines.ends[i, 0], lines.direction[j]) / det
+    p = lines.ends[i, 0] + s[:, None] * lines.direction[i]
+    di = np.linalg.norm(lines.ends[i] - p[:, None], axis=2)
+    dj = np.linalg.norm(lines.ends[j] - p[:, None], axis=2)
+    ei, ej = di.argmin(axis=1), dj.argmin(axis=1)
+    near = (di.min(axis=1) < np.minimum(reach_px, 0.5 * lines.length[i] + 3)) & (
+        dj.min(axis=1) < np.minimum(reach_px, 0.5 * lines.length[j] + 3)
+    )
+    return Corners(np.stack([i[near], j[near]], axis=-1), np.stack([ei[near], ej[near]], axis=-1), p[near])
+
+
+@dataclass(frozen=True, eq=False)
+class Chains:
+    """Open triads and closed tetrads as four points in order: far end, corner, corner, far end.
+
+    Parameters
+    ----------
+    points : (T, 4, 2) or (T, 4, 3). closed : (T,) whether a fourth line joins the far ends.
+    """
+
+    points: Array
+    closed: Array
+
+
+def image_triads(lines: Lines, corners: Corners, limit: int = 48) -> Chains:
+    """Chains of three lines bent the same way at both ends of the middle one, largest first."""
+    at: Dict[Tuple[int, int], List[Tuple[int, int, Array]]] = {}
+    for (i, j), (ei, ej), p in zip(  # noqa: B905 - Python 3.9 has no strict=
+        corners.line, corners.end, corners.point
+    ):
+        at.setdefault((int(i), int(ei)), []).append((int(j), int(ej), p))
+        at.setdefault((int(j), int(ej)), []).append((int(i), int(ei), p))
+    points, closed, size = [], [], []
+    for m in range(len(lines.length)):
+        for i, ei, pa in at.get((m, 0), []):
+            for j, ej, pb in at.get((m, 1), []):
+                if i == j:
+                    continue
+                far_i, far_j = lines.ends[i, 1 - ei], lines.ends[j, 1 - ej]
+                # both arms on one side of the middle line: the outline of a face
+                side_i = _cross(pb - pa, far_i - pa)
+                side_j = _cross(pb - pa, far_j - pa)
+                if side_i * side_j <= 0:
+                    continue
+                joined = 0
+                for k, _, p in at.get((i, 1 - ei), []):
+                    for k2, _, p2 in at.get((j, 1 - ej), []):
+                        if k == k2:
+                            far_i, far_j, joined = p, p2, 1
+                quad = np.array([far_i, pa, pb, far_j])
+                area = _area(quad)
+                if area < 40.0:
+                    continue
+                points.append(quad)
+                closed.append(joined)
+                size.append(area * (1 + joined))
+    if not points:
+        return Chains(np.zeros((0, 4, 2)), np.zeros(0, bool))
+    order = np.argsort(-np.array(size))[:limit]
+    return Chains(np.array(points)[order], np.array(closed, bool)[order])
+
+
+@dataclass(frozen=True, eq=False)
+class PointGroups:
+    """Groups by kind, each (N, P, 2) or (N, P, 3) points in an order that pairs them.
+
+    Notes
+    -----
+    closed_tetrad: four corners in turn. open_tetrad: far end, three corners, far end. open_triad: far end, two
+    corners, far end. proximity_pair: far end, corner, far end. parallel_pair: both ends of one line, then of the
+    other, running alike. antenna: both ends of the axis.
+    """
+
+    by_kind: Dict[str, Array]
+
+    def of(self, kind: str) -> Array:
+        """(N, P, D) the groups of a kind."""
+        return self.by_kind[kind]
+
+
+def image_point_groups(segments: Array, diagonal_px: float) -> PointGroups:
+    """Groups among merged segments (N, 4)."""
+    lines = Lines.of(segments)
+    corners = proximity_pairs(lines, 0.08 * diagonal_px)
+    chains = image_triads(lines, corners)
+    parallel = parallel_pairs(lines)
+    rods = antennas(lines, parallel, diagonal_px)
+    pairs = [
+        np.stack([lines.ends[i, 1 - ei], p, lines.ends[j, 1 - ej]])
+        for (i, j), (ei, ej), p in zip(corners.line, corners.end, corners.point)  # noqa: B905 - 3.9 has no strict=
+    ]
+    by_kind = {
+        "closed_tetrad": _unique(chains.points[chains.closed]),
+        "open_tetrad": _broken(chains, lines, 0.25 * diagonal_px),
+        "open_triad": chains.points[~chains.closed],
+        "proximity_pair": np.array(pairs).reshape(-1, 3, 2),
+        "parallel_pair": np.array([run_alike(lines.ends[i], lines.ends[j]) for i, j in parallel]).reshape(
+            -1, 4, 2
+        ),
+        "antenna": np.array([_axis(lines.ends[i], lines.ends[j]) for i, j in rods]).reshape(-1, 2, 2),
+    }
+    return PointGroups({kind: _largest(points, LARGEST[kind]) for kind, points in by_kind.items()})
+
+
+def _largest(points: Array, keep: int) -> Array:
+    if len(points) <= keep:
+        return points
+    extent = np.ptp(points, axis=1).sum(axis=1)
+    return np.asarray(points[np.argsort(-extent, kind="stable")[:keep]])
+
+
+def _unique(quads: Array) -> Array:
+    """Each closed tetrad once: its four sides have each found it."""
+    out: List[Array] = []
+    for q in quads:
+        centre = q.mean(axis=0)
+        if all(np.abs(centre - o.mean(axis=0)).max() > 3.0 for o in out):
+            out.append(q)
+    return np.array(out).reshape(-1, 4, 2)
+
+
+def _broken(chains: Chains, lines: Lines, gap_px: float) -> Array:
+    """Open tetrads: a triad whose one far end meets a fourth line that runs back towards the other far end."""
+    out: List[Array] = []
+    for points, closed in zip(chains.points, chains.closed):  # noqa: B905 - Python 3.9 has no strict=
+        if closed:
+            continue
+        for p in (points, points[::-1]):
+            d = np.linalg.norm(lines.ends - p[3], axis=2)
+            for k in np.flatnonzero(d.min(axis=1) < 0.15 * gap_px + 2.0):
+                far = lines.ends[k, 1 - int(d[k].argmin())]
+                if np.linalg.norm(far - p[0]) < gap_px and np.linalg.norm(far - p[2]) > gap_px:
+                    out.append(np.concatenate([p, far[None]]))
+    return np.array(out).reshape(-1, 5, 2)
+
+
+def run_alike(a: Array, b: Array) -> Array:
+    """Both ends of two lines, the second turned to run as the first."""
+    return np.concatenate([a, b if (a[1] - a[0]) @ (b[1] - b[0]) > 0 else b[::-1]])
+
+
+def _axis(a: Array, b: Array) -> Array:
+    both = run_alike(a, b)
+    return 0.5 * (both[:2] + both[2:])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _area(quad: Array) -> float:
+    x, y = quad[:, 0], quad[:, 1]
+    return 0.5 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))

@@ -1,0 +1,215 @@
+"""The published pipeline: an image in, a pose and the decision on it out. Each stage is a function of its own file.
+
+Sharma, Ventura & D'Amico (2018), sections on image processing and on pose determination. What the paper and the thesis
+leave open is chosen in the stages' files and described in docs/svd.md.
+"""
+
+from __future__ import annotations
+
+from typing import List, NamedTuple, Tuple
+
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.estimation.estimator import Estimator
+from flyaround.hil.board.estimation.record import StageRecord
+from flyaround.hil.board.estimation.result import PoseResult, alternatives, differs
+from flyaround.hil.board.estimation.target_model import BoardModel
+from flyaround.hil.board.svd.correspondence import solve_all
+from flyaround.hil.board.svd.ellipses import circle_poses, model_circles
+from flyaround.hil.board.svd.line_streams import Streams, find_streams
+from flyaround.hil.board.svd.perceptual_groups import PointGroups, image_point_groups
+from flyaround.hil.board.svd.refinement import (
+    CornerMap,
+    corner_map,
+    model_corners,
+    plausible,
+    refine_on_corners,
+    reprojection,
+)
+from flyaround.hil.board.svd.region_of_interest import Region, cdf_box
+from flyaround.hil.board.svd.settings import PublishedConfig
+from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
+from flyaround.hil.board.svd.wireframe_groups import model_point_groups
+
+Array = np.ndarray
+
+# Blur before weak gradient elimination [px], and the smallest region that is searched: its diagonal [px].
+BLUR_PX, SMALLEST_PX = 1.5, 24.0
+
+# The papers decide by reprojection error: a pose stands if this share of the image's corners is met, and the next
+# distinct pose has at least this much larger an error.
+LEAST_INLIERS, ERROR_RATIO = 0.5, 1.15
+
+# Corners that a decision takes at least: four points are any plane figure's.
+LEAST_CORNERS = 7
+
+# Lines that the frame cuts do not end at a corner: ends this near its border do not count [px].
+BORDER_PX = 2.5
+
+# Poses that are compared for being distinct, and the differences from which they are [rad, share of the range].
+RANKED, DISTINCT_RAD, DISTINCT_SHARE = 400, 0.05, 0.02
+
+
+class ScoredPose(NamedTuple):
+    """A pose after Gauss-Newton on corners.
+
+    Parameters
+    ----------
+    error : float
+        Reprojection error over its cap.
+    q, t : arrays (4,), (3,)
+        Camera from target.
+    covariance : array (6, 6)
+        Of rotation [rad] and translation [m], camera axes.
+    inliers, met : float
+        Share of the image's corners that the model's meet, and their number.
+    """
+
+    error: float
+    q: Array
+    t: Array
+    covariance: Array
+    inliers: float
+    met: float
+
+
+class PublishedEstimator(Estimator):
+    """A published method; it keeps nothing between images.
+
+    Parameters
+    ----------
+    model : BoardModel
+        The target.
+    camera : CameraIntrinsics
+        The intrinsics of every image.
+    config : PublishedConfig
+        The variant.
+    """
+
+    def __init__(self, model: BoardModel, camera: CameraIntrinsics, config: PublishedConfig) -> None:
+        super().__init__(model, camera)
+        self.config, self.method = config, config.name
+        self.groups = model_point_groups(model)
+        self.corners = model_corners(model)
+        self.circles = model_circles(model) if "ellipse" in config.streams else ()
+
+    def _estimate(self, frame: StageRecord) -> PoseResult:
+        image = np.asarray(frame.image, np.float32)
+        wge = eliminate_weak_gradients(image, BLUR_PX)
+        frame.keep("image_gradient", wge)
+        frame.mark("weak_gradients")
+        region = cdf_box(wge)
+        frame.keep("regions", [region])
+        frame.count("regions", 1)
+        frame.mark("regions")
+        if region.diagonal_px < SMALLEST_PX:
+            return self._declined(frame, "no target found")
+        streams = find_streams(image, wge, region, self.config)
+        frame.keep("published_streams", streams)
+        frame.keep("published_region", streams.region)
+        frame.count("lines", len(streams.lines))
+        frame.count("ellipses", len(streams.ellipses))
+        frame.mark("lines")
+        return self.from_streams(frame, streams)
+
+    def from_streams(self, frame: StageRecord, streams: Streams) -> PoseResult:
+        """Return the pose that the features of an image give: every stage after the line streams."""
+        groups = image_point_groups(streams.lines, streams.region.diagonal_px)
+        frame.keep("point_groups", groups)
+        for kind, points in groups.by_kind.items():
+            frame.count(kind, len(points))
+        frame.mark("groups")
+        q, t = self._poses(frame, groups, streams)
+        corners = image_corners(groups, streams, frame.image.shape)
+        if not len(q) or not len(corners):
+            return self._declined(frame, "no target found")
+        image = corner_map(corners, streams.region)
+        q, t = self._rank(q, t, image)
+        frame.mark("rank")
+        found = self._refine(q, t, image, streams.region)
+        frame.mark("refine")
+        return self._decide(frame, found)
+
+    def _poses(self, frame: StageRecord, groups: PointGroups, streams: Streams) -> Tuple[Array, Array]:
+        """Return plausible poses q (N, 4), t (N, 3) of pairs of groups, and of pairs of circles and ellipses."""
+        q, t, solved = solve_all(groups, self.groups, self.camera, self.config)
+        if self.circles and streams.ellipses:
+            cq, ct = circle_poses(streams.ellipses, self.circles, self.camera)
+            q, t = np.concatenate([q, cq]), np.concatenate([t, ct])
+        frame.count("pairs", solved)
+        frame.count("hypotheses", len(q))
+        frame.mark("pnp")
+        if len(q):
+            ok = plausible(q, t, self.model, self.camera, streams.region)
+            q, t = q[ok], t[ok]
+        return q, t
+
+    def _rank(self, q: Array, t: Array, image: CornerMap) -> Tuple[Array, Array]:
+        """Return the best few, distinct ones, by reprojection error (2018) or by inliers (RANSAC, thesis)."""
+        error, inliers = reprojection(q, t, self.corners, self.camera, image)
+        key = error / image.cap_px - (inliers if self.config.ransac else 0.0)
+        chosen: List[int] = []
+        for k in np.argsort(key, kind="stable")[:RANKED]:
+            if all(
+                quat.angle_rad(q[c], q[k]) > DISTINCT_RAD
+                or np.linalg.norm(t[c] - t[k]) > DISTINCT_SHARE * t[k, 2]
+                for c in chosen
+            ):
+                chosen.append(int(k))
+            if len(chosen) >= self.config.top:
+                break
+        return q[chosen], t[chosen]
+
+    def _refine(self, q: Array, t: Array, image: CornerMap, region: Region) -> List[ScoredPose]:
+        """Return each pose after Gauss-Newton; poses that drifted away are dropped."""
+        q, t, covariance = refine_on_corners(q, t, self.corners, self.camera, image, self.model.radius_m)
+        ok = plausible(q, t, self.model, self.camera, region)
+        q, t, covariance = q[ok], t[ok], covariance[ok]
+        error, inliers = reprojection(q, t, self.corners, self.camera, image)
+        share = error / image.cap_px
+        met = inliers * len(image.points)
+        return [
+            ScoredPose(float(share[k]), q[k], t[k], covariance[k], float(inliers[k]), float(met[k]))
+            for k in range(len(q))
+        ]
+
+    def _decide(self, frame: StageRecord, found: List[ScoredPose]) -> PoseResult:
+        """Return the pose of the least reprojection error, accepted if it is met and no other is as good."""
+        if not found:
+            return self._declined(frame, "no target found")
+        best = min(found, key=lambda f: f.error)
+        rival = min((f.error for f in found if differs(f.q, f.t, best.q, best.t)), default=1.0)
+        lead = (rival / max(best.error, 1e-6) - 1.0) / 0.6
+        reason = ""
+        if best.inliers < LEAST_INLIERS or best.met < LEAST_CORNERS:
+            reason = "too few of the picture's corners are met"
+        elif rival < ERROR_RATIO * best.error:
+            reason = "ambiguous: another pose explains the corners as well"
+        frame.mark("decision")
+        return PoseResult(
+            not reason,
+            reason,
+            best.q,
+            best.t,
+            float(np.clip(best.inliers * min(1.0, lead), 0.0, 1.0)),
+            frame.stages_ms,
+            frame.counts,
+            covariance=best.covariance,
+            alternatives=alternatives([(f.q, f.t, -f.error) for f in found], best.q, best.t),
+            method=self.method,
+        )
+
+
+def image_corners(groups: PointGroups, streams: Streams, shape: Tuple[int, ...]) -> Array:
+    """Return (N, 2) corners and line ends inside an image of ``shape``, near-duplicates dropped."""
+    parts = [groups.of("proximity_pair")[:, 1], streams.lines.reshape(-1, 2), streams.corners]
+    points = np.concatenate([np.zeros((0, 2)), *parts])
+    last = np.array([shape[1] - 1.0, shape[0] - 1.0])
+    points = points[((points >= BORDER_PX) & (points <= last - BORDER_PX)).all(axis=1)]
+    same = np.abs(points[:, None] - points[None]).max(axis=2) <= 2.0
+    kept = np.zeros(len(points), bool)
+    for k in range(len(points)):
+        kept[k] = not (same[k] & kept).any()
+    return np.asarray(points[kept])

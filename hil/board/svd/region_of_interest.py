@@ -1,0 +1,94 @@
+"""Region of interest: a box of the image in which the target may be.
+
+Sharma, Ventura & D'Amico (2018), section on weak gradient elimination: the box holds the central 95 % of the surviving
+gradient along both axes. The thesis enlarges it by 5 % of the mean edge length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Tuple
+
+import numpy as np
+
+from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Region:
+    """A hypothesis of the target's extent, full-resolution pixels.
+
+    Parameters
+    ----------
+    x0, y0, x1, y1 : edges of the box. source : the rule that proposed it.
+    """
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+    source: str
+
+    @property
+    def diagonal_px(self) -> float:
+        """Length of the diagonal [px]."""
+        return float(np.hypot(self.x1 - self.x0, self.y1 - self.y0))
+
+    def grown(self, share: float, width: int, height: int) -> Tuple[int, int, int, int]:
+        """Integer box enlarged by ``share`` of the diagonal, clipped to the picture."""
+        m = max(6.0, share * self.diagonal_px)
+        return (
+            max(0, int(self.x0 - m)),
+            max(0, int(self.y0 - m)),
+            min(width, int(np.ceil(self.x1 + m)) + 1),
+            min(height, int(np.ceil(self.y1 + m)) + 1),
+        )
+
+
+def overlap(a: Region, b: Region) -> float:
+    """Intersection over union of two boxes."""
+    w = min(a.x1, b.x1) - max(a.x0, b.x0)
+    h = min(a.y1, b.y1) - max(a.y0, b.y0)
+    if w <= 0 or h <= 0:
+        return 0.0
+    union = (a.x1 - a.x0) * (a.y1 - a.y0) + (b.x1 - b.x0) * (b.y1 - b.y0) - w * h
+    return float(w * h / max(union, 1e-9))
+
+
+def marginal_interval(weights: Array, low: float, high: float) -> Tuple[float, float]:
+    """Where the cumulative sum of ``weights`` passes two fractions of its total [index]."""
+    c = np.cumsum(weights.astype(float))
+    if c[-1] <= 0:
+        return 0.0, float(len(weights) - 1)
+    return float(np.searchsorted(c, low * c[-1])), float(np.searchsorted(c, high * c[-1]))
+
+
+def cdf_box(wge: WeakGradientElimination) -> Region:
+    """The 2.5 %..97.5 % interval of both marginal CDFs of the surviving gradient, full resolution."""
+    x0, x1 = marginal_interval(wge.strong.sum(axis=0), 0.025, 0.975)
+    y0, y1 = marginal_interval(wge.strong.sum(axis=1), 0.025, 0.975)
+    return Region(x0 - 0.5, y0 - 0.5, x1 + 0.5, y1 + 0.5, "wge-cdf")
+
+
+def crop_of(region: Region, image: Array, margin: float = 0.0) -> Tuple[slice, slice]:
+    """Rows and columns of a region enlarged by ``margin`` pixels, within the picture."""
+    h, w = image.shape
+    x0, y0 = max(0, int(region.x0 - margin + 0.5)), max(0, int(region.y0 - margin + 0.5))
+    x1, y1 = min(w, int(region.x1 + margin + 1.5)), min(h, int(region.y1 + margin + 1.5))
+    return slice(y0, y1), slice(x0, x1)
+
+
+def grown_region(region: Region, lines: Array, share: float, shape: Tuple[int, int]) -> Region:
+    """The region enlarged by a share of the mean edge length (thesis), within the picture."""
+    if not len(lines) or share <= 0:
+        return region
+    m = share * float(np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1]).mean())
+    return Region(
+        max(-0.5, region.x0 - m),
+        max(-0.5, region.y0 - m),
+        min(shape[1] - 0.5, region.x1 + m),
+        min(shape[0] - 0.5, region.y1 + m),
+        region.source,
+    )

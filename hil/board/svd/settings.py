@@ -1,0 +1,55 @@
+"""Settings of the two published variants: one list of stages, and what differs between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Tuple
+
+STREAMS = ("wge", "sh", "lsd", "ellipse", "harris")
+SOLVERS = ("epnp", "p3p", "ap3p", "sqpnp", "iterative", "ippe")
+
+
+@dataclass(frozen=True)
+class PublishedConfig:
+    """Settings of one published variant.
+
+    Parameters
+    ----------
+    name : str
+        Name of the method.
+    streams : tuple of str
+        Feature streams, of ``STREAMS``: straight lines of three detectors, ellipses of round bodies, corner points.
+    solver : str
+        Pose solver, of ``SOLVERS``.
+    ransac : bool
+        Solve three points of a figure, drawn at random, and rank by inliers, instead of all its points and the
+        reprojection error.
+    roi_growth : float
+        Enlargement of the region of interest, share of the mean edge length.
+    least_component : float
+        Smallest connected component of the Sobel edges, share of the region's diagonal [px]; 0 keeps all.
+    merge_each : tuple of str
+        Streams that are merged by themselves before all are merged together.
+    top : int
+        Poses that are refined.
+    """
+
+    name: str
+    streams: Tuple[str, ...] = ("wge", "sh")
+    solver: str = "epnp"
+    ransac: bool = False
+    roi_growth: float = 0.0
+    least_component: float = 0.0
+    merge_each: Tuple[str, ...] = ("sh",)
+    top: int = 5
+
+
+SVD_2018 = PublishedConfig("svd-2018")
+SVD_THESIS = PublishedConfig(
+    "svd-thesis",
+    solver="p3p",
+    ransac=True,
+    roi_growth=0.05,
+    least_component=0.04,
+    merge_each=("wge", "sh"),
+)

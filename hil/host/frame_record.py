@@ -1,0 +1,317 @@
+"""The record of one frame, from the host's plan through the link process to the ledger and its reports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
+from flyaround.simulator.world.frames.rotation import rotation_angle_rad
+
+if TYPE_CHECKING:
+    from flyaround.hil.link.packets.messages import PoseMessage
+    from flyaround.simulator.frame import Frame
+    from flyaround.simulator.runtime.arrays import Quat, Vec3
+
+ACCEPTED, DECLINED, DROPPED = "accepted", "declined", "dropped:"
+
+DURATIONS = (
+    "e2e_ms",
+    "render_ms",
+    "send_lag_ms",
+    "send_ms",
+    "uplink_ms",
+    "board_wait_ms",
+    "board_total_ms",
+    "downlink_ms",
+)
+"""Fields of `FrameRecord` that hold the durations of a frame's stages."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameTimes:
+    """Times of a frame while it is under way, on the host's monotonic clock [ns]; None while unknown.
+
+    Parameters
+    ----------
+    due_ns : int, optional
+        The camera hands the picture over; None for a camera that is triggered in time.
+    latency_s : float
+        From the end of the exposure until the picture is handed over.
+    ready_ns : int, optional
+        The picture is there; after ``due_ns`` the camera is late.
+    handed_over_ns : int, optional
+        The link process takes the picture up, whether or not it is sent.
+    send_start_ns, send_end_ns : int, optional
+        The first byte is about to leave; the last one is with the operating system.
+    received_ns : int, optional
+        The answer is back.
+    answer : PoseMessage, optional
+        The board's answer, with its own times.
+    clock_offset_ns, clock_bound_ns : int, optional
+        The board's clock minus the host's, and the bound of its error.
+    """
+
+    due_ns: int | None = None
+    latency_s: float = 0.0
+    ready_ns: int | None = None
+    handed_over_ns: int | None = None
+    send_start_ns: int | None = None
+    send_end_ns: int | None = None
+    received_ns: int | None = None
+    answer: PoseMessage | None = None
+    clock_offset_ns: int | None = None
+    clock_bound_ns: int | None = None
+
+    def exposure_ns(self, exposure_s: float) -> tuple[int, int] | None:
+        """Return start and end of the exposure: the latency before the picture is due, or was handed over."""
+        over_ns = self.handed_over_ns if self.due_ns is None else self.due_ns
+        if over_ns is None:
+            return None
+        end_ns = over_ns - round(1e9 * self.latency_s)
+        return end_ns - round(1e9 * exposure_s), end_ns
+
+    @property
+    def board_fault(self) -> str:
+        """Why the times that the board reports cannot be; empty if they can, or it reports none.
+
+        They are in order, and by the clock offset not before the frame was sent nor after its answer came, within the
+        bound of that offset.
+        """
+        pose, offset, bound = self.answer, self.clock_offset_ns, self.clock_bound_ns
+        if pose is None or not (pose.receive_ns or pose.start_ns or pose.end_ns):
+            return ""
+        if not pose.receive_ns <= pose.start_ns <= pose.end_ns:
+            return "received, begun and answered are not in this order"
+        if offset is None or bound is None or self.send_start_ns is None or self.received_ns is None:
+            return ""
+        early_ms = ((self.send_start_ns - bound) - (pose.receive_ns - offset)) * 1e-6
+        late_ms = ((pose.end_ns - offset) - (self.received_ns + bound)) * 1e-6
+        if early_ms > 0:
+            return f"received {early_ms:.4g} ms before it was sent"
+        return f"answered {late_ms:.4g} ms after the answer came" if late_ms > 0 else ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameRecord:
+    """The record of one frame; its columns are documented in docs/formats/ledger.md.
+
+    It begins with the host's frame, the link process adds the times and the outcome, and `complete` derives the
+    columns of the ledger.
+
+    Parameters
+    ----------
+    outcome : str
+        ``accepted``, ``declined`` or ``dropped:CAUSE``; empty while it is not known.
+    e2e_ms : float, optional
+        From the first byte out to the pose back, both on the link process's clock.
+    send_lag_ms : float, optional
+        Delay of the start of sending (realtime).
+    uplink_ms, downlink_ms : float, optional
+        Frame out to frame whole at the board; pose out to pose in; by the clock offset.
+    board_wait_ms, board_total_ms : float, optional
+        Frame whole to estimator's start, and to its end.
+    q_wxyz, t_m : tuple, optional
+        ``camera_from_target`` as the board has it; ``truth_*`` the true one.
+    E_T_m, E_R_deg : float, optional
+        Pose error, where both are known.
+    faults : tuple of str
+        Faults of camera and line that struck the frame on purpose.
+    exposure_start_utc, exposure_end_utc : str
+        On the host's clock, ISO 8601 to the nanosecond, as are the next ones.
+    drawn_utc, handed_over_utc, sent_utc, received_utc : str
+        The picture was there; the camera gave it to the link; the last byte was with the operating system; the pose
+        was back.
+    received_on_board_utc, begun_utc, answered_utc : str
+        Frame whole, estimator begins and ends, by the clock offset.
+    handover_error_ms : float, optional
+        Handed over minus end of exposure and latency (realtime).
+    late : bool, optional
+        True if the picture was not there when it was to be handed over (realtime).
+    staleness_ms : float, optional
+        Age of mid-exposure when the estimator began.
+    deadline_met : bool, optional
+        True if the answer came within the deadline; False of a frame without one, None where there is none.
+    time_fault : str
+        Why the times that the board reports cannot be; they are left out then. Empty where they can.
+    times : FrameTimes
+        Clock readings while the frame is under way; a complete record has none.
+    """
+
+    frame_id: int
+    epoch_utc: str
+    t_s: float
+    exposure_s: float
+    outcome: str = ""
+    reason: str = ""
+    e2e_ms: float | None = None
+    render_ms: float | None = None
+    send_lag_ms: float | None = None
+    send_ms: float | None = None
+    uplink_ms: float | None = None
+    board_wait_ms: float | None = None
+    board_total_ms: float | None = None
+    downlink_ms: float | None = None
+    stages_ms: dict[str, float] = field(default_factory=dict)
+    confidence: float | None = None
+    q_wxyz: Quat | None = None
+    t_m: Vec3 | None = None
+    truth_q_wxyz: Quat | None = None
+    truth_t_m: Vec3 | None = None
+    E_T_m: float | None = None
+    E_R_deg: float | None = None
+    faults: tuple[str, ...] = ()
+    exposure_start_utc: str = ""
+    exposure_end_utc: str = ""
+    drawn_utc: str = ""
+    handed_over_utc: str = ""
+    sent_utc: str = ""
+    received_on_board_utc: str = ""
+    begun_utc: str = ""
+    answered_utc: str = ""
+    received_utc: str = ""
+    handover_error_ms: float | None = None
+    staleness_ms: float | None = None
+    late: bool | None = None
+    deadline_met: bool | None = None
+    time_fault: str = ""
+    times: FrameTimes = FrameTimes()
+
+    @staticmethod
+    def of(frame: Frame) -> FrameRecord:
+        """Return the record of a frame that is not under way yet."""
+        scene = frame.scene
+        return FrameRecord(
+            frame_id=frame.number,
+            epoch_utc=scene.epoch_utc,
+            t_s=scene.t_s,
+            exposure_s=scene.exposure_s,
+            render_ms=frame.drawing_ms,
+            faults=tuple(frame.faults),
+        )
+
+    def at(self, **times: Any) -> FrameRecord:  # noqa: ANN401 - fields of FrameTimes
+        """Return the record with more of its times."""
+        return replace(self, times=replace(self.times, **times))
+
+    def ended(self, outcome: str, reason: str, **times: Any) -> FrameRecord:  # noqa: ANN401 - fields of FrameTimes
+        """Return the record with its outcome and the last of its times."""
+        return replace(self.at(**times), outcome=outcome, reason=reason)
+
+    @property
+    def exposure_ns(self) -> tuple[int, int] | None:
+        """Start and end of the exposure on the host's monotonic clock, while the frame is under way."""
+        return self.times.exposure_ns(self.exposure_s)
+
+    @property
+    def wrong(self) -> bool | None:
+        """Whether the pose is no coarse success (5 deg, 5 % of the range) as `evaluate` counts; None if not known."""
+        if self.E_T_m is None or self.E_R_deg is None or self.truth_t_m is None:
+            return None
+        share = self.E_T_m / max(float(np.linalg.norm(self.truth_t_m)), 1e-9)
+        # not a number is not within a limit
+        return not (self.E_R_deg <= COARSE_DEG and share <= COARSE_SHARE)
+
+
+def complete(
+    record: FrameRecord,
+    truth: tuple[Quat, Vec3] | None,
+    utc_minus_monotonic_ns: int = 0,
+    deadline_ms: float | None = None,
+) -> FrameRecord:
+    """Return a record as the ledger has it, of one that came back from the link.
+
+    Parameters
+    ----------
+    record : FrameRecord
+        With its outcome, and with times.
+    truth : (4,) and (3,) tuples, optional
+        Quaternion and position ``camera_from_target``.
+    utc_minus_monotonic_ns : int
+        Of the host's clocks, the same for all rows of a run.
+    deadline_ms : float, optional
+        Deadline of an answer, from the start of sending.
+    """
+    times, shift, pose = record.times, utc_minus_monotonic_ns, record.times.answer
+    fault, exposure = times.board_fault, record.exposure_ns or (None, None)
+    # on the host's clock, as far as the board's times can be placed on it
+    board: tuple[int | None, ...] = (None, None, None)
+    wait_ms = total_ms = None
+    if pose is not None and pose.end_ns and not fault:
+        own = (pose.receive_ns, pose.start_ns, pose.end_ns)
+        wait_ms, total_ms = _ms(own[0], own[1]), _ms(own[0], own[2])
+        if times.clock_offset_ns is not None:
+            board = tuple(ns - times.clock_offset_ns for ns in own)
+    e2e_ms = _ms(times.send_start_ns, times.received_ns)
+    clock_ns = {
+        "exposure_start_utc": exposure[0],
+        "exposure_end_utc": exposure[1],
+        "drawn_utc": times.ready_ns,
+        "handed_over_utc": times.handed_over_ns,
+        "sent_utc": times.send_end_ns,
+        "received_on_board_utc": board[0],
+        "begun_utc": board[1],
+        "answered_utc": board[2],
+        "received_utc": times.received_ns,
+    }
+    middle_ns = None if record.exposure_ns is None else sum(record.exposure_ns) // 2
+    utc: dict[str, Any] = {name: utc_text(ns + shift) for name, ns in clock_ns.items() if ns is not None}
+    late = None if times.due_ns is None or times.ready_ns is None else times.ready_ns > times.due_ns
+    timed = replace(
+        record,
+        times=FrameTimes(),
+        **utc,
+        e2e_ms=e2e_ms,
+        send_lag_ms=_ms(times.due_ns, times.send_start_ns),
+        send_ms=_ms(times.send_start_ns, times.send_end_ns),
+        uplink_ms=_ms(times.send_start_ns, board[0]),
+        board_wait_ms=wait_ms,
+        board_total_ms=total_ms,
+        downlink_ms=_ms(board[2], times.received_ns),
+        handover_error_ms=_ms(times.due_ns, times.handed_over_ns),
+        staleness_ms=_ms(middle_ns, board[1]),
+        late=late,
+        deadline_met=None if deadline_ms is None else e2e_ms is not None and e2e_ms <= deadline_ms,
+        time_fault=fault,
+    )
+    return _with_pose(timed, pose, truth)
+
+
+def _with_pose(record: FrameRecord, pose: PoseMessage | None, truth: tuple[Quat, Vec3] | None) -> FrameRecord:
+    truth_q, truth_t = truth or (None, None)
+    record = replace(record, truth_q_wxyz=truth_q, truth_t_m=truth_t)
+    if pose is None:
+        return record
+    q, t = pose.q_camera_from_target_wxyz, pose.t_camera_from_target_m
+    errors = (None, None) if q is None or t is None or truth is None else pose_errors(q, t, *truth)
+    return replace(
+        record,
+        stages_ms=dict(pose.stages_ms),
+        confidence=pose.confidence,
+        q_wxyz=q,
+        t_m=t,
+        E_T_m=errors[0],
+        E_R_deg=errors[1],
+    )
+
+
+def pose_errors(q_wxyz: Quat, t_m: Vec3, truth_q_wxyz: Quat, truth_t_m: Vec3) -> tuple[float, float]:
+    """Return ``E_T`` [m] and ``E_R`` [deg] of a pose; a bad quaternion gives 180 deg at most."""
+    error_m = float(np.linalg.norm(np.subtract(t_m, truth_t_m)))
+    norm = float(np.linalg.norm(q_wxyz))
+    if norm < 1e-9:
+        return error_m, 180.0
+    return error_m, float(np.degrees(rotation_angle_rad(np.asarray(q_wxyz) / norm, truth_q_wxyz)))
+
+
+def utc_text(ns: int) -> str:
+    """Return nanoseconds since 1970-01-01 UTC as ISO 8601."""
+    second, rest = divmod(ns, 1_000_000_000)
+    return f"{datetime.fromtimestamp(second, UTC):%Y-%m-%dT%H:%M:%S}.{rest:09d}Z"
+
+
+def _ms(start_ns: int | None, end_ns: int | None) -> float | None:
+    return None if start_ns is None or end_ns is None else (end_ns - start_ns) * 1e-6

@@ -1,0 +1,161 @@
+"""Optional typed fields (tag, length, value) after the fixed part of FRAME_HEADER and POSE."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Dict, Iterable, Mapping, Optional, Sequence, Tuple
+
+from flyaround.hil.link.errors import PacketError
+from flyaround.hil.link.packets.enums import FieldTag, Transfer
+from flyaround.hil.link.packets.fields import known_value
+
+MAX_FIELDS_BYTES = 1024
+"""Most bytes that the fields of one packet take, unknown ones included."""
+
+# how far the length of a direction may be from 1, as of a quaternion
+DIRECTION_TOLERANCE = 1e-3
+COVARIANCE_NUMBERS = 21
+
+_HEAD = struct.Struct("<HH")
+_DIRECTION = struct.Struct("<3d")
+_COVARIANCE = struct.Struct(f"<{COVARIANCE_NUMBERS}f")
+# upper triangle of a 6 x 6 matrix, row by row: where its diagonal lies
+_DIAGONAL = (0, 6, 11, 15, 18, 20)
+
+FRAME_FIELDS = {FieldTag.SUN_CAMERA: _DIRECTION.size, FieldTag.TRANSFER: 1}
+"""Fields of FRAME_HEADER, with the bytes of each value."""
+POSE_FIELDS = {FieldTag.COVARIANCE: _COVARIANCE.size}
+"""Fields of POSE, with the bytes of each value."""
+
+
+def pack_fields(values: Iterable[Tuple[FieldTag, Optional[bytes]]]) -> bytes:
+    """Return the fields one after the other, without those whose value is None."""
+    return b"".join(_HEAD.pack(tag, len(value)) + value for tag, value in values if value is not None)
+
+
+def unpack_fields(data: bytes, known: Mapping[FieldTag, int], name: str) -> Dict[int, bytes]:
+    """Return the values of the known fields by their tags; unknown tags are skipped by their length.
+
+    Parameters
+    ----------
+    data : bytes
+        All that follows the fixed part of the payload.
+    known : mapping
+        Bytes of each value, by tag.
+    name : str
+        Of the packet type, for messages.
+
+    Raises
+    ------
+    PacketError
+        If a field is cut short, comes twice or has another length, or all are longer than ``MAX_FIELDS_BYTES``.
+    """
+    if len(data) > MAX_FIELDS_BYTES:
+        raise PacketError(
+            f"the fields of a {name} take {len(data)} bytes: at most {MAX_FIELDS_BYTES} are read"
+        )
+    values: Dict[int, bytes] = {}
+    at = 0
+    while at < len(data):
+        if len(data) - at < _HEAD.size:
+            raise PacketError(f"a {name} ends within a field, after {len(data) - at} of its bytes")
+        tag, size = _HEAD.unpack_from(data, at)
+        at += _HEAD.size
+        if size > len(data) - at:
+            raise PacketError(f"field {tag} of a {name} has {len(data) - at} bytes left, expected {size}")
+        if tag in values:
+            raise PacketError(f"field {tag} of a {name} comes twice: send it once")
+        wanted = {int(k): n for k, n in known.items()}.get(tag, size)
+        if size != wanted:
+            raise PacketError(f"field {tag} of a {name} has {size} bytes, expected {wanted}")
+        values[tag] = data[at : at + size]
+        at += size
+    return {tag: value for tag, value in values.items() if tag in set(known)}
+
+
+def pack_direction(direction: Optional[Sequence[float]]) -> Optional[bytes]:
+    """Return a unit vector as bytes; None stays None.
+
+    Raises
+    ------
+    PacketError
+        If it has not length 1.
+    """
+    if direction is None:
+        return None
+    _check_direction(direction)
+    return _DIRECTION.pack(*direction)
+
+
+def unpack_direction(data: Optional[bytes]) -> Optional[Tuple[float, float, float]]:
+    """Return a unit vector from bytes; None stays None.
+
+    Raises
+    ------
+    PacketError
+        If it has not length 1.
+    """
+    if data is None:
+        return None
+    x, y, z = _DIRECTION.unpack(data)
+    _check_direction((x, y, z))
+    return x, y, z
+
+
+def pack_transfer(transfer: Transfer) -> Optional[bytes]:
+    """Return the transfer function of the pixels as a byte; None for linear pixels."""
+    return None if transfer == Transfer.LINEAR else bytes([transfer])
+
+
+def unpack_transfer(data: Optional[bytes]) -> Transfer:
+    """Return the transfer function of the pixels, linear where it is absent."""
+    return Transfer.LINEAR if data is None else known_value(Transfer, data[0], "transfer function of pixels")
+
+
+def pack_covariance(triangle: Optional[Sequence[float]]) -> Optional[bytes]:
+    """Return the upper triangle of a 6 x 6 covariance as bytes; None stays None.
+
+    Raises
+    ------
+    PacketError
+        If it is no covariance in single precision.
+    """
+    if triangle is None:
+        return None
+    try:
+        data = _COVARIANCE.pack(*triangle)
+    except (OverflowError, struct.error) as error:
+        raise PacketError(f"the covariance of a POSE cannot be sent: {error}") from error
+    _check_covariance(_COVARIANCE.unpack(data))
+    return data
+
+
+def unpack_covariance(data: Optional[bytes]) -> Optional[Tuple[float, ...]]:
+    """Return the upper triangle of a 6 x 6 covariance from bytes; None stays None.
+
+    Raises
+    ------
+    PacketError
+        If it holds numbers that are not finite or a variance below zero.
+    """
+    if data is None:
+        return None
+    triangle = _COVARIANCE.unpack(data)
+    _check_covariance(triangle)
+    return triangle
+
+
+def _check_direction(direction: Sequence[float]) -> None:
+    length = math.sqrt(sum(x * x for x in direction))
+    if not abs(length - 1.0) <= DIRECTION_TOLERANCE:
+        raise PacketError(
+            f"the direction to the Sun has length {length:.6g}: make it 1 (within {DIRECTION_TOLERANCE:g})"
+        )
+
+
+def _check_covariance(triangle: Sequence[float]) -> None:
+    if not all(math.isfinite(x) for x in triangle) or any(triangle[k] < 0.0 for k in _DIAGONAL):
+        raise PacketError(
+            "the covariance of a POSE holds a variance below zero or a number that is not finite"
+        )

@@ -1,0 +1,115 @@
+"""A detector's response to sunlight in the camera's bands: spectrum, glass, quantum efficiency, white balance."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.constants import c, h
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from flyaround.simulator.camera.detector.optics import Optics
+    from flyaround.simulator.camera.detector.sensor import Detector, Sensor
+    from flyaround.simulator.runtime.arrays import FloatArray
+
+MONO_BAND_NM = (450.0, 750.0)
+"""Limits of the panchromatic band."""
+RGB_BANDS_NM = ((600.0, 700.0), (500.0, 600.0), (400.0, 500.0))
+"""Limits of red, green and blue: thirds of 400 to 700 nm."""
+
+Curve = tuple[tuple[float, float], ...]
+"""A share by wavelength: (wavelength [m], share), straight between its points and nothing beyond its ends."""
+
+# Extraterrestrial solar spectral irradiance at 1 au, mean of each 50 nm interval from 400 nm [W m-2 nm-1].
+# ASTM G173-03 (2012), Reference solar spectral irradiances, column "etr".
+_SPECTRUM_START_NM, _SPECTRUM_STEP_NM = 400.0, 50.0
+_SPECTRUM_W_M2_NM = np.array([1.734, 1.994, 1.872, 1.823, 1.677, 1.502, 1.343])
+
+
+def limits_nm(bands: int) -> tuple[tuple[float, float], ...]:
+    """Lower and upper limit of each of one or three bands [nm]."""
+    return (MONO_BAND_NM,) if bands == 1 else RGB_BANDS_NM
+
+
+def sun_irradiance_between_w_m2(low_nm: float, high_nm: float) -> float:
+    """Solar irradiance between two wavelengths of 400 to 750 nm at 1 au, normal incidence [W m-2]."""
+    edges = _SPECTRUM_START_NM + _SPECTRUM_STEP_NM * np.arange(len(_SPECTRUM_W_M2_NM) + 1)
+    overlap = np.clip(np.minimum(edges[1:], high_nm) - np.maximum(edges[:-1], low_nm), 0, None)
+    return float(overlap @ _SPECTRUM_W_M2_NM)
+
+
+def electrons_per_joule(detector: Detector, optics: Optics, bands: int) -> FloatArray:
+    """Electrons per joule of sunlight before the lens, for each band (n,) [e J-1].
+
+    The integral over the band of spectral irradiance, transmission, quantum efficiency and wavelength, over h c times
+    that of spectral irradiance. Light of another colour is counted with the Sun's photons.
+    """
+    return np.array(
+        _electrons_per_joule(
+            detector.quantum_efficiency,
+            detector.quantum_efficiency_curve,
+            optics.transmission,
+            optics.transmission_curve,
+            bands,
+        )
+    )
+
+
+@lru_cache(maxsize=32)
+def _electrons_per_joule(
+    efficiency: tuple[float, ...], efficiency_curve: Curve, share: float, share_curve: Curve, bands: int
+) -> tuple[float, ...]:
+    limits = limits_nm(bands)
+    each = [float(np.mean(efficiency))] if bands == 1 else np.resize(np.array(efficiency), bands)
+    out = []
+    for (low_nm, high_nm), number in zip(limits, each, strict=True):
+        wavelength_nm = np.arange(low_nm, high_nm) + 0.5
+        spectrum = _SPECTRUM_W_M2_NM[((wavelength_nm - _SPECTRUM_START_NM) // _SPECTRUM_STEP_NM).astype(int)]
+        response = sample_curve(efficiency_curve, wavelength_nm, number)
+        through = share * sample_curve(share_curve, wavelength_nm, 1.0)
+        photons = spectrum * wavelength_nm * 1e-9 / (h * c)
+        out.append(float(photons @ (response * through) / spectrum.sum()))
+    return tuple(out)
+
+
+def sample_curve(
+    curve: Sequence[tuple[float, float]], wavelength_nm: FloatArray, otherwise: float
+) -> FloatArray:
+    """A curve at wavelengths (K,), nothing beyond its ends; ``otherwise`` where there is no curve."""
+    if not curve:
+        return np.full(len(wavelength_nm), otherwise)
+    at_m, share = np.array(curve).T
+    return np.asarray(np.interp(wavelength_nm * 1e-9, at_m, share, left=0.0, right=0.0))
+
+
+def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, bands: int) -> FloatArray:
+    """Electrons that one W m-2 sr-1 in each band makes in an image pixel on the axis [e / (W m-2 sr-1)].
+
+    Irradiance behind an aplanatic lens: pi / (4 N^2) of the radiance; Born & Wolf (1999), section 4.8.
+    """
+    d = sensor.detector
+    if d is None:
+        raise ValueError("a noise recipe on a 0..1 image has no electrons")
+    energy = np.pi / (4 * optics.f_number**2) * sensor.pixel_pitch_x_m * sensor.pixel_pitch_y_m * exposure_s
+    return energy * electrons_per_joule(d, optics, bands)
+
+
+def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatArray:
+    """Factors on the digital numbers of a detector's bands that make a white plate in sunlight grey (n,), least 1.
+
+    Parameters
+    ----------
+    sunlight : (n,) one over the Sun's irradiance in each band, up to a constant.
+    """
+    if sensor.detector is None:
+        raise ValueError("a noise recipe on a 0..1 image has no electrons")
+    wanted = np.asarray(sunlight, float)
+    electrons = electrons_per_joule(sensor.detector, optics, wanted.size)
+    seen = electrons > 0  # what sees nothing cannot be balanced
+    gain = np.divide(wanted, electrons, out=np.full(wanted.size, np.inf), where=seen)
+    return np.where(seen, gain / gain.min(), 1.0)

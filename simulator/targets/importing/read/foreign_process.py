@@ -1,0 +1,127 @@
+"""A process of its own that turns .ply .off .dae .3mf .step into binary glTF, by trimesh and cascadio.
+
+Its arguments are the kind and the path, whose folder alone textures are taken from; standard input is the file. To
+standard output go a line of JSON, `Converted`, and the glTF.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from flyaround.simulator.targets.importing.read.bounded_process import bound_memory, finish
+from flyaround.simulator.targets.importing.read.named_files import NotReadError, read_named
+
+MOST_MEMORY_BYTES = 4 << 30
+MOST_TEXTURE_BYTES = 64 << 20
+STEP_TOLERANCE_MM = 0.1
+LIBRARIES = {
+    "ply": ["trimesh"],
+    "off": ["trimesh"],
+    "dae": ["trimesh", "collada"],
+    "3mf": ["trimesh", "lxml", "networkx"],
+    "step": ["cascadio"],
+}
+METRES = {
+    "meters": 1.0,
+    "micron": 1e-6,
+    "millimeter": 1e-3,
+    "millimeters": 1e-3,
+    "centimeter": 1e-2,
+    "inch": 0.0254,
+    "foot": 0.3048,
+    "meter": 1.0,
+}
+
+
+def main(kind: str, path: Path) -> int:
+    """Convert what stands on standard input; 0, or 1 with the reason on standard error."""
+    try:
+        for library in LIBRARIES[kind]:  # before memory is bounded
+            import_module(library)
+    except ImportError as error:
+        return finish(f"MISSING {error}")
+    bound_memory(MOST_MEMORY_BYTES)
+    data = sys.stdin.buffer.read()
+    try:
+        facts, glb = _step(data) if kind == "step" else _by_trimesh(kind, path, data)
+    except MemoryError:
+        return finish("it unpacks to more than is read")
+    except Exception as error:  # noqa: BLE001 - readers raise kinds of their own
+        return finish(f"{type(error).__name__}: {' '.join(str(error).split())[:200]}")
+    sys.stdout.buffer.write(json.dumps(facts).encode() + b"\n" + glb)
+    return finish(None)
+
+
+def _step(data: bytes) -> tuple[dict[str, Any], bytes]:
+    import cascadio  # noqa: PLC0415 - an optional part
+
+    glb = cascadio.load(data, "step", tol_linear=STEP_TOLERANCE_MM, include_materials=False)
+    if not glb:
+        raise ValueError("it holds no shape that can be meshed")
+    # axes stay as in the file, whatever glTF says
+    return {"metres": 1.0, "up": "z", "lost": []}, glb
+
+
+def _by_trimesh(kind: str, path: Path, data: bytes) -> tuple[dict[str, Any], bytes]:
+    import trimesh  # noqa: PLC0415 - an optional part
+
+    lost: list[str] = []
+
+    class Beside(trimesh.resolvers.Resolver):  # type: ignore[misc]
+        """Textures that lie in the model's folder."""
+
+        def __init__(self) -> None:
+            pass
+
+        def get(self, name: str) -> bytes:
+            try:
+                return read_named(path, path, name, "texture", MOST_TEXTURE_BYTES)[1]
+            except NotReadError as error:
+                lost.append(str(error))
+                raise KeyError(name) from error
+
+        def namespaced(self, namespace: str) -> Beside:  # noqa: ARG002 - of the base
+            return self
+
+        def write(self, name: str, data: bytes) -> None:
+            raise NotImplementedError
+
+        def keys(self) -> list[str]:
+            return []
+
+    options: dict[str, Any] = {"ignore_broken": False} if kind == "dae" else {}
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=Beside(), process=False, **options)
+    for name, mesh in list(scene.geometry.items()):
+        if not isinstance(mesh, trimesh.Trimesh):
+            lost.append("points and curves")
+            scene.delete_geometry(name)
+        elif mesh.visual.kind == "face":
+            mesh.unmerge_vertices()  # a vertex of two colours would have their mean
+    return {**_axes(kind, scene, data), "lost": lost}, trimesh.exchange.gltf.export_glb(scene)
+
+
+def _axes(kind: str, scene: Any, data: bytes) -> dict[str, Any]:  # noqa: ANN401 - of trimesh
+    """Return metres to a unit of the file, and its axis that points up; None where the format says neither."""
+    if kind in ("ply", "off"):
+        return {"metres": None, "up": None}
+    if kind == "3mf":
+        unit = str(next(iter(scene.geometry.values())).metadata.get("units", "millimeters"))
+        if unit not in METRES:
+            raise ValueError(f"its unit {unit[:40]!r} is none of 3MF")
+        return {"metres": METRES[unit], "up": "z"}
+    import collada  # noqa: PLC0415 - an optional part
+
+    asset = collada.Collada(io.BytesIO(data)).assetInfo
+    axis = {"Y_UP": "y", "Z_UP": "z", None: "y"}.get(asset.upaxis)
+    if axis is None:
+        raise ValueError(f"its axis {asset.upaxis} points up, which is not read; export it with Y or Z up")
+    return {"metres": float(asset.unitmeter or 1.0), "up": axis}
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1], Path(sys.argv[2])))

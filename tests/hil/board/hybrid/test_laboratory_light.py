@@ -1,0 +1,171 @@
+"""Pictures of laboratories: smoothed noise, a black level, lamps instead of the Sun, faces burnt out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
+from flyaround.hil.board.hybrid.decide.confidence import Evidence, confidence, decide
+from flyaround.hil.board.hybrid.estimator import PoseEstimator
+from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
+from flyaround.hil.board.hybrid.geometry.shading import Shading
+from flyaround.hil.board.hybrid.image.noise import black_level, coarse_noise, has_flat_floor, noise_sigma
+from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.prepare import prepare
+from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LAMPS, network_for
+from flyaround.hil.board.hybrid.refine.photometric import burnt_share
+from flyaround.hil.board.hybrid.search_states import PreparedImage
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.targets.library import load_target
+
+CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
+SIGMA, PEDESTAL = 8.0, 32.0
+
+
+@pytest.fixture(scope="module")
+def tango() -> BoardModel:
+    return board_model(load_target("tango"))
+
+
+@pytest.fixture(scope="module")
+def estimator(tango: BoardModel) -> PoseEstimator:
+    return PoseEstimator(tango, CAMERA)
+
+
+def noise(shape: tuple[int, int], *, smooth: bool, seed: int = 1) -> np.ndarray:
+    """Noise whose means over many pixels are those of white noise of ``SIGMA``."""
+    white = np.random.default_rng(seed).normal(0, SIGMA, shape).astype(np.float32)
+    return cv2.GaussianBlur(white, (0, 0), 0.8) if smooth else white
+
+
+def reduced_of(image: np.ndarray) -> np.ndarray:
+    return cv2.resize(image, (image.shape[1] // 4, image.shape[0] // 4), interpolation=cv2.INTER_AREA)
+
+
+def picture(*, pedestal: float, smooth: bool = False) -> np.ndarray:
+    """A bright plate before darkness."""
+    light = np.zeros((300, 480), np.float32)
+    light[90:200, 160:300] = 150.0
+    return np.clip(np.rint(light + pedestal + noise(light.shape, smooth=smooth)), 0, 255).astype(np.uint8)
+
+
+def test_means_over_many_pixels_show_noise_that_a_filter_has_smoothed() -> None:
+    coarse, fine = {}, {}
+    for smooth in (False, True):
+        image = PEDESTAL + noise((600, 960), smooth=smooth)
+        coarse[smooth] = coarse_noise(reduced_of(image.astype(np.float32)), 4)
+        # what the mask of three pixels sees of it
+        fine[smooth] = noise_sigma(np.clip(image, 0, 255).astype(np.uint8), 255.0)
+    assert coarse[False] == pytest.approx(SIGMA, rel=0.15)
+    assert fine[False] == pytest.approx(SIGMA, rel=0.1)
+    assert coarse[True] > 0.5 * SIGMA
+    assert fine[True] < 0.5 * coarse[True]
+
+
+def test_a_picture_smaller_than_a_tile_has_no_coarse_noise() -> None:
+    assert coarse_noise(np.zeros((12, 40), np.float32), 4) == 0.0
+
+
+def test_the_black_level_is_that_of_the_darkest_parts() -> None:
+    dark = PEDESTAL + noise((600, 960), smooth=False)
+    dark[100:400, 200:500] += 120.0
+    assert black_level(reduced_of(dark.astype(np.float32)), SIGMA / 4) == pytest.approx(PEDESTAL, abs=1.5)
+
+
+def prepared(estimator: PoseEstimator, image: np.ndarray) -> PreparedImage:
+    return prepare(estimator.setup, Observation(image))
+
+
+def test_a_camera_with_a_black_level_is_asked_by_the_network_of_lamps(estimator: PoseEstimator) -> None:
+    lit = prepared(estimator, picture(pedestal=PEDESTAL))
+    assert lit.frame.black == pytest.approx(PEDESTAL, abs=2.0)
+    assert lit.by_lamps
+    assert lit.learned is estimator.setup.lamps
+    smoothed = prepared(estimator, picture(pedestal=PEDESTAL, smooth=True))
+    assert smoothed.smoothed
+    assert 0.5 * SIGMA < smoothed.frame.noise < 1.1 * SIGMA
+    # the estimator itself is as it was: the next picture may be of another camera
+    assert prepared(estimator, picture(pedestal=0.0)).learned is estimator.setup.learned
+
+
+def test_a_camera_that_adds_nothing_has_no_black_level(estimator: PoseEstimator) -> None:
+    assert prepared(estimator, picture(pedestal=0.0)).frame.black == 0.0
+
+
+def test_a_mock_up_has_the_networks_of_the_craft_whose_shape_it_has(tango: BoardModel) -> None:
+    assert network_for(replace(tango, name="tango-mockup"), LAMPS) is network_for(tango, LAMPS)
+    assert network_for(tango, LAMPS) is not network_for(tango)
+    assert network_for(replace(tango, name="soyuz-ms"), LAMPS) is None
+
+
+def evidence(**changes: float | None) -> Evidence:
+    """What was seen of a mock-up at the right pose."""
+    return replace(
+        Evidence(
+            drawn=0.5,
+            explained=0.65,
+            outside=0.0,
+            margin=0.1,
+            found=0.5,
+            tight=0.5,
+            rms_px=0.0,
+            sigma_rad=0.004,
+            sigma_share=0.002,
+            edges=300,
+            size_px=500.0,
+            empty=True,
+            score=0.23,
+            likeness=0.97,
+            covered=0.2,
+        ),
+        **changes,
+    )
+
+
+def test_evidence_by_lamps_is_weighed_by_its_own_weights_and_burnt_out_faces_count_against_it() -> None:
+    assert confidence(evidence(lamps=True)) > 0.9 > confidence(evidence())
+    assert confidence(evidence(lamps=True, burnt=0.3)) == confidence(evidence(lamps=True))
+    assert confidence(evidence(lamps=True, burnt=0.6)) < 0.9
+    assert confidence(evidence(burnt=0.6)) == confidence(evidence())
+    assert confidence(evidence(lamps=True, drawn=0.1, likeness=0.8)) < 0.3
+
+
+def test_by_lamps_two_rounds_that_agree_make_a_pose_surer_than_one_and_one_surer_than_two_poses() -> None:
+    alone, apart, same = (evidence(lamps=True, drawn=0.33, agreed=a) for a in (None, False, True))
+    assert decide(alone) != ""
+    assert confidence(alone) < confidence(apart) < confidence(same)
+    assert decide(same) == ""
+    # in sunlight rounds say nothing of each other
+    assert confidence(evidence(agreed=True)) == confidence(evidence())
+
+
+def test_by_lamps_a_rival_nearly_as_good_or_little_explained_declines() -> None:
+    assert decide(evidence(lamps=True, agreed=True)) == ""
+    assert decide(evidence(lamps=True, margin=0.02)).startswith("ambiguous")
+    assert decide(evidence(lamps=True, covered=0.08)).startswith("too little")
+
+
+def test_the_earth_in_the_whole_frame_is_no_black_level() -> None:
+    rng = np.random.default_rng(4)
+    land = cv2.GaussianBlur(rng.normal(0, 1, (75, 120)).astype(np.float32), (0, 0), 6.0)
+    land = 90.0 + 25.0 * land / land.std()
+    fine = rng.normal(0, SIGMA / 4, land.shape).astype(np.float32)
+    assert not has_flat_floor(land + fine, SIGMA / 4)
+    land[50:] = PEDESTAL
+    assert has_flat_floor(land + fine, SIGMA / 4)
+
+
+def test_the_share_burnt_out_is_of_what_the_craft_covers() -> None:
+    gray = np.zeros((10, 20), np.float32)
+    gray[:, :5] = 254.0
+    patch = ImagePatch(gray, 1.0, 0.0, 0.0, 1.0, 1)
+    centre = np.zeros((10, 20), np.uint8)
+    centre[:, :10] = 3
+    none = np.zeros(0)
+    shading = Shading(centre, centre, none, gray, centre, none, None)
+    assert burnt_share(shading, patch) == pytest.approx(0.5)
+    assert burnt_share(replace(shading, centre=np.zeros_like(centre)), patch) == 0.0

@@ -1,0 +1,211 @@
+"""PLY, OFF, COLLADA, 3MF and STEP files become the model that their glTF twin becomes, in their own units and axes."""
+
+import io
+import itertools
+import zipfile
+
+import numpy as np
+import pytest
+import trimesh
+
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh
+from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
+
+SIZE_M = (1.0, 2.0, 3.0)
+WEDGE = trimesh.creation.box(SIZE_M)
+WEDGE.vertices[WEDGE.vertices[:, 2] > 0, 0] *= 0.5  # no axis is like another
+
+
+def corners(model):
+    """(8, 3) corners of all parts, sorted."""
+    points = np.unique(np.round(np.concatenate([p.positions_m for p in model.parts]), 6), axis=0)
+    return points[np.lexsort(points.T)]
+
+
+def saved(path, mesh=WEDGE):
+    kind = path.suffix[1:]
+    # the exporters of PLY, OFF and COLLADA take a mesh, the others a scene
+    whole = mesh if kind in {"ply", "off", "dae"} else trimesh.Scene({"wedge": mesh})
+    data = whole.export(file_type=kind)
+    path.write_bytes(data if isinstance(data, bytes) else data.encode())
+    return path
+
+
+def step_box(path, size_mm, unit="MILLI"):
+    """Write a box as a STEP file of planar faces (ISO 10303-21, AP214)."""
+    lines = []
+
+    def add(text):
+        lines.append(f"#{len(lines) + 1} = {text};")
+        return f"#{len(lines)}"
+
+    def triple(kind, values):
+        return add(f"{kind}('',({','.join(f'{v:.6f}' for v in values)}))")
+
+    corner = {
+        key: triple("CARTESIAN_POINT", [k * s for k, s in zip(key, size_mm, strict=True)])
+        for key in itertools.product((0, 1), repeat=3)
+    }
+    vertex = {key: add(f"VERTEX_POINT('',{point})") for key, point in corner.items()}
+    edges = {}
+    for a, b in itertools.combinations(corner, 2):
+        along = np.subtract(b, a)
+        if abs(along).sum() == 1:
+            vector = add(f"VECTOR('',{triple('DIRECTION', along.astype(float))},1.)")
+            line = add(f"LINE('',{corner[a]},{vector})")
+            edges[a, b] = add(f"EDGE_CURVE('',{vertex[a]},{vertex[b]},{line},.T.)")
+    faces = []
+    for axis, side in itertools.product(range(3), (0, 1)):
+        u, v = (k for k in range(3) if k != axis)
+        ring = []
+        for ku, kv in ((0, 0), (1, 0), (1, 1), (0, 1)):
+            key = [0, 0, 0]
+            key[axis], key[u], key[v] = side, ku, kv
+            ring.append(tuple(key))
+        normal = np.cross(np.subtract(ring[1], ring[0]), np.subtract(ring[2], ring[1]))
+        if (normal[axis] > 0) != bool(side):
+            ring, normal = ring[::-1], -normal
+        turns = []
+        for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
+            same = (a, b) in edges
+            turns.append(
+                add(f"ORIENTED_EDGE('',*,*,{edges[(a, b) if same else (b, a)]},.{'T' if same else 'F'}.)")
+            )
+        loop = add(f"EDGE_LOOP('',({','.join(turns)}))")
+        bound = add(f"FACE_OUTER_BOUND('',{loop},.T.)")
+        frame = add(
+            f"AXIS2_PLACEMENT_3D('',{corner[ring[0]]},{triple('DIRECTION', normal.astype(float))},"
+            f"{triple('DIRECTION', np.subtract(ring[1], ring[0]).astype(float))})"
+        )
+        plane = add(f"PLANE('',{frame})")
+        faces.append(add(f"ADVANCED_FACE('',({bound}),{plane},.T.)"))
+    shell = add(f"CLOSED_SHELL('',({','.join(faces)}))")
+    solid = add(f"MANIFOLD_SOLID_BREP('box',{shell})")
+    length = add(f"(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT({f'.{unit}.' if unit else '$'},.METRE.))")
+    angle = add("(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.))")
+    solid_angle = add("(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT())")
+    fine = add(f"UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE(1.E-07),{length},'distance_accuracy_value','')")
+    context = add(
+        f"(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT(({fine}))"
+        f"GLOBAL_UNIT_ASSIGNED_CONTEXT(({length},{angle},{solid_angle}))REPRESENTATION_CONTEXT('',''))"
+    )
+    shape = add(f"ADVANCED_BREP_SHAPE_REPRESENTATION('',({solid}),{context})")
+    application = add("APPLICATION_CONTEXT('automotive design')")
+    context = add(f"PRODUCT_CONTEXT('',{application},'mechanical')")
+    product = add(f"PRODUCT('box','box','',({context}))")
+    formation = add(f"PRODUCT_DEFINITION_FORMATION('','',{product})")
+    stage = add(f"PRODUCT_DEFINITION_CONTEXT('',{application},'design')")
+    design = add(f"PRODUCT_DEFINITION('','',{formation},{stage})")
+    whole = add(f"PRODUCT_DEFINITION_SHAPE('','',{design})")
+    add(f"SHAPE_DEFINITION_REPRESENTATION({whole},{shape})")
+    head = (
+        "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION((''),'2;1');\nFILE_NAME('','',(''),(''),'','','');\n"
+        "FILE_SCHEMA(('AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }'));\nENDSEC;\nDATA;\n"
+    )
+    path.write_text(head + "\n".join(lines) + "\nENDSEC;\nEND-ISO-10303-21;\n")
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.off", "a.dae", "a.3mf"])
+def test_corners_are_those_of_the_glb(tmp_path, name):
+    expected = corners(read_mesh(saved(tmp_path / "a.glb")))
+    model = read_mesh(saved(tmp_path / name))
+    scale = 1e-3 if name.endswith("3mf") else 1.0  # 3MF counts millimetres unless it says otherwise
+    np.testing.assert_allclose(corners(model), expected * scale, atol=1e-6)
+    assert model.triangle_count == 12
+
+
+def test_the_unit_and_axis_of_collada_are_taken(tmp_path):
+    path = saved(tmp_path / "a.dae")
+    text = path.read_text()
+    assert "<up_axis>" in text or "</asset>" in text
+    start, end = text.index("<asset>"), text.index("</asset>")
+    asset = '<asset><unit name="centimeter" meter="0.01"/><up_axis>Z_UP</up_axis>'
+    path.write_text(text[:start] + asset + text[end:])
+    model = read_mesh(path)
+    assert (model.up, model.in_metres) == ("z", True)
+    np.testing.assert_allclose(
+        corners(model), corners(read_mesh(saved(tmp_path / "a.glb"))) * 0.01, atol=1e-6
+    )
+    path.write_text(path.read_text().replace("Z_UP", "X_UP"))
+    with pytest.raises(UserError, match="X_UP"):
+        read_mesh(path)
+
+
+def test_the_unit_of_3mf_is_taken(tmp_path):
+    path = saved(tmp_path / "a.3mf")
+    packed = io.BytesIO()
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(packed, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, old.read(name).replace(b'unit="millimeter"', b'unit="meter"'))
+    path.write_bytes(packed.getvalue())
+    target, lines = import_mesh(path, "wedge", ImportOptions())
+    assert np.ptp(np.concatenate([p.positions_m for p in target.parts]), axis=0) == pytest.approx(SIZE_M)
+    assert any("the unit that the 3MF file names" in line for line in lines)
+
+
+def test_colours_of_faces_stay_apart(tmp_path):
+    mesh = WEDGE.copy()
+    mesh.visual.face_colors = np.where(mesh.face_normals[:, 2:] > 0.5, (255, 0, 0, 255), (0, 0, 255, 255))
+    model = read_mesh(saved(tmp_path / "a.ply", mesh))
+    colours = {
+        tuple(np.round(model.materials[k].base_color, 2))
+        for p in model.parts
+        for k in np.unique(p.face_material)
+    }
+    assert colours == {(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)}
+
+
+@pytest.mark.parametrize("unit", ["MILLI", ""])
+def test_a_step_solid_is_meshed_in_its_unit(tmp_path, unit):
+    factor = 1000.0 if unit else 1.0
+    path = step_box(tmp_path / "a.stp", [s * factor for s in SIZE_M], unit)
+    target, _ = import_mesh(path, "box", ImportOptions())
+    size = np.ptp(np.concatenate([p.positions_m for p in target.parts]), axis=0)
+    # Z points up in STEP, as in our files
+    assert size == pytest.approx(SIZE_M, rel=1e-5)
+    assert len(target.keypoints) >= 8
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        *itertools.product(["a.ply", "a.off", "a.dae", "a.3mf", "a.step"], ["cut", "noise"]),
+        ("a.ply", "empty"),
+        ("a.off", "empty"),
+    ],
+)
+def test_a_damaged_file_is_one_sentence(tmp_path, name, damage):
+    path = tmp_path / name
+    whole = (step_box(path, SIZE_M) if name.endswith("step") else saved(path)).read_bytes()
+    if damage == "cut":
+        path.write_bytes(whole[: len(whole) // 2])
+    elif damage == "noise":
+        path.write_bytes(whole[:8] + np.random.default_rng(3).bytes(2000))
+    else:
+        path.write_bytes({"a.ply": b"ply\nformat ascii 1.0\nend_header\n", "a.off": b"OFF\n0 0 0\n"}[name])
+    with pytest.raises(UserError) as told:
+        read_mesh(path)
+    assert str(path) in str(told.value)
+    assert "Traceback" not in str(told.value)
+    assert len(str(told.value)) < 600
+
+
+def test_a_file_of_another_kind_is_named(tmp_path):
+    saved(tmp_path / "a.ply").rename(tmp_path / "a.off")
+    with pytest.raises(UserError, match=r"ends in \.off but holds a \.ply file"):
+        read_mesh(tmp_path / "a.off")
+
+
+@pytest.mark.slow
+def test_a_3mf_that_unpacks_to_gigabytes_is_refused(tmp_path):
+    path = tmp_path / "a.3mf"
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("3D/3dmodel.model", "w", force_zip64=True) as entry,
+    ):
+        for _ in range(5 * 1024):
+            entry.write(bytes(1 << 20))
+    with pytest.raises(UserError, match=r"a\.3mf"):
+        read_mesh(path)
