@@ -67,7 +67,7 @@ class ConvexShell:
             return None
         front = beyond > 0
         left, right = front.take(self.faces.T)
-        edges = np.flatnonzero(left != right)
+        edges = (left != right).nonzero()[0]
         normals = self.turns.take(edges, axis=0) @ place
         # of the two faces the one on the left has the shell on the inner side of that plane when it looks at the place
         lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))

@@ -53,6 +53,13 @@ def orthonormal_basis(z: FloatArray) -> FloatArray:
 def across(direction: ArrayLike) -> FloatArray:
     """Return (3, 3) rows: two unit vectors across a unit vector, and itself."""
     d = np.asarray(direction, float)
-    e1 = np.cross(d, np.eye(3)[int(np.argmin(np.abs(d)))])
+    axis = [0.0, 0.0, 0.0]
+    axis[int(np.argmin(np.abs(d)))] = 1.0
+    e1 = np.array(_cross(d.tolist(), axis))
     e1 /= np.linalg.norm(e1)
-    return np.stack([e1, np.cross(d, e1), d])
+    return np.array([e1, _cross(d.tolist(), e1.tolist()), d])
+
+
+def _cross(a: list[float], b: list[float]) -> list[float]:
+    """Return a cross product, by numbers: NumPy takes thirty calls for one."""
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
