@@ -107,8 +107,7 @@ def _stream(run: HostRun, *, as_json: bool) -> None:
         write_run(empty_folder(log, option="--log"), run)
     recorders = _recorders(run.recording)
     summary = _send(flight, config, recorders, plan.target.name, as_json=as_json)
-    if not run.line.allow_none:
-        _exit_unless_answered(summary, flight.n_frames, link.timeout_s)
+    _exit_unless_answered(summary, flight.n_frames, link.timeout_s, allow_none=run.line.allow_none)
     _exit_unless_arrived(summary)
 
 
@@ -213,7 +212,9 @@ def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:
     _exit_unless_arrived(summary)
 
 
-def _exit_unless_answered(summary: LedgerSummary, n_frames: int, timeout_s: float) -> None:
+def _exit_unless_answered(
+    summary: LedgerSummary, n_frames: int, timeout_s: float, *, allow_none: bool
+) -> None:
     """Exit 3 if the board left for good or accepted no pose: a script must not take that for a whole run."""
     if summary.ended != "completed":
         say(
@@ -229,7 +230,8 @@ def _exit_unless_answered(summary: LedgerSummary, n_frames: int, timeout_s: floa
         )
     else:
         return
-    raise typer.Exit(NO_ANSWERS)
+    if not allow_none:
+        raise typer.Exit(NO_ANSWERS)
 
 
 def _exit_unless_arrived(summary: LedgerSummary) -> None:

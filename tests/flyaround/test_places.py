@@ -61,7 +61,7 @@ def test_poses_go_to_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     command = ["render", SCENARIO, "--poses", str(poses), "-o", str(out), "--quality", "draft"]
     assert run(command) == 0
     files = {p.name for p in out.iterdir()}
-    assert files == {"frame-000000.png", "frame-000000.json"}
+    assert files == {"frame-000000.png", "frame-000000.json", "run.toml"}
     assert run(command) == 0  # into the folder that is there now
     assert {p.name for p in out.iterdir()} == files
 

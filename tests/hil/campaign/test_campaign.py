@@ -103,7 +103,7 @@ def test_the_same_file_gives_the_same_bytes_and_a_requirement_that_is_not_met_ex
     for out in outs:
         assert run(["hil", "campaign", str(file), "-o", str(out)]) == 1
     assert contents(outs[0]) == contents(outs[1])
-    assert len(contents(outs[0])) == 9
+    assert len(contents(outs[0])) == 10
     case = json.loads((outs[0] / "campaign.json").read_text())["cases"][0]
     assert not case["passed"]
     assert case["reason"].startswith("at the hold point: final_error_m is 0.00")
