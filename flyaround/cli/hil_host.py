@@ -71,7 +71,7 @@ def host(
     """
     deadline_s = run.timing.deadline_s
     if run.line.listen.startswith(SCHEME):
-        _be_camera(run)
+        _be_camera(run, as_json=as_json)
     elif deadline_s is not None and not 0 < deadline_s < math.inf:
         raise UserError(f"--deadline is {deadline_s:g}: give seconds above 0, or leave it out")
     elif run.closed_loop.pose != "board":
@@ -175,12 +175,12 @@ def _warn_of_a_slow_line(link: LinkConfig, plan: Plan) -> None:
         say(f"flyaround: {advice}", stderr=True)
 
 
-def _be_camera(run: HostRun) -> None:
+def _be_camera(run: HostRun, *, as_json: bool) -> None:
     """The camera endpoint with its defaults: it has no board, no poses and so no ledger."""
     listen = run.line.listen
     interface = listen.removeprefix(SCHEME).rstrip("/")
     of_camera = {"scenario", "line.listen", "seed", "pictures.gpu"}
-    given = [field.flag for field in given_fields(run) if field.key not in of_camera]
+    given = [field.flag for field in given_fields(run) if field.key not in of_camera] + ["--json"] * as_json
     if given:
         raise UserError(
             f"{listen} serves a camera, and {', '.join(given)} {'is' if len(given) == 1 else 'are'} about a board's"
