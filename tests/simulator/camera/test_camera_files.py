@@ -125,36 +125,6 @@ def test_ros_s_own_program_reads_and_rewrites_what_is_written(camera, tmp_path):
     assert read_camera_file(theirs) == read_camera_file(ours)
 
 
-# two cameras in the form of a camchain of Kalibr
-KALIBR_CHAIN = """cam0:
-  camera_model: pinhole
-  intrinsics: [452.5, 451.25, 371.0, 238.5]
-  distortion_model: radtan
-  distortion_coeffs: [-0.25, 0.06, 0.0009, 0.0002]
-  timeshift_cam_imu: -1.0e-04
-  rostopic: /cam0/image_raw
-  resolution: [752, 480]
-cam1:
-  T_cn_cnm1:
-  - [1.0, 0.0, 0.0, -0.12]
-  - [0.0, 1.0, 0.0, 0.0]
-  - [0.0, 0.0, 1.0, 0.0]
-  - [0.0, 0.0, 0.0, 1.0]
-  camera_model: pinhole
-  intrinsics: [460.0, 459.0, 380.0, 255.0]
-  distortion_model: equidistant
-  distortion_coeffs: [0.01, 0.02, -0.01, 0.003]
-  resolution: [752, 480]
-"""
-
-
-def test_a_chain_of_kalibr_s_gives_its_first_camera():
-    camera = parse_camera(KALIBR_CHAIN.encode(), "x")
-    assert (camera.name, camera.width_px, camera.height_px) == ("cam0", 752, 480)
-    assert (camera.fx_px, camera.cy_px) == (452.5, 238.5)
-    assert camera.distortion == DistortionSection("brown_conrady", (-0.25, 0.06, 0.0009, 0.0002))
-
-
 def test_the_pitch_of_a_camera_s_file_is_the_sensor_s(tmp_path):
     sheet = {"width_px": 640, "height_px": 480, "focal_length_mm": 12.0, "pixel_pitch_um": [4.0, 8.0]}
     path = tmp_path / "oblong.json"

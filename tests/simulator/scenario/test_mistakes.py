@@ -137,13 +137,6 @@ def test_unknown_scenario(name: str, words: list[str]) -> None:
         assert word in str(caught.value)
 
 
-def test_binary_file_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "x.toml"
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(UserError, match="UTF-8"):
-        load_scenario(path)
-
-
 @pytest.mark.parametrize(
     ("section", "sentence"),
     [

@@ -156,19 +156,6 @@ def test_another_renderer_s_light_does_not_make_a_step_share_wrong(pictures, pla
     assert flipped
 
 
-def test_one_record_at_a_time_is_held(dataset, plan, monkeypatch):
-    events = []
-
-    def read(path):
-        events.append("read")
-        return read_truth(path)
-
-    monkeypatch.setattr(check_picture, "read_truth", read)
-    found = check_picture.check_pictures(dataset, [0, 1, 2], plan.target, lambda: events.append("drawn"))
-    assert (found.n_frames, found.faults) == (3, ())
-    assert events == ["read"] + ["read", "drawn"] * 3
-
-
 def test_shares_that_are_off_by_little_are_caught(copy, pictures, plan):
     assert any(0 < truth.silhouette_inside < 1 for truth, *_ in pictures)
     for k, (truth, _, _, signal) in enumerate(pictures):
