@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from flyaround.gui.jobs.estimates import MOST_DEATHS, ComparedEstimate, Estimates, compared
-from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest, known_methods
+from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest
 from flyaround.gui.picture.feed import Picture
 from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.view_settings import reduced_camera
@@ -222,10 +222,6 @@ def test_a_method_that_cannot_is_off_with_a_sentence(session: FlightSession, met
         (told,) = estimates.take_troubles()
         assert why in told
         assert "\n" not in told
-
-
-def test_every_method_of_evaluate_is_offered() -> None:
-    assert {"hybrid", "svd-2018", "svd-thesis", "hybrid-track"} <= set(known_methods())
 
 
 @pytest.mark.slow
