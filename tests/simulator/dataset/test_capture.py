@@ -10,6 +10,7 @@ import jsonschema
 import msgspec
 import numpy as np
 import pytest
+from small_flight import small_flight
 
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
@@ -22,8 +23,6 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.labels.truth import Truth, read_truth
 from flyaround.simulator.recipes.plan import plan_recipe
-from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.plan import plan_flight
 from tools.validation.labels.faults import inject_fault
 
 pytestmark = pytest.mark.gl
@@ -31,15 +30,9 @@ pytestmark = pytest.mark.gl
 N = 3
 
 
-def _plan(seed=None):
-    scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
-    plan = plan_flight(scenario, n=N, seed=seed, quality="draft")
-    return dataclasses.replace(plan, camera=smaller(plan.camera, 384))
-
-
 @pytest.fixture(scope="module")
 def plan():
-    return _plan()
+    return small_flight(384, n=N)
 
 
 @pytest.fixture(scope="module")
@@ -278,13 +271,8 @@ def test_resume_takes_more_samples_of_a_recipe_and_not_fewer(tmp_path):
 
 def test_more_moments_of_a_flight_are_other_moments(copy):
     before = {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()}
-    more = plan_flight(
-        msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low"),
-        n=N + 1,
-        quality="draft",
-    )
     with pytest.raises(UserError, match="each would be of another moment"):
-        capture(dataclasses.replace(more, camera=smaller(more.camera, 384)), copy, resume=True)
+        capture(small_flight(384, n=N + 1), copy, resume=True)
     assert {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()} == before
 
 
@@ -297,7 +285,7 @@ def test_too_little_room_is_refused_before_anything_is_drawn(tmp_path, plan, mon
 
 def test_resume_refuses_another_plan(copy):
     with pytest.raises(UserError, match="another seed"):
-        capture(_plan(seed=99), copy, resume=True)
+        capture(small_flight(384, n=N, seed=99), copy, resume=True)
 
 
 def test_resume_refuses_other_labels_and_leaves_what_is_there(copy, plan):

@@ -31,6 +31,7 @@ from flyaround.simulator.world.guidance.keep_out import KeepOut
 from flyaround.simulator.world.guidance.thrusters import Thrusters
 from tests.harness.pilot import TICK_S, fly, holding
 from tests.harness.small_disk import small_disk
+from tests.harness.turned_clock import TurnedClock
 
 
 @pytest.fixture
@@ -249,17 +250,8 @@ def test_keep_out_sphere_stops_an_operator_who_pushes_on() -> None:
     assert free.craft.world.range_m < 7.0
 
 
-class Clock:
-    """A clock that the test turns."""
-
-    now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-
 def test_a_flight_is_on_disk_while_it_is_flown(tmp_path: Path) -> None:
-    clock = Clock()
+    clock = TurnedClock()
     recorder = FlightRecorder(clock)
     session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path / "flown", session.plan.scenario)
@@ -284,7 +276,7 @@ def test_a_flight_is_on_disk_while_it_is_flown(tmp_path: Path) -> None:
 
 
 def test_a_restart_begins_another_recording(tmp_path: Path) -> None:
-    clock = Clock()
+    clock = TurnedClock()
     recorder = FlightRecorder(clock)
     session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path, session.plan.scenario)
@@ -324,7 +316,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path: Path) -> No
 
 
 def test_a_recording_whose_folder_is_gone_is_told_and_made_again_at_the_end(tmp_path: Path) -> None:
-    clock = Clock()
+    clock = TurnedClock()
     recorder = FlightRecorder(clock)
     session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path / "flown", session.plan.scenario)

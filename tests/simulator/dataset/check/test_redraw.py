@@ -9,6 +9,7 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+from small_flight import small_flight
 from typer.testing import CliRunner
 
 from flyaround.cli.app import app
@@ -31,8 +32,6 @@ from flyaround.simulator.labels.layers import pixel_hash
 from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.render.renderer import Renderer
-from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.targets.joined_mesh import mesh_of
 
 pytestmark = pytest.mark.gl
@@ -40,9 +39,8 @@ pytestmark = pytest.mark.gl
 
 @pytest.fixture(scope="module")
 def plan():
-    scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
-    plan = plan_flight(scenario, times=(20.0, 35.0, 55.0), quality="draft")
-    camera = smaller(plan.camera, 320)
+    plan = small_flight(320, times=(20.0, 35.0, 55.0))
+    camera = plan.camera
     # longer, and to the side, so that the craft is cropped in some
     return dataclasses.replace(
         plan,
