@@ -6,27 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from flyaround.gui.app import command_table, options_of
+from flyaround.gui.app import command_table
 from flyaround.gui.command_table import Argument, Command, CommandTable, line_of
-from flyaround.gui.console import LONGEST_TICK_MS, MODIFIERS, STEERING, Console
+from flyaround.gui.console import LONGEST_TICK_MS, MODIFIERS, STEERING
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.key_list import matches
-from flyaround.gui.picture.feed import Feed
 from flyaround.gui.script import LARGEST_BYTES, Script
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.session import FlightSession
-from flyaround.simulator.scenario.load import load_scenario
-from tests.harness.no_renderer import NoRenderer
+from tests.harness.flown_console import console_flying
 
 
 @pytest.fixture(scope="module")
 def table() -> CommandTable:
     return command_table()
-
-
-def console_of(table: CommandTable) -> Console:
-    session = FlightSession.of(load_scenario("tango-flyaround"))
-    return Console(session, Feed(NoRenderer()), options_of(session), table)
 
 
 def test_every_command_has_words_and_no_key_is_of_two(table: CommandTable) -> None:
@@ -53,7 +45,7 @@ def test_a_chord_takes_the_key_from_its_letter(table: CommandTable) -> None:
 
 
 def test_every_switch_switches_there_and_back(table: CommandTable) -> None:
-    console = console_of(table)
+    console = console_flying(table=table)
     console.do("steer.toggle")
     for command in table:
         if command.state is None or not command.at_once:
@@ -109,7 +101,7 @@ def test_a_script_may_begin_with_a_byte_order_mark(table: CommandTable, tmp_path
 
 def test_a_log_played_again_flies_the_same_flight(table: CommandTable) -> None:
     # uneven turns of the loop, keys and commands at odd times
-    console = console_of(table)
+    console = console_flying(table=table)
     turns = [17, 33, 34, 16, 250, 8, 41] * 60
     keys = {20: {"steer.forward"}, 90: {"steer.forward", "steer.yaw-left", "steer.fine"}, 150: set()}
     down: frozenset[str] = frozenset()
@@ -125,7 +117,7 @@ def test_a_log_played_again_flies_the_same_flight(table: CommandTable) -> None:
         if k == 310:
             console.do("time.pause")
     text = console.log.text(("flown by hand",))
-    again = console_of(table)
+    again = console_flying(table=table)
     again.play(Script.of(text, table))
     while again.clock_ms < console.clock_ms:
         again.pass_time(min(29, console.clock_ms - again.clock_ms))
@@ -136,7 +128,7 @@ def test_a_log_played_again_flies_the_same_flight(table: CommandTable) -> None:
 
 
 def test_a_stalled_window_is_not_made_up_for(table: CommandTable) -> None:
-    console = console_of(table)
+    console = console_flying(table=table)
     console.pass_time(30_000)
     assert console.clock_ms == LONGEST_TICK_MS
 
@@ -144,7 +136,7 @@ def test_a_stalled_window_is_not_made_up_for(table: CommandTable) -> None:
 def test_a_command_that_fails_is_a_message_and_the_flight_goes_on(
     table: CommandTable, tmp_path: Path
 ) -> None:
-    console = console_of(table)
+    console = console_flying(table=table)
     (tmp_path / "file").write_text("")
     console.do("log.save", str(tmp_path / "file" / "x.script"))
     assert [m.level for m in console.messages] == ["caution"]
@@ -169,7 +161,7 @@ def test_commands_are_found_by_words_of_their_help(table: CommandTable) -> None:
 
 
 def test_a_log_is_in_its_file_as_soon_as_a_command_is_done(table: CommandTable, tmp_path: Path) -> None:
-    console = console_of(table)
+    console = console_flying(table=table)
     path = tmp_path / "logs" / "flown.script"
     console.log.write_to(path, ("played by a test",))
     console.pass_time(100)
@@ -185,12 +177,12 @@ def test_a_log_is_in_its_file_as_soon_as_a_command_is_done(table: CommandTable, 
 def test_a_log_that_cannot_be_written_is_refused_in_one_sentence(table: CommandTable, tmp_path: Path) -> None:
     (tmp_path / "taken").touch()
     with pytest.raises(UserError, match="cannot write the log"):
-        console_of(table).log.write_to(tmp_path / "taken" / "x.script")
+        console_flying(table=table).log.write_to(tmp_path / "taken" / "x.script")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
 def test_a_full_disk_ends_the_logs_file_and_not_the_abort(table: CommandTable) -> None:
-    console = console_of(table)
+    console = console_flying(table=table)
     with pytest.raises(UserError, match="cannot write the log"):
         console.log.write_to(Path("/dev/full"), ("header",))
     console.log.write_to(Path("/dev/full"))
@@ -201,7 +193,7 @@ def test_a_full_disk_ends_the_logs_file_and_not_the_abort(table: CommandTable) -
 
 
 def test_keys_fly_only_while_hand_control_is_armed(table: CommandTable) -> None:
-    console = console_of(table)
+    console = console_flying(table=table)
     stop = table["steer.stop"]
     for held in (frozenset({"steer.up"}), frozenset({"steer.coarse"})):
         console.pass_time(100, held)

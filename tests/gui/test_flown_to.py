@@ -11,16 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flyaround.gui.app import command_table, options_of
 from flyaround.gui.console import Console
 from flyaround.gui.panels.timeline import TimelinePanel
-from flyaround.gui.picture.feed import Feed
 from flyaround.simulator.piloting.orders import PilotCommand
-from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
+from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
-from tests.harness.no_renderer import NoRenderer
 
 pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
 
@@ -31,8 +28,7 @@ WAIT_S = 300.0
 def console(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Console]:
     """A flight that was steered for two seconds."""
     monkeypatch.chdir(tmp_path)
-    session = FlightSession.of(load_scenario("tango-vbar-closed-loop"))
-    console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
+    console = console_flying("tango-vbar-closed-loop")
     console.hand.armed = True
     for k in range(40):
         console.pass_time(50, frozenset({"steer.left"} if k < 20 else ()))

@@ -5,14 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flyaround.gui.app import command_table, options_of
-from flyaround.gui.console import Console
+from flyaround.gui.app import command_table
 from flyaround.gui.gamepad import BUTTONS, Gamepad, share, sticks
-from flyaround.gui.picture.feed import Feed
 from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2
-from flyaround.simulator.piloting.session import FlightSession
-from flyaround.simulator.scenario.load import load_scenario
-from tests.harness.no_renderer import NoRenderer
+from tests.harness.flown_console import console_flying
 
 FREE = (0.0, 0.0, 0.0, 0.0, -1.0, -1.0)
 UP = (False,) * 15
@@ -70,8 +66,7 @@ def test_every_button_is_a_command_that_there_is() -> None:
 
 
 def test_unplugged_while_it_pushes_the_thrust_stops_and_a_warning_is_given() -> None:
-    session = FlightSession.of(load_scenario("tango-flyaround"))
-    console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
+    console = console_flying()
     pad = Gamepad()
 
     def turn(state: tuple[str, tuple[float, ...], tuple[bool, ...]] | None, times: int) -> None:
@@ -81,23 +76,22 @@ def test_unplugged_while_it_pushes_the_thrust_stops_and_a_warning_is_given() -> 
             console.pass_time(TICK_MS)
 
     turn(("pad", axes(right_trigger=1.0), UP), 50)
-    assert session.craft.mode == "steer"
-    spent = session.craft.steering.propellant.delta_v_m_s
+    assert console.session.craft.mode == "steer"
+    spent = console.session.craft.steering.propellant.delta_v_m_s
     assert spent == pytest.approx(ACCELERATION_M_S2 * 1.0, rel=0.05)
     turn(None, 1)
-    spent = session.craft.steering.propellant.delta_v_m_s
+    spent = console.session.craft.steering.propellant.delta_v_m_s
     turn(None, 50)
-    assert session.craft.steering.propellant.delta_v_m_s == spent
+    assert console.session.craft.steering.propellant.delta_v_m_s == spent
     assert console.messages[-1].level == "warning"
     assert "gamepad is gone" in console.messages[-1].text
     # the log has it too, so that a script flies the same flight
     assert [line.name for line in console.log.lines][-1] == "steer.stick-lost"
-    assert np.isfinite(session.craft.world.range_m)
+    assert np.isfinite(console.session.craft.world.range_m)
 
 
 def test_a_gamepad_that_rests_is_missed_without_alarm() -> None:
-    session = FlightSession.of(load_scenario("tango-flyaround"))
-    console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
+    console = console_flying()
     pad = Gamepad()
     for state in (("pad", FREE, UP), None, None):
         for name, *arguments in pad.commands(state):

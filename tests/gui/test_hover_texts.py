@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flyaround.gui import hover_text, style
-from flyaround.gui.app import command_table, options_of
+from flyaround.gui.app import command_table
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.console import Console
@@ -28,6 +28,7 @@ from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from tests.gui.jobs.test_hil_session import row
+from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import FIGURE, HeadlessWindow, Noted
 from tests.harness.no_renderer import NoRenderer
 
@@ -54,8 +55,8 @@ def frame() -> Frame:
 @pytest.fixture(scope="module")
 def console(frame: Frame, table: CommandTable) -> Console:
     """A flight with something in every panel: burns, bookmarks, a contact, estimates, a session, a capture."""
-    session = FlightSession.of(load_scenario("tango-vbar-closed-loop"))
-    console = Console(session, Feed(NoRenderer()), options_of(session), table)
+    console = console_flying("tango-vbar-closed-loop", table)
+    session = console.session
     for line in ("burn.plan 60 0 0.02 0", "steer.pulse forward", "time.rate 1"):
         console.do_line(line)
     for _ in range(20):

@@ -7,15 +7,14 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from flyaround.gui.app import command_table, options_of
+from flyaround.gui.app import command_table
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.commands.hil import FAULTS
 from flyaround.gui.console import Console
 from flyaround.gui.jobs.capture_job import CaptureRequest
-from flyaround.gui.picture.feed import Feed
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
-from tests.harness.no_renderer import NoRenderer
+from tests.harness.flown_console import console_flying
 
 
 @pytest.fixture(scope="module")
@@ -26,8 +25,7 @@ def table() -> CommandTable:
 @pytest.fixture
 def console(table: CommandTable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Console:
     monkeypatch.chdir(tmp_path)
-    session = FlightSession.of(load_scenario("tango-flyaround"))
-    return Console(session, Feed(NoRenderer()), options_of(session), table)
+    return console_flying(table=table)
 
 
 @pytest.fixture

@@ -5,16 +5,22 @@ from flyaround.gui.key_queue import REST_FRAMES, KeyQueue
 CTRL, PRESS, RELEASE, REPEAT, ESCAPE, ENTER, DELETE = 2, 1, 0, 2, 256, 257, 261
 
 
-def test_letters_wait_until_what_a_key_with_ctrl_opened_is_drawn():
-    taken = []
-    queue = KeyQueue(
-        lambda _, key, *__: taken.append(key),
+def queue_of(taken):
+    """A queue that notes keys with what was done to them, and letters."""
+    return KeyQueue(
+        lambda _, key, __, action, ___: taken.append((key, action)),
         lambda _, c: taken.append(chr(c)),
         pressed=PRESS,
         released=RELEASE,
         ctrl=CTRL,
-        turns=(ESCAPE,),
+        turns=(ESCAPE, ENTER),
+        urgent=lambda key: key == DELETE,
     )
+
+
+def test_letters_wait_until_what_a_key_with_ctrl_opened_is_drawn():
+    taken = []
+    queue = queue_of(taken)
     events = ((ESCAPE, PRESS, 0), (80, PRESS, CTRL), (80, RELEASE, CTRL), (71, PRESS, 0))
     for key, action, modifiers in events:
         queue.key(None, key, 0, action, modifiers)
@@ -23,38 +29,24 @@ def test_letters_wait_until_what_a_key_with_ctrl_opened_is_drawn():
     for _ in range(2 * (REST_FRAMES + 1) + 1):
         queue.deliver()
         seen.append(len(taken))
-    assert taken == [ESCAPE, 80, 80, 71, "g"]
+    assert taken == [(ESCAPE, PRESS), (80, PRESS), (80, RELEASE), (71, PRESS), "g"]
     assert seen == [1] * (REST_FRAMES + 1) + [2] * (REST_FRAMES + 1) + [5]
     assert not queue
 
 
 def test_keys_without_ctrl_come_at_once_and_in_order():
     taken = []
-    queue = KeyQueue(
-        lambda _, key, *__: taken.append(key),
-        lambda *_: None,
-        pressed=PRESS,
-        released=RELEASE,
-        ctrl=CTRL,
-        turns=(ESCAPE,),
-    )
+    queue = queue_of(taken)
     for key in (87, 65, 83, 68):
         queue.key(None, key, 0, PRESS, 1)
     queue.deliver()
-    assert taken == [87, 65, 83, 68]
+    assert taken == [(key, PRESS) for key in (87, 65, 83, 68)]
 
 
 def test_what_would_wait_in_dear_imgui_waits_here():
     """Of "aa" and Enter: a letter a frame, and Enter by itself."""
     taken = []
-    queue = KeyQueue(
-        lambda _, key, __, action, ___: taken.append((key, action)),
-        lambda _, c: taken.append(chr(c)),
-        pressed=PRESS,
-        released=RELEASE,
-        ctrl=CTRL,
-        turns=(ENTER,),
-    )
+    queue = queue_of(taken)
     for _ in range(2):
         queue.key(None, 65, 0, PRESS, 0)
         queue.letter(None, ord("a"))
@@ -71,18 +63,6 @@ def test_what_would_wait_in_dear_imgui_waits_here():
         [(65, PRESS), "a"],
         [(65, RELEASE), (ENTER, PRESS)],
     ]
-
-
-def queue_of(taken):
-    return KeyQueue(
-        lambda _, key, __, action, ___: taken.append((key, action)),
-        lambda _, c: taken.append(chr(c)),
-        pressed=PRESS,
-        released=RELEASE,
-        ctrl=CTRL,
-        turns=(ESCAPE, ENTER),
-        urgent=lambda key: key == DELETE,
-    )
 
 
 def test_repeats_of_a_held_key_do_not_wait():

@@ -6,14 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from flyaround.gui.app import command_table, options_of
-from flyaround.gui.console import Console
 from flyaround.gui.layout import Layout, SavedLayout
-from flyaround.gui.picture.feed import Feed
-from flyaround.simulator.piloting.session import FlightSession
-from flyaround.simulator.scenario.load import load_scenario
+from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
-from tests.harness.no_renderer import NoRenderer
 
 FAR = (640.0, 500.0)
 
@@ -23,8 +18,7 @@ class Screen:
 
     def __init__(self) -> None:
         self.window = HeadlessWindow()
-        session = FlightSession.of(load_scenario("tango-space-10m"))
-        self.console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
+        self.console = console_flying("tango-space-10m")
         self.layout = Layout(self.window, SavedLayout(tour_seen=True))
         self.console.shown.update(dict.fromkeys(self.layout.first_shown(), False))
         self.menus: dict[str, tuple[float, float]] = {}

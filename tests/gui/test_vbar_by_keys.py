@@ -8,18 +8,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.gui.app import command_table, options_of
-from flyaround.gui.console import Console
-from flyaround.gui.picture.feed import Feed
+from flyaround.gui.app import command_table
 from flyaround.gui.script import Script
 from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2
-from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.world.guidance.free_flight import FreeDrift
 from flyaround.simulator.world.orbit.burns import Burn
-from tests.harness.no_renderer import NoRenderer
+from tests.harness.flown_console import console_flying
 
 START_M, MOVED_M = 15.0, -5.0
 FINE = 0.2
@@ -50,8 +47,9 @@ def script() -> str:
 
 @pytest.mark.parametrize("tick_ms", [20, 140])
 def test_five_metres_along_the_v_bar_are_the_worlds_own_propagation(tmp_path: Path, tick_ms: int) -> None:
-    session, table = FlightSession.of(beside()), command_table()
-    console = Console(session, Feed(NoRenderer()), options_of(session), table)
+    table = command_table()
+    console = console_flying(beside(), table)
+    session = console.session
     (tmp_path / "vbar.script").write_text(script())
     console.play(Script.read(tmp_path / "vbar.script", table))
     while console.clock_ms < 1000 * END_S:

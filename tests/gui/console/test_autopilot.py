@@ -10,20 +10,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.gui.app import command_table, options_of
+from flyaround.gui.app import command_table
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.console import Console
-from flyaround.gui.picture.feed import Feed
 from flyaround.gui.script import Script
 from flyaround.simulator.piloting.autopilot import Autopilot
 from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN
-from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
 from flyaround.simulator.world.guidance.free_flight import FreeDrift
-from tests.harness.no_renderer import NoRenderer
+from tests.harness.flown_console import console_flying
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 SEEDS = 100
@@ -37,8 +35,7 @@ def table() -> CommandTable:
 
 
 def console_of(scenario: Scenario, table: CommandTable) -> Console:
-    session = FlightSession.of(scenario)
-    return Console(session, Feed(NoRenderer()), options_of(session), table)
+    return console_flying(scenario, table)
 
 
 def test_the_example_docks_by_its_script(table: CommandTable) -> None:

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from flyaround.gui.panels.all import PANELS
-from tests.harness.legibility import TextRun, faults_of
 
 ROOT = Path(__file__).parents[3]
 SIZES = ("640x480", "1280x800", "2560x1440")
@@ -107,16 +106,6 @@ def test_texts_that_are_cut_or_covered_are_found() -> None:
     assert "this" in found[0]
     assert "label" in found[1] or "so" in found[1]
     assert found[2] == "wide: 'below' and 'above' lie over each other"
-
-
-def test_faults_are_told_once() -> None:
-    whole = TextRun("a", "text", (0.0, 0.0, 30.0, 10.0), cut=False)
-    outline = TextRun("a", "text", (1.0, 1.0, 31.0, 11.0), cut=False)
-    cut = TextRun("a", "long", (0.0, 40.0, 30.0, 50.0), cut=True)
-    assert faults_of([whole, outline, cut, cut]) == ["a: 'long' is cut off"]
-    other = TextRun("a", "other", (10.0, 2.0, 40.0, 12.0), cut=False)
-    elsewhere = TextRun("b", "other", (10.0, 2.0, 40.0, 12.0), cut=False)
-    assert faults_of([whole, other, elsewhere]) == ["a: 'text' and 'other' lie over each other"]
 
 
 def script_of_panels() -> str:

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import cv2
 import pytest
 
 from flyaround.gui.app import command_table
@@ -113,12 +112,3 @@ def test_keys_engage_the_autopilot_and_abort(display: str, tmp_path: Path) -> No
     assert state["mode"] == "steer"
     assert state["delta_v_m_s"] > 0.0
     assert state["docking"] is None
-
-
-def test_the_example_docks_in_a_window(display: str, tmp_path: Path) -> None:
-    script = tmp_path / "docking.script"
-    script.write_text((EXAMPLES / "docking.script").read_text() + "45.000 window.close\n")
-    state, _ = operated(display, tmp_path, lambda: None, "--script", str(script))
-    assert state["docking"]["docked"]
-    assert state["docking"]["score"] > 90
-    assert cv2.imread(str(tmp_path / "console.png")).shape == (800, 1280, 3)

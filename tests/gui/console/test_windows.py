@@ -18,8 +18,6 @@ import cv2
 import numpy as np
 import pytest
 
-from flyaround.gui.app import command_table
-from flyaround.gui.panels.all import PANELS
 from flyaround.simulator.scenario.load import list_scenarios, load_scenario
 from tests.gui.test_window import drawing_process
 from tests.harness.screen import virtual_screen, xdotool
@@ -75,27 +73,6 @@ def looks(path: Path) -> np.ndarray:
     return image
 
 
-@pytest.mark.parametrize("size", [SMALLEST, (1280, 800), LARGEST], ids=str)
-def test_every_panel_is_on(tmp_path: Path, size: tuple[int, int]) -> None:
-    lines, t_s = [], 0.5
-    for panel in PANELS:
-        closes = [f"{t_s + 0.5:.1f} panel.{panel.name} off"] if panel.name != "camera" else []
-        lines += [
-            f"{t_s:.1f} panel.{panel.name} on",
-            f"{t_s + 0.4:.1f} window.screenshot {panel.name}.png",
-            *closes,
-        ]
-        t_s += 0.8
-    lines.append(f"{t_s + 0.5:.1f} window.close")
-    lines.sort(key=lambda line: float(line.split()[0]))
-    sitting = Sitting(tmp_path, "\n".join(lines), "tango-flyaround", "--size", f"{size[0]}x{size[1]}")
-    sitting.end()
-    for panel in PANELS:
-        image = looks(tmp_path / f"{panel.name}.png")
-        assert image.shape == (size[1], size[0], 3)
-        assert image.std() > 5.0, panel.name
-
-
 def test_every_scenario_is_opened(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, "600 window.close", "tango-flyaround")
     sitting.wait_for("first picture")
@@ -135,18 +112,6 @@ def test_recorded_scrubbed_and_flown_on_by_keys(tmp_path: Path) -> None:
     kept = load_scenario(tmp_path / "kept" / "replay.toml")
     assert kept.duration_s == pytest.approx(6.0, abs=0.3)
     assert load_scenario(tmp_path / state["replay"]).duration_s == pytest.approx(kept.duration_s, abs=0.3)
-
-
-def test_a_render_process_that_is_stopped_is_started_again(tmp_path: Path) -> None:
-    sitting = Sitting(tmp_path, "75 window.close\n", "tango-flyaround", "--record", "flown")
-    sitting.wait_for("first picture")
-    time.sleep(3.0)
-    os.kill(drawing_process(sitting.process.pid), signal.SIGSTOP)
-    assert "is started again" in sitting.wait_for("has done nothing")
-    state, _ = sitting.end()
-    assert state["drawing_restarts"] == 1
-    # the flight went on, and was recorded all along
-    assert load_scenario(tmp_path / state["replay"]).duration_s > 60.0
 
 
 def test_a_render_process_without_memory_is_told_and_the_flight_goes_on(tmp_path: Path) -> None:
@@ -258,7 +223,3 @@ def test_a_driver_that_is_too_old_is_one_sentence(display: str, tmp_path: Path, 
     assert "Traceback" not in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1, done.stderr
     assert "OpenGL" in done.stderr
-
-
-def test_every_panel_has_a_command() -> None:
-    assert {f"panel.{p.name}" for p in PANELS} <= {c.name for c in command_table()}

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from flyaround.gui.jobs.estimates import MOST_DEATHS, ComparedEstimate, Estimates, compared
-from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest, known_methods
+from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest
 from flyaround.gui.picture.feed import Picture
 from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.view_settings import reduced_camera
@@ -22,22 +22,11 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import NO_RADIANCE, Frame
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
+from tests.harness.turned_clock import TurnedClock
 
 WAIT_S = 120.0
 NO_WAIT_S = 4.5
 """A turn that starts a process on a busy machine takes less."""
-
-
-class Clock:
-    """A clock that the test turns."""
-
-    now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-    def pass_s(self, time_s: float) -> None:
-        self.now_s += time_s
 
 
 class Held:
@@ -159,7 +148,7 @@ def test_errors_are_against_the_truth_of_the_picture(session: FlightSession) -> 
 
 
 def test_one_that_hangs_is_ended_and_another_method_goes_on(session: FlightSession) -> None:
-    clock = Clock()
+    clock = TurnedClock()
     with contextlib.closing(Estimates(open_resource=Held, work=hangs, clock=clock)) as estimates:
         estimates.start()
         estimates.choose("hangs")
@@ -178,7 +167,7 @@ def test_one_that_hangs_is_ended_and_another_method_goes_on(session: FlightSessi
 
 @pytest.mark.slow
 def test_a_stopped_process_holds_nobody_up(session: FlightSession) -> None:
-    clock = Clock()
+    clock = TurnedClock()
     estimates = Estimates(open_resource=Held, work=answers, clock=clock)
     with contextlib.closing(estimates):
         estimates.start()
@@ -222,10 +211,6 @@ def test_a_method_that_cannot_is_off_with_a_sentence(session: FlightSession, met
         (told,) = estimates.take_troubles()
         assert why in told
         assert "\n" not in told
-
-
-def test_every_method_of_evaluate_is_offered() -> None:
-    assert {"hybrid", "svd-2018", "svd-thesis", "hybrid-track"} <= set(known_methods())
 
 
 @pytest.mark.slow

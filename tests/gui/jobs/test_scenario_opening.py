@@ -8,21 +8,17 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from flyaround.gui.app import command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.picture.feed import Feed
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import Script
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
-from tests.harness.no_renderer import NoRenderer
+from tests.harness.flown_console import console_flying
 
 
 @pytest.fixture
 def console() -> Console:
-    session = FlightSession.of(load_scenario("tango-flyaround"))
-    return Console(session, Feed(NoRenderer()), options_of(session), command_table())
+    return console_flying()
 
 
 def wait(console: Console, longest_s: float = 60.0) -> None:
@@ -66,8 +62,8 @@ def test_a_flight_that_cannot_go_on_is_paused_with_a_message() -> None:
     orbit = msgspec.structs.replace(
         scenario.orbit, altitude_km=300.0, eccentricity=0.05, true_anomaly_deg=250.0
     )
-    session = FlightSession.of(msgspec.structs.replace(scenario, orbit=orbit, duration_s=300.0))
-    console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
+    console = console_flying(msgspec.structs.replace(scenario, orbit=orbit, duration_s=300.0))
+    session = console.session
     console.do("time.rate", "100")
     for _ in range(220):
         console.pass_time(70)

@@ -17,6 +17,7 @@ from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.runtime.worker_pool import JobsLostError
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.state import SceneState
+from tests.harness.turned_clock import TurnedClock
 
 
 class FakeRenderer:
@@ -56,15 +57,6 @@ class FakeRenderer:
         self.done.append(Frame(scene, image, image.astype(np.float32), stage_ms=stage_ms))
 
 
-class Clock:
-    """A clock that the test turns."""
-
-    now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-
 @pytest.fixture
 def session() -> FlightSession:
     return FlightSession.of(load_scenario("tango-flyaround"))
@@ -76,7 +68,7 @@ def look_of(session: FlightSession) -> ViewSettings:
 
 
 def live(session: FlightSession, ms_per_mpx: float, pictures: int) -> Feed:
-    source, clock = FakeRenderer(ms_per_mpx), Clock()
+    source, clock = FakeRenderer(ms_per_mpx), TurnedClock()
     feed, settings = Feed(source, clock), look_of(session)
     for _ in range(pictures):
         session.step(PilotCommand(), 0.1)
@@ -88,7 +80,7 @@ def live(session: FlightSession, ms_per_mpx: float, pictures: int) -> Feed:
 
 
 def test_no_more_than_two_pictures_are_asked_for(session: FlightSession) -> None:
-    source, clock = FakeRenderer(), Clock()
+    source, clock = FakeRenderer(), TurnedClock()
     feed, settings = Feed(source, clock), look_of(session)
     for _ in range(20):
         session.step(PilotCommand(), 0.1)
@@ -98,7 +90,7 @@ def test_no_more_than_two_pictures_are_asked_for(session: FlightSession) -> None
 
 
 def test_a_paused_picture_is_drawn_once_and_whole(session: FlightSession) -> None:
-    source, clock = FakeRenderer(), Clock()
+    source, clock = FakeRenderer(), TurnedClock()
     feed, settings = Feed(source, clock), look_of(session)
     session.clock.toggle_pause()
     for _ in range(5):
@@ -112,7 +104,7 @@ def test_a_paused_picture_is_drawn_once_and_whole(session: FlightSession) -> Non
 
 
 def test_changed_exposure_redraws_a_paused_picture(session: FlightSession) -> None:
-    source, clock = FakeRenderer(), Clock()
+    source, clock = FakeRenderer(), TurnedClock()
     feed, settings = Feed(source, clock), look_of(session)
     session.clock.toggle_pause()
     feed.update(session, settings)
@@ -132,7 +124,7 @@ def test_auto_detail_draws_what_fits(session: FlightSession, ms_per_mpx: float, 
 
 
 def test_a_slow_start_does_not_cost_detail(session: FlightSession) -> None:
-    source, clock = FakeRenderer(5000.0), Clock()
+    source, clock = FakeRenderer(5000.0), TurnedClock()
     feed, settings = Feed(source, clock), look_of(session)
     for _ in range(20):
         session.step(PilotCommand(), 0.1)
@@ -145,7 +137,7 @@ def test_a_slow_start_does_not_cost_detail(session: FlightSession) -> None:
 
 
 def test_saving_asks_for_a_whole_picture_with_labels(session: FlightSession) -> None:
-    source, clock = FakeRenderer(), Clock()
+    source, clock = FakeRenderer(), TurnedClock()
     feed, settings = Feed(source, clock), look_of(session)
     feed.ask_to_save()
     feed.update(session, settings)
@@ -158,7 +150,7 @@ def test_saving_asks_for_a_whole_picture_with_labels(session: FlightSession) -> 
 
 
 def test_lost_pictures_are_asked_for_again(session: FlightSession) -> None:
-    source, clock = FakeRenderer(), Clock()
+    source, clock = FakeRenderer(), TurnedClock()
     feed, settings = Feed(source, clock), look_of(session)
     session.clock.toggle_pause()
     feed.ask_to_save()
@@ -179,7 +171,7 @@ def test_lost_pictures_are_asked_for_again(session: FlightSession) -> None:
 def test_passes_are_timed_on_request_only_and_a_still_picture_is_drawn_again_for_it(
     session: FlightSession,
 ) -> None:
-    source, clock = FakeRenderer(), Clock()
+    source, clock = FakeRenderer(), TurnedClock()
     feed, settings = Feed(source, clock), look_of(session)
     session.clock.toggle_pause()
     for timed in (False, False, *(8 * [True])):
@@ -202,7 +194,7 @@ def test_passes_are_timed_on_request_only_and_a_still_picture_is_drawn_again_for
 
 
 def test_nothing_of_an_earlier_flight_is_shown_as_the_new_one(session: FlightSession) -> None:
-    renderer, clock = FakeRenderer(), Clock()
+    renderer, clock = FakeRenderer(), TurnedClock()
     feed = Feed(renderer, clock)
     feed.update(session, look_of(session))
     renderer.finish()
@@ -222,7 +214,7 @@ def test_nothing_of_an_earlier_flight_is_shown_as_the_new_one(session: FlightSes
 
 
 def test_a_picture_that_is_not_replaced_is_late_and_counts_no_rate(session: FlightSession) -> None:
-    renderer, clock = FakeRenderer(), Clock()
+    renderer, clock = FakeRenderer(), TurnedClock()
     feed = Feed(renderer, clock)
     for _ in range(10):
         session.step(PilotCommand(), 0.2)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flyaround.gui.picture.label_placement import MARK, NEAR, PlacedLabel, place_labels
+from flyaround.gui.picture.label_placement import MARK, PlacedLabel, place_labels
 from flyaround.gui.picture.truth_overlay import Marker
 from flyaround.gui.picture.view_settings import Overlays
 from flyaround.simulator.piloting.session import FlightSession
@@ -38,16 +38,6 @@ def keypoints(scale: float) -> tuple[list[tuple[float, float]], list[str]]:
     marks = Marker(session.plan.target).marks(session.scene(), Overlays(keypoints=True, names=True))
     shown = [(p, n) for p, seen, n in marks.keypoints if seen != "hidden"]
     return [(scale * p[0], scale * p[1]) for p, _ in shown], [n for _, n in shown]
-
-
-def test_beside_their_points_names_of_a_craft_overlap() -> None:
-    # what was wrong: each name right of its point
-    points, names = keypoints(0.2)
-    boxes = [
-        (x + NEAR, y - LINE / 2, x + NEAR + w, y + LINE / 2)
-        for (x, y), (w, _) in zip(points, sizes_of(names), strict=True)
-    ]
-    assert any(overlap(a, b) for a, b in combinations(boxes, 2))
 
 
 @pytest.mark.parametrize("scale", [0.48, 0.2, 0.1])

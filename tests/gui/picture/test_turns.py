@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flyaround.gui.picture.feed import Feed, PictureKind
-from flyaround.gui.picture.turns import Channel, Turns
+from flyaround.gui.picture.turns import Turns
 from flyaround.gui.picture.view_settings import ViewSettings, apply_view_settings
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
@@ -285,17 +285,3 @@ def test_a_feed_of_labels_asks_for_them_now_and_then_only(session: FlightSession
             feed.write(producer.draw())
     assert asked == 3
     assert feed.saved == []
-
-
-def test_a_view_that_is_not_drawn_is_not_looked_at(session: FlightSession) -> None:
-    producer = Slow()
-    feed = Feed(producer, lambda: producer.now_s)
-    assert not feed.looked_at
-    feed.look()
-    assert feed.looked_at
-    producer.now_s += 1.0
-    assert not feed.looked_at
-
-
-def test_a_channel_is_what_a_feed_needs() -> None:
-    assert {"submit", "finished"} <= set(dir(Channel))

@@ -6,16 +6,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.gui.app import command_table, options_of
 from flyaround.gui.console import Console
-from flyaround.gui.picture.feed import Feed
 from flyaround.gui.picture.relative_map import IN_PLANE, OUT_OF_PLANE, MapLook, ports
 from flyaround.gui.views.burn_nodes import ARM, FIRST_M_S, PER_M_S, BurnNodes, dragged, handle
 from flyaround.simulator.piloting.planned_burns import burn_of
-from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.guidance.free_flight import FreeDrift
-from tests.harness.no_renderer import NoRenderer
+from tests.harness.flown_console import console_flying
 
 LEFT_DOWN, HELD, RIGHT, NOTHING = (
     (True, True, False),
@@ -30,9 +27,9 @@ def console() -> Console:
     scenario = msgspec.structs.replace(
         load_scenario("tango-flyaround"), chaser=FreeDrift(position_lvlh_m=(0.0, 50.0, 0.0))
     )
-    session = FlightSession.of(scenario)
-    session.craft.take_over()
-    return Console(session, Feed(NoRenderer()), options_of(session), command_table())
+    console = console_flying(scenario)
+    console.session.craft.take_over()
+    return console
 
 
 PORTS = ports((0.0, 0.0, 800.0, 400.0), MapLook(width_m=200.0))

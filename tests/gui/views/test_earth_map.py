@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from flyaround.gui.app import command_table, options_of
 from flyaround.gui.canvas import Canvas
-from flyaround.gui.console import Console
-from flyaround.gui.picture.feed import Feed
 from flyaround.gui.views import earth_map
 from flyaround.gui.views.earth_map import EarthMap
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.session import FlightSession
-from flyaround.simulator.scenario.load import load_scenario
+from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
-from tests.harness.no_renderer import NoRenderer
 
 pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
 
@@ -32,8 +27,7 @@ def test_a_map_that_cannot_be_read_is_said_in_its_place(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(earth_map, "load_ground_map", damaged)
     monkeypatch.setattr(Canvas, "text", noted)
-    session = FlightSession.of(load_scenario("tango-flyaround"))
-    console = Console(session, Feed(NoRenderer()), options_of(session), command_table())
+    console = console_flying()
     window = HeadlessWindow()
     try:
         view = EarthMap(window)

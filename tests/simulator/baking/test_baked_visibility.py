@@ -5,8 +5,6 @@ import pytest
 import trimesh
 
 from flyaround.simulator.baking.baked_visibility import (
-    decode_visibility,
-    encode_visibility,
     trace_visibility,
 )
 from flyaround.simulator.baking.charts import make_charts
@@ -70,28 +68,3 @@ def test_a_sheet_under_low_tiles_is_as_bright_in_the_gaps_as_one_without():
     )
     assert under.any()
     assert open_share(seen)[under & (charts.face_normals[charts.chart][:, 2] > 0.9)].max() < 0.01
-
-
-def test_what_is_seen_comes_back_from_its_code_in_the_same_order():
-    pytest.importorskip("embreex")
-    plate = trimesh.creation.box(extents=(0.2, 0.2, 0.01))
-    ball = trimesh.creation.icosphere(2, 0.1)
-    bowl = trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 2] > 0]).apply_translation(
-        (0, 0, 0.1)
-    )
-    mesh = trimesh.util.concatenate([plate, bowl])
-    charts, seen = looked(mesh, 0.02)
-    patch = np.random.default_rng(2).integers(0, 40, len(charts.chart))
-    patch = np.unique(patch, return_inverse=True)[1]
-    again = decode_visibility(
-        encode_visibility(seen, patch),
-        patch,
-        charts,
-        np.asarray(mesh.face_normals, np.float32),
-        spherical_fibonacci(128),
-    )
-    assert len(seen.node) > 1000
-    assert seen.hit_back.any()
-    for name in ("cosines", "is_open", "node", "direction", "hit_back"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(seen, name), err_msg=name)
-    np.testing.assert_array_equal(patch[again.hit_node], patch[seen.hit_node])

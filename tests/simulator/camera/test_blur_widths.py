@@ -9,8 +9,6 @@ from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.psf import (
     applied_mtf,
     gaussian_variance_px2,
-    optics_mtf,
-    psf_pyramid,
 )
 from flyaround.simulator.camera.detector.sensor import Sensor
 
@@ -28,12 +26,3 @@ def test_the_recipe_s_blur_and_the_lens_s_add_as_variances() -> None:
     wanted = np.exp(-2 * np.pi**2 * FREQUENCY**2 * (0.81 + 1.44))
     used = applied_mtf(FREQUENCY, 0 * FREQUENCY, Optics(psf="gaussian", psf_sigma_px=1.2), SENSOR)
     np.testing.assert_allclose(used, wanted, atol=0.01)  # taps end at three sigma
-
-
-@pytest.mark.parametrize("disc_px", [0.0, 1.5])
-def test_a_narrow_disc_of_defocus_is_drawn_by_the_pyramid_and_a_wide_one_is_not(disc_px: float) -> None:
-    optics = Optics(psf="airy", f_number=11.0, psf_sigma_px=0.5)
-    assert psf_pyramid(optics, SENSOR, disc_px) is not None
-    assert psf_pyramid(optics, SENSOR, 3.0) is None
-    used = applied_mtf(FREQUENCY, 0 * FREQUENCY, optics, SENSOR, disc_px)
-    np.testing.assert_allclose(used, optics_mtf(FREQUENCY, 0 * FREQUENCY, optics, SENSOR, disc_px), atol=0.02)

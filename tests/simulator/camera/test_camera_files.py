@@ -125,36 +125,6 @@ def test_ros_s_own_program_reads_and_rewrites_what_is_written(camera, tmp_path):
     assert read_camera_file(theirs) == read_camera_file(ours)
 
 
-# two cameras in the form of a camchain of Kalibr
-KALIBR_CHAIN = """cam0:
-  camera_model: pinhole
-  intrinsics: [452.5, 451.25, 371.0, 238.5]
-  distortion_model: radtan
-  distortion_coeffs: [-0.25, 0.06, 0.0009, 0.0002]
-  timeshift_cam_imu: -1.0e-04
-  rostopic: /cam0/image_raw
-  resolution: [752, 480]
-cam1:
-  T_cn_cnm1:
-  - [1.0, 0.0, 0.0, -0.12]
-  - [0.0, 1.0, 0.0, 0.0]
-  - [0.0, 0.0, 1.0, 0.0]
-  - [0.0, 0.0, 0.0, 1.0]
-  camera_model: pinhole
-  intrinsics: [460.0, 459.0, 380.0, 255.0]
-  distortion_model: equidistant
-  distortion_coeffs: [0.01, 0.02, -0.01, 0.003]
-  resolution: [752, 480]
-"""
-
-
-def test_a_chain_of_kalibr_s_gives_its_first_camera():
-    camera = parse_camera(KALIBR_CHAIN.encode(), "x")
-    assert (camera.name, camera.width_px, camera.height_px) == ("cam0", 752, 480)
-    assert (camera.fx_px, camera.cy_px) == (452.5, 238.5)
-    assert camera.distortion == DistortionSection("brown_conrady", (-0.25, 0.06, 0.0009, 0.0002))
-
-
 def test_the_pitch_of_a_camera_s_file_is_the_sensor_s(tmp_path):
     sheet = {"width_px": 640, "height_px": 480, "focal_length_mm": 12.0, "pixel_pitch_um": [4.0, 8.0]}
     path = tmp_path / "oblong.json"
@@ -231,17 +201,8 @@ def test_any_consistent_pair_fixes_the_intrinsics(keys, fx, fy):
             "focal length .mm. is 17.57.* and 10.98",
         ),
         ('{"Nu": 1920, "Nv": 1200, "cameraMatrix": [[0, 0, 960], [0, 0, 600], [0, 0, 1]]}', "singular"),
-        ('{"Nu": 1920, "Nv": 1200, "cameraMatrix": [[2000, 5, 960], [0, 2000, 600], [0, 0, 1]]}', "skew"),
         ('{"Nu": 1920, "Nv": 1200, "cameraMatrix": [[NaN, 0, 960], [0, 2000, 600], [0, 0, 1]]}', "finite"),
         ("image_width: 640\nimage_height: 480\ncamera_matrix: {data: [1, 2, 3]}\n", "3 x 3"),
-        (
-            (
-                "image_width: 640\nimage_height: 480\ncamera_matrix: {data: [600, 0, 320, 0, 600, 240, 0, 0, 1]}\n"
-                "distortion_model: fov\n"
-            ),
-            "plumb_bob",
-        ),
-        ('{"Nu": 640, "Nv": 480, "fx": 0.01, "fy": 0.01, "ppx": 0, "ppy": 1e-5}', "above 0"),
         (
             '{"Nu": 640, "Nv": 480, "fx": 0.01, "fy": 0.01, "ppx": 1e-5, "ppy": 1e-5, "ccx": "q"}',
             "ccx is 'q'",
@@ -252,7 +213,15 @@ def test_any_consistent_pair_fixes_the_intrinsics(keys, fx, fy):
             '{"width_px": 640, "height_px": 480, "fx_px": 20, "fy_px": 20, "cx_px": 320, "cy_px": 240}',
             "85 degrees",
         ),
-        ("cam0:\n  camera_model: omni\n  intrinsics: [600, 600, 320, 240]\n", "omni"),
+        (
+            '{"width_px": 0, "height_px": 48, "fx_px": 60, "fy_px": 60, "cx_px": 32, "cy_px": 24}',
+            "at least 16",
+        ),
+        (
+            '{"width_px": 64, "height_px": 48, "fx_px": 60, "fy_px": 60, "cx_px": "middle", "cy_px": 24}',
+            "'middle'",
+        ),
+        ("{", "not JSON"),
         ("a: [1, 2\n", "not YAML"),
         ("just words", "table of keys"),
     ],

@@ -1,7 +1,5 @@
 """The fast random numbers: the normal law, no memory, and the same whatever the number of threads."""
 
-import threading
-
 import numpy as np
 import pytest
 from scipy.stats import kstest
@@ -9,7 +7,6 @@ from scipy.stats import kstest
 from flyaround.simulator.camera.detector.deviates import (
     add_normal,
     bit_source,
-    for_each_band,
     normal_tables,
     uniform_factors,
 )
@@ -55,15 +52,3 @@ def test_uniform_factor_has_its_variance_and_bounds():
     assert values.max() <= 1.3
     assert values.mean() == pytest.approx(1, abs=5e-4)
     assert values.var() == pytest.approx(0.3**2 / 3, rel=5e-3)
-
-
-@pytest.mark.parametrize("rows", [1, 7, 8, 1201])
-def test_bands_cover_every_row_once_on_any_number_of_threads(rows):
-    counts, lock = np.zeros(rows, int), threading.Lock()
-
-    def work(_, band):
-        with lock:
-            counts[band] += 1
-
-    for_each_band(rows, work)
-    assert (counts == 1).all()

@@ -10,6 +10,7 @@ import jsonschema
 import msgspec
 import numpy as np
 import pytest
+from small_flight import small_flight
 
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
@@ -22,8 +23,6 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.labels.truth import Truth, read_truth
 from flyaround.simulator.recipes.plan import plan_recipe
-from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.plan import plan_flight
 from tools.validation.labels.faults import inject_fault
 
 pytestmark = pytest.mark.gl
@@ -31,15 +30,9 @@ pytestmark = pytest.mark.gl
 N = 3
 
 
-def _plan(seed=None):
-    scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
-    plan = plan_flight(scenario, n=N, seed=seed, quality="draft")
-    return dataclasses.replace(plan, camera=smaller(plan.camera, 384))
-
-
 @pytest.fixture(scope="module")
 def plan():
-    return _plan()
+    return small_flight(384, n=N)
 
 
 @pytest.fixture(scope="module")
@@ -211,38 +204,6 @@ def test_a_damaged_record_does_not_cost_the_report(copy):
     assert {fault.frame for fault in report.faults} == {0}
 
 
-def test_a_row_without_its_pose_in_the_export_is_caught(copy):
-    path = copy / "speed" / "train.json"
-    rows = json.loads(path.read_text())
-    del rows[1]["q_vbs2tango"]
-    path.write_text(json.dumps(rows))
-    assert _faults(copy)
-
-
-def test_speed_export_copies_the_pose_and_is_checked(copy):
-    labels = json.loads((copy / "speed" / "train.json").read_text())
-    for k, row in enumerate(labels):
-        truth = read_truth(frame_paths(copy, k).truth)
-        assert row["q_vbs2tango"] == list(truth.q_camera_from_target_wxyz)
-        assert row["r_Vo2To_vbs_true"] == list(truth.t_camera_from_target_m)
-        jpeg = cv2.imread(str(copy / "speed" / "images" / "train" / row["filename"]), cv2.IMREAD_UNCHANGED)
-        assert jpeg.ndim == 2
-        difference = jpeg.astype(float) - read_png(frame_paths(copy, k).image)
-        assert difference.std() < 6  # JPEG 95 against noise of 12 DN
-    labels[0]["q_vbs2tango"][1] *= -1
-    (copy / "speed" / "train.json").write_text(json.dumps(labels))
-    assert _faults(copy)
-
-
-def test_resume_draws_what_is_missing_and_gives_the_same_bytes(copy, plan):
-    before = {k: frame_paths(copy, k).image.read_bytes() for k in range(N)}
-    frame_paths(copy, 1).truth.unlink()
-    summary = capture(plan, copy, resume=True)
-    assert (summary.n_written, summary.n_kept) == (1, N - 1)
-    assert all(frame_paths(copy, k).image.read_bytes() == before[k] for k in range(N))
-    assert _faults(copy) == []
-
-
 def _flip_a_bit(path):
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
@@ -310,13 +271,8 @@ def test_resume_takes_more_samples_of_a_recipe_and_not_fewer(tmp_path):
 
 def test_more_moments_of_a_flight_are_other_moments(copy):
     before = {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()}
-    more = plan_flight(
-        msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low"),
-        n=N + 1,
-        quality="draft",
-    )
     with pytest.raises(UserError, match="each would be of another moment"):
-        capture(dataclasses.replace(more, camera=smaller(more.camera, 384)), copy, resume=True)
+        capture(small_flight(384, n=N + 1), copy, resume=True)
     assert {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()} == before
 
 
@@ -327,21 +283,9 @@ def test_too_little_room_is_refused_before_anything_is_drawn(tmp_path, plan, mon
     assert list(tmp_path.iterdir()) == []
 
 
-def test_workers_give_the_same_bytes(dataset, plan, tmp_path):
-    folder = tmp_path / "set"
-    capture(plan, folder, workers=2)
-    for k in range(N):
-        for ours, theirs in zip(
-            dataclasses.astuple(frame_paths(folder, k)),
-            dataclasses.astuple(frame_paths(dataset, k)),
-            strict=True,
-        ):
-            assert ours.read_bytes() == theirs.read_bytes()
-
-
 def test_resume_refuses_another_plan(copy):
     with pytest.raises(UserError, match="another seed"):
-        capture(_plan(seed=99), copy, resume=True)
+        capture(small_flight(384, n=N, seed=99), copy, resume=True)
 
 
 def test_resume_refuses_other_labels_and_leaves_what_is_there(copy, plan):

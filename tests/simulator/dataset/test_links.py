@@ -7,10 +7,10 @@ import shutil
 import cv2
 import numpy as np
 import pytest
+from small_flight import small_flight
 
 import flyaround as fa
 from flyaround.__main__ import run
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.formats.registry import read_foreign
 from flyaround.simulator.errors import UserError
@@ -139,15 +139,9 @@ def test_convert_copies_nothing_from_elsewhere(tmp_path, private, capsys):
 @pytest.fixture(scope="module")
 def native(tmp_path_factory):
     """Capture two small frames."""
-    import dataclasses
-
-    import msgspec
-
-    scenario = msgspec.structs.replace(fa.load_scenario("tango-flyaround"), target="tango@low")
-    plan = fa.plan_flight(scenario, n=2, quality="draft")
     folder = tmp_path_factory.mktemp("native") / "set"
     capture(
-        dataclasses.replace(plan, camera=smaller(plan.camera, 192)),
+        small_flight(192, n=2),
         folder,
         labels=("depth",),
         split=(1, 1, 0),

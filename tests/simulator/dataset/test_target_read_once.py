@@ -1,15 +1,8 @@
 """Processes that are told a target's name with each frame read it once: reading took two thirds of a frame."""
 
-from types import SimpleNamespace
-
 import pytest
 
-from flyaround.simulator.dataset import writer
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.frame import Frame
-from flyaround.simulator.loop import FrameRequest, draw_request
-from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.targets import library
 
 NAME = "cubesat-1u"
@@ -40,20 +33,3 @@ def test_a_target_in_use_is_the_same_object_and_another_is_not_taken_for_it(read
         with pytest.raises(UserError, match="has changed"):
             library.target_in_use(NAME, "of another")
     assert len(reads) == 3
-
-
-@pytest.mark.gl
-@pytest.mark.parametrize("drawn_by", ["stream", "capture", "console"])
-def test_frames_of_one_target_read_it_once(reads, renderer, monkeypatch, drawn_by):
-    plan = plan_flight(load_scenario("tango-space-10m"), n=3)
-    reads.clear()
-    if drawn_by == "capture":  # what the frame's check finds is not asked here
-        monkeypatch.setattr(writer, "check_frame", lambda *_: [])
-    stages = {
-        "stream": Frame.image_and_truth,
-        "capture": writer.CheckAndEncode(card=SimpleNamespace(sensors=())),
-        "console": Frame.without_radiance,
-    }
-    for k in range(2):
-        draw_request(renderer, FrameRequest(scene=plan.scene(k)), stages[drawn_by])
-    assert len(reads) == 1

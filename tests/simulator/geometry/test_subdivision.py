@@ -1,11 +1,8 @@
 """Cutting a mesh: every edge short, the same surface, no gap between neighbours, order and ranges kept."""
 
 import numpy as np
-import pytest
 
-from flyaround.simulator.baking.mesh_edges import find_edges
 from flyaround.simulator.geometry.subdivision import subdivide
-from tests.harness.boxes import closed_box
 
 
 def test_a_cut_mesh_is_the_same_closed_surface_with_short_edges():
@@ -32,30 +29,3 @@ def test_a_cut_mesh_is_the_same_closed_surface_with_short_edges():
         mine = t[made.first[k] : made.first[k + 1]].reshape(-1, 3)
         assert np.abs((mine - a) @ normal).max() < 1e-6
         assert len(mine) >= 3
-
-
-def test_short_edges_are_left_alone():
-    p = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], float)
-    made = subdivide(p, np.array([[0, 1, 2]]), 0.2)
-    assert made.parents == ()
-    assert made.triangles.tolist() == [[0, 1, 2]]
-    assert made.of.tolist() == [0]
-    assert made.first.tolist() == [0, 1]
-
-
-def test_edges_are_cut_where_triangles_are():
-    box = closed_box("body", (-0.4, -0.3, 0.0), (0.7, 0.3, 0.2))
-    edges = find_edges((box,), {"m": 1}, is_closed=True)
-    pieces, of = edges.cut(0.1)
-    ends = pieces.vertices_m[pieces.ends]
-    assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max() <= 0.1
-    assert np.all(np.diff(of) >= 0)
-    assert np.array_equal(pieces.faces, edges.faces[of])
-    # the pieces of an edge go from its start to its end
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    whole = edges.vertices_m[edges.ends]
-    assert np.bincount(of, length) == pytest.approx(np.linalg.norm(whole[:, 1] - whole[:, 0], axis=1))
-    made = subdivide(box.positions_m.astype(float), np.asarray(box.triangles), 0.1)
-    corners = made.extended(box.positions_m.astype(float))
-    places = {tuple(place) for place in corners}
-    assert {tuple(place) for place in ends.reshape(-1, 3).astype(np.float32)} <= places

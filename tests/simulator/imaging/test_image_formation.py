@@ -62,9 +62,3 @@ def test_sixteen_bits_keep_sixteen_bits():
     image = digitise(ramp, replace(sensor, bits=16), seed=0, frame_index=0)
     assert image.dtype == np.uint16
     assert len(np.unique(image)) > 65000
-
-
-def test_rgb_channels_have_noise_of_their_own():
-    sensor = sensor_preset("speed")
-    image = digitise(np.full((64, 64, 3), 0.5, np.float32), sensor, seed=0, frame_index=0).astype(float)
-    assert not np.array_equal(image[..., 0], image[..., 1])

@@ -7,28 +7,13 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
-from flyaround.simulator.imaging.exposure import GAUSS_PX, INSTANT_PX, add_times, instants_of
+from flyaround.simulator.imaging.exposure import GAUSS_PX, INSTANT_PX, instants_of
 from flyaround.simulator.imaging.image_motion import background_px
-from flyaround.simulator.imaging.motion_blur import motion_blur, motion_blur_kernels
+from flyaround.simulator.imaging.motion_blur import motion_blur
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.world.constants import EARTH_RADIUS_M
 from flyaround.simulator.world.frames.rotation import quat_from_matrix
-
-
-def test_a_kernel_has_the_moments_of_its_way():
-    ways = np.array([[0.0, 0.0], [0.4, -0.1], [1.3, 2.6], [-3.0, 0.7]])
-    kernels = motion_blur_kernels(ways).astype(float)
-    y, x = (np.arange(n) - n // 2 for n in kernels.shape[1:])
-    assert kernels.sum(axis=(1, 2)) == pytest.approx(1, abs=1e-6)
-    assert (kernels * x).sum(axis=(1, 2)) == pytest.approx(0, abs=1e-6)
-    # of a straight way: its length squared over twelve; the cross moment has the way's direction
-    for moment, expected in (
-        (kernels * x**2, ways[:, 0] ** 2 / 12),
-        (kernels * y[:, None] ** 2, ways[:, 1] ** 2 / 12),
-        (kernels * x * y[:, None], ways[:, 0] * ways[:, 1] / 12),
-    ):
-        assert moment.sum(axis=(1, 2)) == pytest.approx(expected, abs=3e-3)
 
 
 @pytest.mark.parametrize("bands", [None, 3])
@@ -93,9 +78,3 @@ def test_ground_passes_at_the_speed_over_the_height():
     assert ways[1] == pytest.approx((-4e4 * 70 / 500e3, 0.0), abs=2e-2)
     empty = replace(scene, environment=msgspec.structs.replace(scene.environment, earth=False))
     assert background_px(empty, replace(then, environment=empty.environment), pixels) == pytest.approx(pixels)
-
-
-def test_times_of_several_drawings_are_added():
-    total = {"craft": 2.0}
-    add_times(total, {"craft": 3.0, "sky": 1.0})
-    assert total == {"craft": 5.0, "sky": 1.0}

@@ -8,7 +8,6 @@ import pytest
 
 from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
-from flyaround.simulator.imaging import image_motion
 from flyaround.simulator.imaging.exposure import drawings_of_ground, integrate
 from flyaround.simulator.imaging.image_formation import expose_scene
 from flyaround.simulator.imaging.image_motion import image_motion_px
@@ -81,18 +80,6 @@ def test_the_smear_is_the_mean_of_four_times_the_instants(
     assert rms < 0.005
     assert rms < 0.5 * unsmeared
     assert signal.mean() == pytest.approx(wanted.mean(), rel=1e-3)
-
-
-def test_each_moment_of_an_exposure_is_worked_out_once(renderer, plan, monkeypatch):
-    asked = []
-    monkeypatch.setattr(
-        image_motion,
-        "propagated_scene",
-        lambda scene, dt_s: asked.append(dt_s) or propagated_scene(scene, dt_s),
-    )
-    integrate(renderer, _exposed(plan, 0.1), plan.target)
-    assert len(asked) == len(set(asked))
-    assert len(asked) > 2
 
 
 def test_sky_in_view_is_drawn_instant_by_instant(plan):

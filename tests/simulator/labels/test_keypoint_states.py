@@ -6,15 +6,13 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from small_flight import small_flight
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.check.verify import check_frame
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.labels.request import LabelRequest
 from flyaround.simulator.labels.truth import KeypointState
 from flyaround.simulator.runtime.arrays import vec3
-from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
 from tools.validation.labels.report import dataset_card
 
@@ -34,9 +32,8 @@ def _in_eclipse(scene):
 @pytest.fixture(scope="module")
 def frames(renderer):
     """The craft as it is, under- and over-exposed, and in the Earth's shadow; cropped by the image's edge."""
-    scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
-    plan = plan_flight(scenario, times=(20.0,), quality="draft")
-    camera = smaller(plan.camera, 256)
+    plan = small_flight(256, times=(20.0,))
+    camera = plan.camera
     plan = replace(plan, camera=replace(camera, fx_px=2 * camera.fx_px, fy_px=2 * camera.fy_px, cx_px=40.0))
     scene = plan.scene(0)
     scenes = (

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import msgspec
 import numpy as np
 import pytest
+from small_flight import small_flight
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.check.verify import check_dataset, check_frame
@@ -18,17 +18,14 @@ from flyaround.simulator.dataset.single_frames import render_scene, save_picture
 from flyaround.simulator.labels.layers import layer_hash
 from flyaround.simulator.labels.request import LAYERS, LabelRequest, parse_labels
 from flyaround.simulator.labels.truth import Truth, read_truth
-from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 
 
 @pytest.fixture(scope="module")
 def plan():
-    scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
-    plan = plan_flight(scenario, times=(20.0, 20.5), quality="draft")
-    camera = smaller(plan.camera, 256)
+    plan = small_flight(256, times=(20.0, 20.5))
+    camera = plan.camera
     # longer, and to the side, so that the craft is cropped
     return replace(
         plan, camera=replace(camera, fx_px=camera.fx_px * 1.6, fy_px=camera.fy_px * 1.45, cx_px=12.0)

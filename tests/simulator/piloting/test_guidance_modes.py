@@ -8,7 +8,7 @@ import pytest
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.clock import JUMP_RATE
-from flyaround.simulator.piloting.guidance_modes import Guided, cubic_between
+from flyaround.simulator.piloting.guidance_modes import Guided
 from flyaround.simulator.piloting.guidance_orders import (
     ApproachVbar,
     Circumnavigate,
@@ -51,16 +51,6 @@ def fly_to(session: FlightSession, t_s: float, rate: float = 50.0) -> None:
     session.clock.set_rate(rate)
     while session.t_s < t_s - 1e-6:
         session.step(PilotCommand(), TICK_S)
-
-
-def test_a_cubic_has_both_states_as_its_ends() -> None:
-    a = np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.0, -0.2])
-    b = np.array([-4.0, 0.0, 1.0]), np.array([0.0, 0.3, 0.0])
-    for t, (p, v) in ((0.0, a), (40.0, b)):
-        np.testing.assert_allclose(cubic_between(a, b, 40.0, t)[0], p, atol=1e-12)
-        np.testing.assert_allclose(cubic_between(a, b, 40.0, t)[1], v, atol=1e-12)
-    slope = (cubic_between(a, b, 40.0, 17.001)[0] - cubic_between(a, b, 40.0, 16.999)[0]) / 0.002
-    np.testing.assert_allclose(slope, cubic_between(a, b, 40.0, 17.0)[1], atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ from flyaround.simulator.world.guidance.keep_out import KeepOut
 from flyaround.simulator.world.guidance.thrusters import Thrusters
 from tests.harness.pilot import TICK_S, fly, holding
 from tests.harness.small_disk import small_disk
+from tests.harness.turned_clock import TurnedClock
 
 
 @pytest.fixture
@@ -197,15 +198,6 @@ def test_the_rate_changes_no_faster_than_the_slew(session: FlightSession) -> Non
     assert change == pytest.approx(SLEW_RAD_S2 * STEP_S, rel=1e-6)
 
 
-def test_the_flight_does_not_depend_on_how_often_the_window_is_drawn(session: FlightSession) -> None:
-    other = FlightSession.of(session.plan.scenario)
-    for _ in range(100):
-        session.step(holding("right"), 0.02)
-    for _ in range(20):
-        other.step(holding("right"), 0.1)
-    assert other.craft.chaser == session.craft.chaser
-
-
 def test_restart_gives_the_first_picture_again(session: FlightSession) -> None:
     first = session.scene()
     fly(session, 2.0, "forward", "roll-left")
@@ -233,13 +225,6 @@ def test_the_flight_goes_on_past_the_scenarios_end(session: FlightSession) -> No
     np.testing.assert_allclose(session.craft.world.r_target_eci_m, early, atol=1e-6)
 
 
-def test_steered_time_equals_the_clock_at_high_rate(session: FlightSession) -> None:
-    session.clock.set_rate(50.0)
-    fly(session, 2.0, "forward")
-    assert session.t_s == pytest.approx(100.0, abs=1.1)
-    assert session.craft.world.t_s == session.t_s
-
-
 def guarded_session(radius_m: float) -> FlightSession:
     scenario = load_scenario("tango-flyaround")
     thrusters = Thrusters()
@@ -265,17 +250,8 @@ def test_keep_out_sphere_stops_an_operator_who_pushes_on() -> None:
     assert free.craft.world.range_m < 7.0
 
 
-class Clock:
-    """A clock that the test turns."""
-
-    now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-
 def test_a_flight_is_on_disk_while_it_is_flown(tmp_path: Path) -> None:
-    clock = Clock()
+    clock = TurnedClock()
     recorder = FlightRecorder(clock)
     session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path / "flown", session.plan.scenario)
@@ -300,7 +276,7 @@ def test_a_flight_is_on_disk_while_it_is_flown(tmp_path: Path) -> None:
 
 
 def test_a_restart_begins_another_recording(tmp_path: Path) -> None:
-    clock = Clock()
+    clock = TurnedClock()
     recorder = FlightRecorder(clock)
     session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path, session.plan.scenario)
@@ -340,7 +316,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path: Path) -> No
 
 
 def test_a_recording_whose_folder_is_gone_is_told_and_made_again_at_the_end(tmp_path: Path) -> None:
-    clock = Clock()
+    clock = TurnedClock()
     recorder = FlightRecorder(clock)
     session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path / "flown", session.plan.scenario)

@@ -9,7 +9,7 @@ import pytest
 from flyaround.simulator.camera.lens.camera_model import Distortion
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.recipes.plan import plan_recipe
-from flyaround.simulator.recipes.poses import draw_pose, scaled_range_m
+from flyaround.simulator.recipes.poses import draw_pose
 from flyaround.simulator.scenario.load import list_recipes, load_recipe
 from flyaround.simulator.scenario.recipe import UniformRange
 from flyaround.simulator.targets.library import list_targets, load_target
@@ -146,10 +146,6 @@ def test_every_target_is_as_large_in_the_image_as_tango(name):
     assert high - 0.2 * (high - low) < max(z) <= high
     # the camera never comes inside the craft
     assert low > 1.5 * max(np.linalg.norm(p.positions_m, axis=1).max() for p in plan.target.parts)
-
-
-def test_tango_keeps_its_own_range():
-    assert scaled_range_m(load_target("tango")) == (3.0, 18.0)
 
 
 def test_the_range_of_a_recipe_is_the_origins_depth_and_that_of_a_flight_the_centre_of_mass():

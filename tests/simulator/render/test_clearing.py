@@ -6,19 +6,11 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
-from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
-
-
-def test_rectangles_meet_and_are_held():
-    one, other = PixelRect(0, 0, 10, 10), PixelRect(5, 8, 20, 9)
-    assert one.within(other) == PixelRect(5, 8, 10, 9)
-    assert one.around(other) == PixelRect(0, 0, 20, 10)
-    assert one.within(PixelRect(10, 0, 12, 10)) is None
 
 
 @pytest.mark.parametrize("bands", ["mono", "rgb"])

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Distortion
-from flyaround.simulator.celestial.earth_maps import terrain_texture
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.render.craft.resident_targets import MOST_LOADED
@@ -80,16 +79,6 @@ def _ahead_m(scene, distance_m):
     return matrix_from_quat(scene.q_camera_from_eci_wxyz)[2] * distance_m
 
 
-def test_a_closed_renderer_gives_its_maps_back(draw_kit):
-    target = draw_kit.target([draw_kit.plate("plate", "white", (0, 0, 0), 0.3)], [draw_kit.white()])
-    scene = replace(draw_kit.scene(target, t_m=(0, 0, 4.0)), environment=Environment())
-    with Renderer() as passing:
-        passing.render(scene, target)
-        held = _resident_mb()
-    # the day map alone is 170 MB with its levels; EGL keeps all of a context that is still the thread's current one
-    assert _resident_mb() < held - 170
-
-
 def test_renderers_one_after_another_take_the_memory_of_one(draw_kit):
     camera = smaller(draw_kit.camera, 96)
     held = []
@@ -100,21 +89,6 @@ def test_renderers_one_after_another_take_the_memory_of_one(draw_kit):
             passing.render(scene, target, labels=True)
         held.append(_settled_mb())
     assert max(held[2:]) < held[1] + 50
-
-
-def test_the_passes_of_the_earth_free_all_their_maps(draw_kit):
-    target = _plate(draw_kit, 200)
-    scene = draw_kit.scene(target, t_m=(0, 0, 4.0), environment=Environment(), off_nadir_deg=30.0)
-    scene = replace(scene, camera=smaller(draw_kit.camera, 96), quality="high")
-    height, width = terrain_texture().shape[:2]
-    before = _in_use(moderngl.Texture, (width, height))
-    with Renderer() as passing:
-        # the first frame's Earth has a pass that only stands in, and is gone
-        passing.render(scene, target)
-        gc.collect()
-        held = _in_use(moderngl.Texture, (width, height))
-    assert held > before
-    assert _in_use(moderngl.Texture, (width, height)) == before
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flyaround.hil.board_model import write as board_model
 from flyaround.simulator.runtime import cache
 from flyaround.simulator.runtime.cache import (
     DamagedError,
@@ -20,7 +19,6 @@ from flyaround.simulator.runtime.cache import (
     store_checked,
 )
 from flyaround.simulator.runtime.cached_arrays import cached_array, entry_of
-from flyaround.simulator.targets.library import load_target
 
 CONTENTS = bytes(range(256)) * 20
 
@@ -117,29 +115,6 @@ def test_a_damaged_array_is_made_again_whatever_the_damage(folder):
         assert store_checked(path, lambda file, text=text: file.write(text))
         assert np.array_equal(cached_array("a", make), np.arange(300.0))
         assert path.read_bytes() == whole
-
-
-def test_damaged_board_models_are_made_again(folder, monkeypatch):
-    monkeypatch.setattr(board_model, "outlines_of", lambda _: None)
-    monkeypatch.setattr(board_model, "packed", lambda _: record)
-    monkeypatch.setattr(board_model, "make_faces", lambda _: None)
-    record = board_model.OutlinesRecord(
-        views=1, points=1, center_m=(0, 0, 0), range_m=1, step_m=1, radius_step_m=1, data=""
-    )
-    target = load_target("tango")
-    kinds = {
-        "outlines": lambda: board_model.cached_outlines(target) == record,
-        "faces": lambda: board_model.cached_faces(target) is None,
-    }
-    rng = np.random.default_rng(3)
-    for name, is_right in kinds.items():
-        assert is_right()
-        (path,) = (folder / "board-models").glob(f"{name}-*")
-        whole = path.read_bytes()
-        for data in damages(whole, rng, 3):
-            path.write_bytes(data)
-            assert is_right()
-            assert path.read_bytes() == whole
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT, errno.EIO])

@@ -256,28 +256,6 @@ def test_arrays_of_any_size_go_there_and_come_back_whole():
         assert np.array_equal(tripled, array * np.uint32(3))
 
 
-class Clock:
-    """A clock that the test turns."""
-
-    now_s = 0.0
-
-    def __call__(self):
-        return self.now_s
-
-
-def test_a_process_is_idle_only_while_it_uses_no_processor_time():
-    clock = Clock()
-    watch = worker.ProgressWatch(clock)
-    for worked_s in (1.0, 1.5, 9.0):
-        clock.now_s += 100.0
-        assert watch.idle_s(worked_s) == 0.0
-    clock.now_s += 100.0
-    assert watch.idle_s(9.0) == 100.0
-    watch.restart()
-    clock.now_s += 5.0
-    assert watch.idle_s(9.0) == 5.0
-
-
 def spin(_resource, path):
     while path.exists():
         pass

@@ -136,14 +136,3 @@ def test_burn_of_the_target_is_seen_from_the_chaser(tmp_path: Path) -> None:
 def test_contradictions_are_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
     with pytest.raises(UserError, match=sentence):
         load_scenario(written(tmp_path, text))
-
-
-def test_a_burn_that_brings_the_target_down_is_refused(tmp_path: Path) -> None:
-    text = HEAD.replace("duration_s = 40.0", "duration_s = 3000.0") + DRIFT
-    text += BURN.format(craft="target", start=5.0).replace("0.1", "-900.0")
-    path = tmp_path / "mine.toml"
-    path.write_text(text)
-    with pytest.raises(
-        UserError, match=r"below the surface of the Earth .* s after the start: shorten duration_s"
-    ):
-        fly(load_scenario(path), TANGO)

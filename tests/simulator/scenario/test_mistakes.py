@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
 from scenario_text import GOOD, write
 
-from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.errors import UserError, near_names
 from flyaround.simulator.scenario.load import load_scenario
 
@@ -137,13 +134,6 @@ def test_unknown_scenario(name: str, words: list[str]) -> None:
         assert word in str(caught.value)
 
 
-def test_binary_file_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "x.toml"
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(UserError, match="UTF-8"):
-        load_scenario(path)
-
-
 @pytest.mark.parametrize(
     ("section", "sentence"),
     [
@@ -164,28 +154,3 @@ def test_mistakes_about_thrusters(section: str, sentence: str, tmp_path: Path) -
     with pytest.raises(UserError) as caught:
         load_scenario(path)
     assert sentence in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (
-            {"distortion": {"model": "brown_conrady", "coefficients": [-25, 0, 0, 0]}},
-            ["distortion.coefficients", "folds back inside the image"],
-        ),
-        ({"width_px": 0}, ["width_px", "16"]),
-        ({"fov_deg": 30}, ["unknown key fov_deg", "at the top level", "fx_px"]),
-        ({"cx_px": "middle"}, ["cx_px", "'middle'", "a number"]),
-        (None, ["not JSON"]),
-    ],
-)
-def test_a_wrong_camera_file_is_one_sentence(
-    change: dict[str, object] | None, words: list[str], tmp_path: Path
-) -> None:
-    content = json.loads(files("flyaround.assets").joinpath("cameras", "speed.json").read_text())
-    path = tmp_path / "cam.json"
-    path.write_text("{" if change is None else json.dumps({**content, **change}), encoding="utf-8")
-    with pytest.raises(UserError) as caught:
-        load_camera(path)
-    for word in [str(path), *words]:
-        assert word in str(caught.value)

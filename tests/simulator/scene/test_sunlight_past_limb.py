@@ -7,44 +7,12 @@ import pytest
 
 from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere
 from flyaround.simulator.scene.illumination.refraction import (
-    _HEIGHTS_M,
-    LIMB_DARKENING,
-    _grazing,
-    _strips,
-    limb_darkening,
     sunlight_past_earth,
 )
 from flyaround.simulator.world.constants import SUN_RADIUS_M
 
 AU_M = 149_597_870_700.0
 RADIUS_M = 6_371_000.0
-
-
-def test_strips_hold_the_light_and_the_width_of_a_darkened_disc() -> None:
-    """Moments of 1 - u + u sqrt(1 - r^2) over the disc, in closed form; 96 strips are good to a thousandth."""
-    place, weight = _strips()
-    u = LIMB_DARKENING
-    light = (1 - u) / 2 + u / 3
-    square = ((1 - u) / 4 + 2 * u / 15) / light / 2
-    assert weight.sum() == pytest.approx(1.0)
-    assert weight @ place == pytest.approx(0.0, abs=1e-12)
-    assert weight @ place**2 == pytest.approx(square, rel=2e-3)
-    r = (np.arange(20_000) + 0.5) / 20_000
-    assert (limb_darkening(r) * 2 * r).mean() == pytest.approx(1.0, abs=1e-6)
-    assert limb_darkening(0.0) == pytest.approx(0.5 / light)
-
-
-@pytest.mark.parametrize("bands", ["mono", "rgb"])
-def test_more_light_passes_higher_up_and_all_of_it_above_the_air(bands: str) -> None:
-    through = _grazing(bands)
-    assert np.all(np.diff(_HEIGHTS_M) > 0)
-    assert (_HEIGHTS_M[0], _HEIGHTS_M[-1]) == (0.0, 300e3)
-    assert np.all(np.diff(through, axis=0) >= -1e-12)
-    assert np.all(through[-1] > 0.999)
-    assert np.all(through[0] < 0.05)
-    if bands == "rgb":  # what is left at 10 km is red
-        low = through[np.searchsorted(_HEIGHTS_M, 10e3)]
-        assert low[0] > 1.5 * low[2]
 
 
 def test_a_craft_goes_through_half_light_into_the_shadow() -> None:

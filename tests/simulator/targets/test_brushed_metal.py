@@ -1,8 +1,8 @@
 """Brushed metal in target files and glTF models: strength and grain survive, by tangents or texture coordinates."""
 
 import numpy as np
-import pygltflib as gl
 import pytest
+from gltf_model import Gltf
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.check_target import check_grain
@@ -25,58 +25,21 @@ def test_a_craft_with_brushed_parts_is_read_back_the_same(tmp_path):
     assert any(m.anisotropy > 0 for m in back.materials)
 
 
-def plate_glb(path, *, rotation_rad=0.0, tangent=None, uv_turn_rad=None):
+def plate_gltf(path, *, rotation_rad=0.0, tangent=None, uv_turn_rad=None):
     """A square metre in the plane of x and z, facing y, as a modelling tool writes it."""
     p = np.array([(0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 0, 0)], "<f4")
-    n = np.tile(np.array([0, 1, 0], "<f4"), (4, 1))
-    blob, views, accessors, attributes = b"", [], [], {}
-
-    def add(name, data, kind):
-        nonlocal blob
-        views.append(gl.BufferView(buffer=0, byteOffset=len(blob), byteLength=data.nbytes))
-        accessors.append(
-            gl.Accessor(
-                bufferView=len(views) - 1,
-                componentType=gl.UNSIGNED_INT if name == "index" else gl.FLOAT,
-                count=data.size if name == "index" else len(data),
-                type=kind,
-                min=data.min(axis=0).tolist() if name == "POSITION" else None,
-                max=data.max(axis=0).tolist() if name == "POSITION" else None,
-            )
-        )
-        if name != "index":
-            attributes[name] = len(accessors) - 1
-        blob += data.tobytes()
-        return len(accessors) - 1
-
-    add("POSITION", p, gl.VEC3)
-    add("NORMAL", n, gl.VEC3)
+    plate = Gltf(p, np.array([(0, 1, 2), (0, 2, 3)]))
+    plate.attribute("NORMAL", np.tile(np.array([0, 1, 0], "<f4"), (4, 1)))
     if tangent is not None:
-        add("TANGENT", np.tile(np.array([*tangent, 1], "<f4"), (4, 1)), gl.VEC4)
+        plate.attribute("TANGENT", np.tile(np.array([*tangent, 1], "<f4"), (4, 1)))
     if uv_turn_rad is not None:
         c, s = np.cos(uv_turn_rad), np.sin(uv_turn_rad)
         # seen from y, x to the right and z down: u runs along x turned clockwise as v runs down
-        add("TEXCOORD_0", (p[:, [0, 2]] @ np.array([[c, -s], [s, c]])).astype("<f4"), gl.VEC2)
-    index = add("index", np.array([0, 1, 2, 0, 2, 3], "<u4"), gl.SCALAR)
+        plate.attribute("TEXCOORD_0", (p[:, [0, 2]] @ np.array([[c, -s], [s, c]])).astype("<f4"))
     extension = {"anisotropyStrength": 0.7, "anisotropyRotation": rotation_rad}
-    document = gl.GLTF2(
-        scene=0,
-        scenes=[gl.Scene(nodes=[0])],
-        nodes=[gl.Node(mesh=0)],
-        meshes=[
-            gl.Mesh(
-                primitives=[gl.Primitive(attributes=gl.Attributes(**attributes), indices=index, material=0)]
-            )
-        ],
-        materials=[gl.Material(name="steel", extensions={"KHR_materials_anisotropy": extension})],
-        extensionsUsed=["KHR_materials_anisotropy"],
-        accessors=accessors,
-        bufferViews=views,
-        buffers=[gl.Buffer(byteLength=len(blob))],
-    )
-    document.set_binary_blob(blob)
-    document.save_binary(str(path))
-    return path
+    plate.paint(name="steel", extensions={"KHR_materials_anisotropy": extension})
+    plate.document["extensionsUsed"] = ["KHR_materials_anisotropy"]
+    return plate.write(path)
 
 
 @pytest.mark.parametrize(
@@ -91,14 +54,14 @@ def plate_glb(path, *, rotation_rad=0.0, tangent=None, uv_turn_rad=None):
     ],
 )
 def test_grain_follows_the_tangents_of_a_model(tmp_path, made, grain):
-    target, _ = import_mesh(plate_glb(tmp_path / "plate.glb", **made), "plate", SHEET)
+    target, _ = import_mesh(plate_gltf(tmp_path / "plate.gltf", **made), "plate", SHEET)
     (steel,) = target.materials
     assert steel.anisotropy == pytest.approx(0.7)
     assert abs(np.dot(steel.grain, grain)) == pytest.approx(1.0, abs=1e-5)
 
 
 def test_brushing_without_a_direction_is_told(tmp_path):
-    target, lines = import_mesh(plate_glb(tmp_path / "plate.glb"), "plate", SHEET)
+    target, lines = import_mesh(plate_gltf(tmp_path / "plate.gltf"), "plate", SHEET)
     assert target.materials[0].anisotropy == 0
     assert any("brushing" in line for line in lines)
     with pytest.raises(UserError, match="in no direction"):

@@ -15,6 +15,7 @@ import numpy as np
 import pygltflib
 import pytest
 import trimesh
+from gltf_model import join_glb, split_glb
 
 from flyaround.hil.board_model.records import board_json_schema
 from flyaround.hil.board_model.write import write_board_model
@@ -35,21 +36,6 @@ def tango() -> Target:
 def glb(tango: Target, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("targets") / "tango.glb"
     write_glb(tango, path)
-    return path
-
-
-def split(path: Path) -> tuple[dict[str, Any], bytes]:
-    """JSON and binary chunk, read with the standard library alone."""
-    data = path.read_bytes()
-    (size,) = struct.unpack_from("<I", data, 12)
-    return json.loads(data[20 : 20 + size]), data[28 + size :]
-
-
-def join(path: Path, document: dict[str, Any], blob: bytes) -> Path:
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(blob), b"BIN\0") + blob
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
     return path
 
 
@@ -164,10 +150,10 @@ def test_damaged_textures_are_refused(
 ) -> None:
     path = tmp_path / "board.glb"
     write_glb(load_target("calibration-board"), path)
-    document, blob = split(path)
+    document, blob = split_glb(path)
     damage(document)
     with pytest.raises(UserError, match=message):
-        load_glb(join(path, document, blob))
+        load_glb(join_glb(path, document, blob))
 
 
 def test_a_keypoint_off_the_mesh_is_named(tango: Target, tmp_path: Path) -> None:
@@ -293,9 +279,9 @@ DAMAGE: dict[Callable[[dict[str, Any], bytes], bytes], str] = {
 def test_damaged_file_is_refused_in_one_sentence(
     damage: Callable[[dict[str, Any], bytes], bytes], glb: Path, tmp_path: Path
 ) -> None:
-    document, blob = split(glb)
+    document, blob = split_glb(glb)
     blob = damage(document, blob)
-    path = join(tmp_path / "bad.glb", document, blob)
+    path = join_glb(tmp_path / "bad.glb", document, blob)
     with pytest.raises(UserError, match=DAMAGE[damage]) as caught:
         load_glb(path)
     message = str(caught.value)

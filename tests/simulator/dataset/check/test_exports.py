@@ -1,6 +1,5 @@
 """Faults planted in the exports of a data set: check finds each by comparing the export with the native frames."""
 
-import dataclasses
 import io
 import itertools
 import json
@@ -9,13 +8,12 @@ import tarfile
 from importlib.util import find_spec
 
 import cv2
-import msgspec
 import numpy as np
 import pytest
+from small_flight import small_flight
 from typer.testing import CliRunner
 
 from flyaround.cli.app import app
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.check.exports import ExportsCheck
@@ -24,8 +22,6 @@ from flyaround.simulator.dataset.formats.labelled_frame import frame_from_folder
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.labels.request import LAYERS
 from flyaround.simulator.labels.truth import read_truth
-from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.world.frames.pose import Pose
 
 pytestmark = pytest.mark.gl
@@ -36,12 +32,14 @@ N = 11
 @pytest.fixture(scope="module")
 def original(tmp_path_factory):
     """Return a data set in every format whose library is installed, of more frames than a check samples."""
-    scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
-    plan = plan_flight(scenario, n=N, quality="draft")
-    plan = dataclasses.replace(plan, camera=smaller(plan.camera, 160))
     folder = tmp_path_factory.mktemp("exports") / "set"
     names = [name for name in writable() if name != "parquet" or find_spec("pyarrow")]
-    assert capture(plan, folder, formats=tuple(names), labels=LAYERS, split=(8, 2, 1)).quarantined == ()
+    assert (
+        capture(
+            small_flight(160, n=N), folder, formats=tuple(names), labels=LAYERS, split=(8, 2, 1)
+        ).quarantined
+        == ()
+    )
     return folder
 
 

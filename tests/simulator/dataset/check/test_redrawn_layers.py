@@ -1,15 +1,13 @@
 """Small faults in the layers of a frame that is drawn again: record and hash agree, rays through samples miss them."""
 
-import dataclasses
 import json
 import shutil
 
 import cv2
-import msgspec
 import numpy as np
 import pytest
+from small_flight import small_flight
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.check.verify import check_dataset
 from flyaround.simulator.dataset.formats.exr import encode_exr
@@ -22,18 +20,14 @@ from flyaround.simulator.dataset.formats.native import (
 )
 from flyaround.simulator.labels.layers import layer_hash
 from flyaround.simulator.labels.request import LAYERS
-from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 
 
 @pytest.fixture(scope="module")
 def original(tmp_path_factory):
-    scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
-    plan = plan_flight(scenario, times=(20.0, 35.0), quality="draft")
     folder = tmp_path_factory.mktemp("layers") / "set"
-    capture(dataclasses.replace(plan, camera=smaller(plan.camera, 320)), folder, labels=LAYERS)
+    capture(small_flight(320, times=(20.0, 35.0)), folder, labels=LAYERS)
     return folder
 
 

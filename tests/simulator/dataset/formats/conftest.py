@@ -3,15 +3,12 @@
 import dataclasses
 from importlib.util import find_spec
 
-import msgspec
 import pytest
+from small_flight import small_flight
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.labels.request import LAYERS
-from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.plan import plan_flight
 
 N = 6
 
@@ -21,9 +18,8 @@ def small_plan():
     """Makes plans of Tango on 384 pixels, whose fx, fy and middle cannot be taken for each other."""
 
     def make(n=N, *, bands=None, **sensor):
-        scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
-        plan = plan_flight(scenario, n=n, quality="draft", bands=bands)
-        camera = smaller(plan.camera, 384)
+        plan = small_flight(384, n=n, bands=bands)
+        camera = plan.camera
         # no lens: one of the formats holds none
         camera = dataclasses.replace(
             camera,

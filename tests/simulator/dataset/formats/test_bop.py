@@ -8,9 +8,9 @@ import msgspec
 import numpy as np
 import pytest
 import trimesh
+from small_flight import small_flight
 
 import flyaround as fa
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture_card
 from flyaround.simulator.dataset.formats.bop import gt_info
 from flyaround.simulator.dataset.formats.labelled_frame import frame_from_files
@@ -26,10 +26,8 @@ SIZE = np.array([192, 120])
 
 @pytest.fixture(scope="module")
 def plan():
-    scenario = msgspec.structs.replace(fa.load_scenario("tango-flyaround"), target="tango@low")
-    plan = fa.plan_flight(scenario, n=1, quality="draft")
-    camera = dataclasses.replace(smaller(plan.camera, int(SIZE[0])), height_px=int(SIZE[1]))
-    return dataclasses.replace(plan, camera=camera)
+    plan = small_flight(int(SIZE[0]), n=1)
+    return dataclasses.replace(plan, camera=dataclasses.replace(plan.camera, height_px=int(SIZE[1])))
 
 
 def by_the_toolkit(renderer, scene, target):

@@ -15,8 +15,6 @@ from PIL import Image
 
 import flyaround as fa
 from flyaround.__main__ import run
-from flyaround.simulator.camera.detector.presets import sensor_preset
-from flyaround.simulator.camera.detector.sensor import with_bits
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.formats.parquet import columns, readme
@@ -135,19 +133,6 @@ def test_a_set_of_an_older_card_is_converted_with_the_scale_said(deep, tmp_path,
     assert "12 bits times 255 / 4095" in " ".join(capsys.readouterr().err.split())
     image = cv2.imread(str(next((tmp_path / "out").rglob("000000.png"))))
     assert image.max() > 100
-
-
-@pytest.mark.parametrize("preset", ["imx174", "cmv4000"])
-@pytest.mark.parametrize("bits", [8, 10, 14, 16])
-def test_another_depth_keeps_full_scale(preset, bits):
-    own = sensor_preset(preset)
-    sensor = with_bits(own, bits)
-    full, own_full = 2**bits - 1, 2**own.bits - 1
-    assert sensor.saturation_e == pytest.approx(own.saturation_e, rel=0.01)
-    assert sensor.detector.full_well_e == own.detector.full_well_e
-    top = sensor.detector.black_level_dn + sensor.saturation_e / sensor.detector.gain_e_per_dn
-    own_top = own.detector.black_level_dn + own.saturation_e / own.detector.gain_e_per_dn
-    assert top / full == pytest.approx(own_top / own_full, abs=0.01)
 
 
 @pytest.mark.parametrize(

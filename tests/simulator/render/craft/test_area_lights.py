@@ -9,7 +9,7 @@ import pytest
 from flyaround.simulator.imaging.metering import metered_radiance_w_m2_sr
 from flyaround.simulator.labels.keypoints import geometric_states
 from flyaround.simulator.recipes.plan import plan_recipe
-from flyaround.simulator.scene.illumination.area_light import AreaLight, rook_points
+from flyaround.simulator.scene.illumination.area_light import AreaLight
 from flyaround.simulator.scene.record import SceneRecord
 from flyaround.simulator.targets.joined_mesh import mesh_of
 from flyaround.simulator.targets.library import load_target
@@ -110,13 +110,6 @@ def test_the_penumbra_of_an_edge_is_as_wide_as_the_light(renderer, draw_kit):
     # the shade's edge at x = -0.2 falls at -0.05 +- 0.075 from the light's ends, which are at -0.8 +- 0.3
     for at, share in ((-0.14, 0.0), (-0.09, 0.23), (-0.05, 0.5), (-0.01, 0.77), (0.04, 1.0)):
         assert np.interp(at, x, row) == pytest.approx(share, abs=0.09)
-
-
-def test_points_stand_in_rows_and_columns_of_their_own():
-    for count in (4, 8, 16):
-        points = rook_points(count)
-        for axis in (0, 1):
-            assert np.sort(points[:, axis]) == pytest.approx((2 * np.arange(count) + 1 - count) / count)
 
 
 def test_a_light_in_the_target_s_axes_turns_with_it(renderer, draw_kit):

@@ -9,7 +9,6 @@ import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.camera.lens.distortion import Distortion
-from flyaround.simulator.render.gl.lens_rays import ray_table
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
@@ -149,12 +148,3 @@ def test_the_limb_and_the_sun_lie_where_the_camera_projects_them(renderer, draw_
     wrong = bright & ~cv2.dilate(ground.astype(np.uint8), np.ones((3, 3))).astype(bool)
     assert not wrong.any()
     assert (bright & ground).sum() > 0.5 * ground.sum()
-
-
-@pytest.mark.parametrize("lens", LENSES)
-def test_the_table_of_rays_is_the_lens_undone(lens):
-    camera = LENSES[lens]
-    table = ray_table(camera)
-    pixels = np.random.default_rng(0).integers([-1, -1], [321, 241], (400, 2))
-    xy = camera.unproject(pixels.astype(float))
-    assert np.abs(table[pixels[:, 1] + 1, pixels[:, 0] + 1, :2] - xy).max() * camera.fx_px < 1e-3

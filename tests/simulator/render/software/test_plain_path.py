@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.files import load_camera
-from flyaround.simulator.render.craft import placement
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
@@ -67,27 +66,6 @@ def test_nothing_that_a_lens_shows_of_a_craft_is_left_out(renderers, camera):
     off, of_craft = np.abs(spared.radiance - plain.radiance)[craft], spared.radiance[craft]
     assert off.max() < 0.05 * of_craft.max()
     assert off.mean() < 1e-3 * of_craft.mean()
-
-
-@pytest.mark.gl
-def test_the_lattice_is_the_same_though_its_buffer_is_not(renderers, monkeypatch):
-    # a craft that fills much of a large picture: its rectangle has more samples than a lattice of `high` may have
-    chosen, choose = [], placement.choose_pattern
-
-    def stop_at_choice(*args, **options):
-        chosen.append(choose(*args, **options))
-        raise RuntimeError("chosen")
-
-    monkeypatch.setattr(placement, "choose_pattern", stop_at_choice)
-    plan = plan_flight(load_scenario("tango-close-3m"), n=1)
-    scene = plan.scene(0)
-    nearer_m = tuple(0.9 * m for m in scene.t_camera_from_target_m)
-    scene = replace(scene, t_camera_from_target_m=nearer_m, quality="high")
-    for one in renderers:
-        one.make_current()
-        with pytest.raises(RuntimeError, match="chosen"):
-            one.render(scene, plan.target)
-    assert chosen[0] == chosen[1]
 
 
 @pytest.mark.gl

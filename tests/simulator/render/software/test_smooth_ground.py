@@ -7,9 +7,7 @@ import pytest
 
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.imaging.image_formation import expose_scene
-from flyaround.simulator.render.moon.moon_view import moon_view
 from flyaround.simulator.render.renderer import Renderer
-from flyaround.simulator.render.software.smooth_moon import moon_tiles
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 
@@ -35,15 +33,3 @@ def test_tiles_show_what_their_pixels_do(name, most_dn):
     assert signals[1].mean() > 2
     assert 0 < np.sqrt(np.mean(off**2)) < most_dn
     assert abs(off.mean()) < 0.1
-
-
-def test_the_moons_tiles_cover_its_rectangle_once():
-    scene, _ = _scene("lunar-orbit", 960)
-    moon = moon_view(scene)
-    tiles = moon_tiles(moon, moon.rect, scene.camera, replace(moon.rect, x1=100, y1=50))
-    assert [(t.smooth, t.covered) for t in tiles if t.smooth] == [(True, False), (True, True)]
-    corners = np.concatenate([t.triangles_px for t in tiles]).reshape(-1, 3, 2)
-    sides = corners[:, 1:] - corners[:, :1]
-    area = 0.5 * np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
-    assert area.sum() == moon.rect.width * moon.rect.height
-    assert len(np.unique(corners.sum(axis=1), axis=0)) == len(corners)

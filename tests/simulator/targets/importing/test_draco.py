@@ -1,12 +1,12 @@
 """Geometry packed with Draco is read as if it were not, and a damaged stream is refused in a sentence."""
 
-import json
 from pathlib import Path
 
 import DracoPy
 import numpy as np
 import pytest
 import trimesh
+from gltf_model import join_glb, split_glb
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.importing.add import ImportOptions, read_surface
@@ -51,14 +51,7 @@ def packed_glb(path, stream, *, count=None, plain=None, optional=False, nodes=1)
         "bufferViews": [{"buffer": 0, "byteLength": len(stream)}],
         "buffers": [{"byteLength": len(blob)}],
     }
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    blob += bytes(-len(blob) % 4)
-    chunks = (
-        len(text).to_bytes(4, "little") + b"JSON" + text + len(blob).to_bytes(4, "little") + b"BIN\0" + blob
-    )
-    path.write_bytes(b"glTF" + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks)
-    return path
+    return join_glb(path, document, blob)
 
 
 def ids_of(stream):
@@ -118,15 +111,9 @@ def test_texture_coordinates_are_packed_too(tmp_path, stream):
 
 def rewritten(path, change):
     """The GLB with its JSON changed."""
-    data = path.read_bytes()
-    size = int.from_bytes(data[12:16], "little")
-    document = json.loads(data[20 : 20 + size])
+    document, blob = split_glb(path)
     change(document)
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    rest = data[20 + size :]
-    whole = len(text).to_bytes(4, "little") + b"JSON" + text + rest
-    path.write_bytes(data[:8] + (12 + len(whole)).to_bytes(4, "little") + whole)
+    join_glb(path, document, blob)
 
 
 def test_a_stream_that_is_damaged_or_no_mesh(tmp_path, stream):

@@ -3,6 +3,7 @@
 import io
 import itertools
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh
 from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
 
 SIZE_M = (1.0, 2.0, 3.0)
+STEP_BOX = Path(__file__).parents[3] / "data" / "box_mm.stp"
+"""A box of that size as planar faces, in millimetres (ISO 10303-21, AP214)."""
 WEDGE = trimesh.creation.box(SIZE_M)
 WEDGE.vertices[WEDGE.vertices[:, 2] > 0, 0] *= 0.5  # no axis is like another
 
@@ -29,81 +32,6 @@ def saved(path, mesh=WEDGE):
     whole = mesh if kind in {"ply", "off", "dae"} else trimesh.Scene({"wedge": mesh})
     data = whole.export(file_type=kind)
     path.write_bytes(data if isinstance(data, bytes) else data.encode())
-    return path
-
-
-def step_box(path, size_mm, unit="MILLI"):
-    """Write a box as a STEP file of planar faces (ISO 10303-21, AP214)."""
-    lines = []
-
-    def add(text):
-        lines.append(f"#{len(lines) + 1} = {text};")
-        return f"#{len(lines)}"
-
-    def triple(kind, values):
-        return add(f"{kind}('',({','.join(f'{v:.6f}' for v in values)}))")
-
-    corner = {
-        key: triple("CARTESIAN_POINT", [k * s for k, s in zip(key, size_mm, strict=True)])
-        for key in itertools.product((0, 1), repeat=3)
-    }
-    vertex = {key: add(f"VERTEX_POINT('',{point})") for key, point in corner.items()}
-    edges = {}
-    for a, b in itertools.combinations(corner, 2):
-        along = np.subtract(b, a)
-        if abs(along).sum() == 1:
-            vector = add(f"VECTOR('',{triple('DIRECTION', along.astype(float))},1.)")
-            line = add(f"LINE('',{corner[a]},{vector})")
-            edges[a, b] = add(f"EDGE_CURVE('',{vertex[a]},{vertex[b]},{line},.T.)")
-    faces = []
-    for axis, side in itertools.product(range(3), (0, 1)):
-        u, v = (k for k in range(3) if k != axis)
-        ring = []
-        for ku, kv in ((0, 0), (1, 0), (1, 1), (0, 1)):
-            key = [0, 0, 0]
-            key[axis], key[u], key[v] = side, ku, kv
-            ring.append(tuple(key))
-        normal = np.cross(np.subtract(ring[1], ring[0]), np.subtract(ring[2], ring[1]))
-        if (normal[axis] > 0) != bool(side):
-            ring, normal = ring[::-1], -normal
-        turns = []
-        for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
-            same = (a, b) in edges
-            turns.append(
-                add(f"ORIENTED_EDGE('',*,*,{edges[(a, b) if same else (b, a)]},.{'T' if same else 'F'}.)")
-            )
-        loop = add(f"EDGE_LOOP('',({','.join(turns)}))")
-        bound = add(f"FACE_OUTER_BOUND('',{loop},.T.)")
-        frame = add(
-            f"AXIS2_PLACEMENT_3D('',{corner[ring[0]]},{triple('DIRECTION', normal.astype(float))},"
-            f"{triple('DIRECTION', np.subtract(ring[1], ring[0]).astype(float))})"
-        )
-        plane = add(f"PLANE('',{frame})")
-        faces.append(add(f"ADVANCED_FACE('',({bound}),{plane},.T.)"))
-    shell = add(f"CLOSED_SHELL('',({','.join(faces)}))")
-    solid = add(f"MANIFOLD_SOLID_BREP('box',{shell})")
-    length = add(f"(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT({f'.{unit}.' if unit else '$'},.METRE.))")
-    angle = add("(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.))")
-    solid_angle = add("(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT())")
-    fine = add(f"UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE(1.E-07),{length},'distance_accuracy_value','')")
-    context = add(
-        f"(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT(({fine}))"
-        f"GLOBAL_UNIT_ASSIGNED_CONTEXT(({length},{angle},{solid_angle}))REPRESENTATION_CONTEXT('',''))"
-    )
-    shape = add(f"ADVANCED_BREP_SHAPE_REPRESENTATION('',({solid}),{context})")
-    application = add("APPLICATION_CONTEXT('automotive design')")
-    context = add(f"PRODUCT_CONTEXT('',{application},'mechanical')")
-    product = add(f"PRODUCT('box','box','',({context}))")
-    formation = add(f"PRODUCT_DEFINITION_FORMATION('','',{product})")
-    stage = add(f"PRODUCT_DEFINITION_CONTEXT('',{application},'design')")
-    design = add(f"PRODUCT_DEFINITION('','',{formation},{stage})")
-    whole = add(f"PRODUCT_DEFINITION_SHAPE('','',{design})")
-    add(f"SHAPE_DEFINITION_REPRESENTATION({whole},{shape})")
-    head = (
-        "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION((''),'2;1');\nFILE_NAME('','',(''),(''),'','','');\n"
-        "FILE_SCHEMA(('AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }'));\nENDSEC;\nDATA;\n"
-    )
-    path.write_text(head + "\n".join(lines) + "\nENDSEC;\nEND-ISO-10303-21;\n")
     return path
 
 
@@ -157,14 +85,14 @@ def test_colours_of_faces_stay_apart(tmp_path):
     assert colours == {(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)}
 
 
-@pytest.mark.parametrize("unit", ["MILLI", ""])
-def test_a_step_solid_is_meshed_in_its_unit(tmp_path, unit):
-    factor = 1000.0 if unit else 1.0
-    path = step_box(tmp_path / "a.stp", [s * factor for s in SIZE_M], unit)
+@pytest.mark.parametrize(("unit", "factor"), [("MILLI", 1.0), ("CENTI", 10.0)])
+def test_a_step_solid_is_meshed_in_its_unit(tmp_path, unit, factor):
+    path = tmp_path / "a.stp"
+    path.write_text(STEP_BOX.read_text().replace(".MILLI.", f".{unit}."))
     target, _ = import_mesh(path, "box", ImportOptions())
     size = np.ptp(np.concatenate([p.positions_m for p in target.parts]), axis=0)
     # Z points up in STEP, as in our files
-    assert size == pytest.approx(SIZE_M, rel=1e-5)
+    assert size == pytest.approx(np.multiply(SIZE_M, factor), rel=1e-5)
     assert len(target.keypoints) >= 8
 
 
@@ -178,7 +106,7 @@ def test_a_step_solid_is_meshed_in_its_unit(tmp_path, unit):
 )
 def test_a_damaged_file_is_one_sentence(tmp_path, name, damage):
     path = tmp_path / name
-    whole = (step_box(path, SIZE_M) if name.endswith("step") else saved(path)).read_bytes()
+    whole = (STEP_BOX if name.endswith("step") else saved(path)).read_bytes()
     if damage == "cut":
         path.write_bytes(whole[: len(whole) // 2])
     elif damage == "noise":

@@ -1,64 +1,28 @@
 """glTF extensions: read, harmless, reported or refused; none is left out unsaid."""
 
-import base64
-import json
 from pathlib import Path
 
 import cv2
 import DracoPy
 import numpy as np
 import pytest
+from gltf_model import Gltf
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
 
 REPORTS = Path(__file__).parents[3] / "data" / "reports"
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")
-FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], "<u2")
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
-class Gltf:
-    """A tetrahedron as glTF, to be changed before it is read."""
+class Tetrahedron(Gltf):
+    """A tetrahedron of one material, to be changed before it is read."""
 
     def __init__(self, folder):
+        super().__init__(CORNERS, FACES)
         self.folder = folder
-        self.blob = b""
-        self.document = {
-            "asset": {"version": "2.0"},
-            "scenes": [{"nodes": [0]}],
-            "nodes": [{"mesh": 0, "name": "hull"}],
-            "meshes": [{"primitives": [{"attributes": {}, "material": 0}]}],
-            "materials": [{"name": "skin"}],
-            "accessors": [],
-            "bufferViews": [],
-        }
-        self.primitive["attributes"]["POSITION"] = self.accessor(CORNERS)
-        self.primitive["indices"] = self.accessor(FACES.reshape(-1, 1))
-
-    @property
-    def primitive(self):
-        return self.document["meshes"][0]["primitives"][0]
-
-    def view(self, data):
-        self.blob += bytes(-len(self.blob) % 4)
-        self.document["bufferViews"].append(
-            {"buffer": 0, "byteOffset": len(self.blob), "byteLength": len(data)}
-        )
-        self.blob += data
-        return len(self.document["bufferViews"]) - 1
-
-    def accessor(self, array, **more):
-        kinds = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
-        self.document["accessors"].append(
-            {
-                "bufferView": self.view(array.tobytes()),
-                "componentType": kinds[array.dtype.str[1:]],
-                "count": len(array),
-                "type": {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}[array.shape[1]],
-                **more,
-            }
-        )
-        return len(self.document["accessors"]) - 1
+        self.paint(name="skin")
 
     def texture(self, name="skin.png", **record):
         self.document.setdefault("images", []).append({"uri": name})
@@ -68,16 +32,13 @@ class Gltf:
         return {"index": len(self.document["textures"]) - 1}
 
     def read(self):
-        uri = "data:application/octet-stream;base64," + base64.b64encode(self.blob).decode()
-        path = self.folder / "a.gltf"
-        path.write_text(json.dumps(self.document | {"buffers": [{"byteLength": len(self.blob), "uri": uri}]}))
-        return read_mesh(path)
+        return read_mesh(self.write(self.folder / "a.gltf"))
 
 
 @pytest.fixture
 def gltf(tmp_path):
     cv2.imwrite(str(tmp_path / "skin.png"), np.full((4, 4, 3), 128, np.uint8))
-    return Gltf(tmp_path)
+    return Tetrahedron(tmp_path)
 
 
 def places(model):

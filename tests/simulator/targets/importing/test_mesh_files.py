@@ -1,6 +1,5 @@
 """Files that a user may hand over: what is read, and the one sentence for what cannot be."""
 
-import base64
 import json
 import re
 import struct
@@ -8,6 +7,7 @@ import struct
 import numpy as np
 import pytest
 import trimesh
+from gltf_model import Gltf
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.importing.add import ImportOptions, read_surface
@@ -20,29 +20,9 @@ CUBE = trimesh.creation.box((2.0, 1.0, 0.5))
 
 def write_gltf(path, mesh, *, change=None, **primitive):
     """A .gltf with its buffer inside; ``change(document)`` may spoil it."""
-    p, t = mesh.vertices.astype("<f4"), mesh.faces.astype("<u4")
-    blob = p.tobytes() + t.tobytes()
-    document = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"name": "hull", "mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, **primitive}]}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": len(p), "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5125, "count": t.size, "type": "SCALAR"},
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteLength": p.nbytes},
-            {"buffer": 0, "byteOffset": p.nbytes, "byteLength": t.nbytes},
-        ],
-        "buffers": [
-            {
-                "byteLength": len(blob),
-                "uri": "data:application/octet-stream;base64," + base64.b64encode(blob).decode(),
-            }
-        ],
-    }
+    gltf = Gltf(mesh.vertices, mesh.faces)
+    gltf.primitive.update(primitive)
+    document = gltf.whole()
     if change is not None:
         change(document)
     path.write_text(json.dumps(document))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import msgspec
 import numpy as np
 import pytest
@@ -141,20 +139,6 @@ def test_state_depends_on_the_inputs_alone() -> None:
     first, second = flight(MODES[4]), flight(MODES[4])
     first.state(50.0)
     assert first.state(12.5) == second.state(12.5)
-
-
-def test_steered_chaser_takes_the_place_of_the_planned_one() -> None:
-    f = flight(MODES[0])
-    chaser = f.chaser(20.0)
-    assert f.state_with_chaser(chaser) == f.state(20.0)
-    x, y, z = chaser.position_eci_m
-    moved = f.state_with_chaser(replace(chaser, position_eci_m=(x + 1.0, y, z)))
-    assert moved.r_chaser_eci_m[0] == pytest.approx(f.state(20.0).r_chaser_eci_m[0] + 1.0)
-
-
-def test_a_state_outside_the_flight_is_refused() -> None:
-    with pytest.raises(ValueError, match="outside the flight"):
-        flight(MODES[0]).state(61.0)
 
 
 def test_table_has_one_row_per_time() -> None:

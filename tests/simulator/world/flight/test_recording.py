@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from flyaround.simulator.world.flight import recording
 from flyaround.simulator.world.flight.flight import record
 from flyaround.simulator.world.flight.recording import Recording
 from flyaround.simulator.world.frames.rotation import rotation_angle_rad
-from flyaround.simulator.world.guidance.manual_control import SteeringCommand, step
 
 
 @pytest.mark.parametrize("name", ["tango-flyaround", "tango-vbar-approach", "tango-eclipse-pass"])
@@ -52,21 +50,6 @@ def test_between_the_samples_it_is_close(tmp_path: Path) -> None:
         assert np.allclose(a.relative_eci_m_s, b.relative_eci_m_s, atol=1e-5)
         assert rotation_angle_rad(a.q_eci_from_target_wxyz, b.q_eci_from_target_wxyz) < 1e-3
         assert rotation_angle_rad(a.q_camera_from_eci_wxyz, b.q_camera_from_eci_wxyz) < 1e-3
-
-
-def test_steered_flight_is_recorded_as_it_was(tmp_path: Path) -> None:
-    plan = plan_flight(load_scenario("tango-flyaround"), n=1)
-    chaser = plan.flight.chaser(0.0)
-    states = [plan.flight.state_with_chaser(chaser)]
-    command = SteeringCommand(acceleration_camera_m_s2=(0.01, 0.0, -0.02), rate_camera_rad_s=(0.0, 0.02, 0.0))
-    for _ in range(20):
-        chaser = step(chaser, command, 0.5, plan.flight.orbit)
-        states.append(plan.flight.state_with_chaser(chaser))
-    path = tmp_path / "steered.npz"
-    path.write_bytes(Recording.of(states).to_bytes())
-    flight = replace(plan.flight, recording=Recording.read(path))
-    for state in states:
-        assert flight.state(state.t_s) == state
 
 
 def test_broken_recordings_are_named(tmp_path: Path) -> None:
