@@ -6,7 +6,7 @@ import shutil
 from collections import Counter
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
@@ -156,11 +156,6 @@ def run_campaign(
         text = msgspec.json.format(msgspec.json.encode(outcome), indent=1)
         write_atomic(folder / CAMPAIGN_JSON, text + b"\n")
     return outcome
-
-
-def outcome_json_schema() -> dict[str, Any]:
-    """JSON Schema of campaign.json."""
-    return msgspec.json.schema(CampaignOutcome)
 
 
 def _is_ours(folder: Path) -> bool:

@@ -164,8 +164,3 @@ def read_terms(folder: Path) -> RunTerms | None:
         raise UserError(f"{path} cannot be read ({error.strerror}): make it readable") from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(f"{path} is not the terms of a run of this version: {error}") from error
-
-
-def run_schema() -> dict[str, Any]:
-    """Return the JSON Schema of run.json."""
-    return msgspec.json.schema(RunTerms)

@@ -271,8 +271,3 @@ def summarise(rows: Iterable[FrameRecord] | LedgerTally, **run: Any) -> LedgerSu
         machine=this_machine(),
         **run,
     )
-
-
-def summary_schema() -> dict[str, Any]:
-    """JSON Schema of summary.json."""
-    return msgspec.json.schema(LedgerSummary)

@@ -16,7 +16,7 @@ import pygltflib
 import pytest
 import trimesh
 
-from flyaround.hil.board_model.records import board_json_schema
+from flyaround.hil.board_model.records import BoardModelRecord
 from flyaround.hil.board_model.write import write_board_model
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.glb.read import load_glb
@@ -340,7 +340,7 @@ def test_board_file_validates_and_holds_the_labels(tango: Target, tmp_path: Path
     path = tmp_path / "tango.board.json"
     write_board_model(tango, path)
     board = json.loads(path.read_text())
-    schema = board_json_schema()
+    schema = msgspec.json.schema(BoardModelRecord)
     jsonschema.Draft202012Validator.check_schema(schema)
     jsonschema.Draft202012Validator(schema).validate(board)
     assert (board["schema"], board["version"]) == ("flyaround.board_model", 1)
