@@ -18,7 +18,7 @@ from flyaround.hil.host.link_process.host_link import CLOSE_TIMEOUT_S, QUICK_TIM
 from flyaround.hil.host.link_process.ipc import FrameJob, Readout
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import truth_document
-from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.files import write_document
 from flyaround.simulator.runtime.urls import without_secrets
 
 if TYPE_CHECKING:
@@ -216,8 +216,7 @@ class BoardSink:
             self._add(record.ended(f"dropped:{ended}", "the run ended before its outcome was known"))
         summary = self._summary(ended)
         if self._writer is not None and self.config.log_dir is not None:
-            text = msgspec.json.format(msgspec.json.encode(summary), indent=1)
-            write_atomic(self.config.log_dir / SUMMARY_JSON, text + b"\n")
+            write_document(self.config.log_dir / SUMMARY_JSON, summary)
         return summary
 
     def _summary(self, ended: Ended) -> LedgerSummary:

@@ -13,7 +13,7 @@ import numpy as np
 
 from flyaround.hil.host.ledger.summary import Board
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.files import write_document
 from flyaround.simulator.runtime.untrusted_files import read_regular
 from flyaround.simulator.runtime.urls import without_secrets
 from flyaround.simulator.scenario.faults import NO_FAULTS, Faults
@@ -144,7 +144,7 @@ def write_terms(folder: Path, terms: RunTerms) -> None:
     UserError
         If it cannot be written.
     """
-    write_atomic(folder / RUN_JSON, msgspec.json.format(msgspec.json.encode(terms), indent=1) + b"\n")
+    write_document(folder / RUN_JSON, terms)
 
 
 def read_terms(folder: Path) -> RunTerms | None:
