@@ -23,7 +23,7 @@ from flyaround.hil.campaign.definitions import Campaign, ReadyCase, read_campaig
 from flyaround.hil.campaign.junit import junit_xml
 from flyaround.hil.campaign.verdicts import RunVerdict, judge
 from flyaround.hil.host.ledger.run_terms import ScenarioRecord, Versions
-from flyaround.hil.host.ledger.summary import Board
+from flyaround.hil.host.link_process.ipc import Board
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import empty_folder, write_atomic, write_document
 from flyaround.simulator.runtime.folder_lock import only_writer

@@ -30,8 +30,8 @@ from flyaround.hil.host.flight_run import FlightOptions, FlightRun
 from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, LedgerWriter, read_ledger
 from flyaround.hil.host.ledger.run_terms import FlownRecord, read_terms, terms_without_board, write_terms
-from flyaround.hil.host.ledger.summary import SUMMARY_JSON, Board, LedgerSummary
-from flyaround.hil.host.link_process.ipc import LinkConfig, LinkTotals
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
+from flyaround.hil.host.link_process.ipc import Board, LinkConfig, LinkTotals
 from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.host.report import TRACE_JSON, write_report
 from flyaround.hil.host.run import RunConfig

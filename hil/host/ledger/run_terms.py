@@ -11,7 +11,7 @@ import cv2
 import msgspec
 import numpy as np
 
-from flyaround.hil.host.ledger.summary import Board
+from flyaround.hil.host.link_process.ipc import Board
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_document
 from flyaround.simulator.runtime.untrusted_files import read_regular
