@@ -38,7 +38,7 @@ from flyaround.hil.host.truth_policy import check_access
 from flyaround.hil.link.security import read_key
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
 from flyaround.runs.camera import CameraRun
-from flyaround.runs.document import given_fields, write_run
+from flyaround.runs.document import run_fields, write_run
 from flyaround.runs.host import CONNECT_S, POSE_S, HostRun, Recording
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import empty_folder, write_document
@@ -58,6 +58,7 @@ NO_ANSWERS = 3
 @with_run_options
 def host(
     run: HostRun,
+    context: typer.Context,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
     """Stream a flight to a board, or fly on its poses (--closed-loop).
@@ -70,7 +71,7 @@ def host(
     """
     deadline_s = run.timing.deadline_s
     if run.line.listen.startswith(SCHEME):
-        _be_camera(run)
+        _be_camera(run, context)
     elif deadline_s is not None and not 0 < deadline_s < math.inf:
         raise UserError(f"--deadline is {deadline_s:g}: give seconds above 0, or leave it out")
     elif run.closed_loop.pose != "board":
@@ -174,12 +175,18 @@ def _warn_of_a_slow_line(link: LinkConfig, plan: Plan) -> None:
         say(f"flyaround: {advice}", stderr=True)
 
 
-def _be_camera(run: HostRun) -> None:
+def _be_camera(run: HostRun, context: typer.Context) -> None:
     """The camera endpoint with its defaults: it has no board, no poses and so no ledger."""
     listen = run.line.listen
     interface = listen.removeprefix(SCHEME).rstrip("/")
-    of_camera = {"scenario", "line.listen", "seed", "pictures.gpu"}
-    given = [field.flag for field in given_fields(run) if field.key not in of_camera]
+    flags = {field.name: field.flag for field in run_fields(HostRun)} | {"as_json": "--json"}
+    of_camera = {"scenario", "listen", "seed", "gpu"}
+    # also where a value is the default: who gives it expects that it counts
+    given = [
+        flag
+        for name, flag in flags.items()
+        if name not in of_camera and str(context.get_parameter_source(name)) != "ParameterSource.DEFAULT"
+    ]
     if given:
         raise UserError(
             f"{listen} serves a camera, and {', '.join(given)} {'is' if len(given) == 1 else 'are'} about a board's"

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.world.constants import LIGHT_M_S
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -16,7 +18,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Detector, Sensor
     from flyaround.simulator.runtime.arrays import FloatArray
 
-_LIGHT_M_S, _PLANCK_J_S = 299_792_458.0, 6.62607015e-34  # exact in the SI
+PLANCK_J_S = 6.62607015e-34
+"""Exact in the SI."""
 MONO_BAND_NM = (450.0, 750.0)
 """Limits of the panchromatic band."""
 RGB_BANDS_NM = ((600.0, 700.0), (500.0, 600.0), (400.0, 500.0))
@@ -72,7 +75,7 @@ def _electrons_per_joule(
         spectrum = _SPECTRUM_W_M2_NM[((wavelength_nm - _SPECTRUM_START_NM) // _SPECTRUM_STEP_NM).astype(int)]
         response = sample_curve(efficiency_curve, wavelength_nm, number)
         through = share * sample_curve(share_curve, wavelength_nm, 1.0)
-        photons = spectrum * wavelength_nm * 1e-9 / (_PLANCK_J_S * _LIGHT_M_S)
+        photons = spectrum * wavelength_nm * 1e-9 / (PLANCK_J_S * LIGHT_M_S)
         out.append(float(photons @ (response * through) / spectrum.sum()))
     return tuple(out)
 
