@@ -15,7 +15,7 @@ from flyaround.simulator.runtime.arrays import vec3
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from numpy.typing import ArrayLike
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 SCHEMA = "flyaround.metrics"
 VERSION = 1
@@ -296,7 +296,7 @@ def _figures(frames: Sequence[FrameScore]) -> dict[str, Any]:
     return out
 
 
-def _p95(values: ArrayLike) -> np.floating[Any]:
+def _p95(values: FloatArray) -> np.floating[Any]:
     return np.percentile(values, 95)
 
 
