@@ -10,13 +10,13 @@ from typing import Any
 
 import msgspec
 
-from flyaround.hil.board_model.records import board_json_schema
-from flyaround.hil.campaign.campaign import outcome_json_schema
-from flyaround.hil.campaign.definitions import campaign_json_schema
-from flyaround.hil.campaign.map_results import delay_map_json_schema
-from flyaround.hil.evaluate.metrics import metrics_json_schema
-from flyaround.hil.host.ledger.run_terms import run_schema
-from flyaround.hil.host.ledger.summary import summary_schema
+from flyaround.hil.board_model.records import BoardModelRecord
+from flyaround.hil.campaign.campaign import CampaignOutcome
+from flyaround.hil.campaign.definitions import Campaign
+from flyaround.hil.campaign.map_results import DelayMapOutcome
+from flyaround.hil.evaluate.metrics import Metrics
+from flyaround.hil.host.ledger.run_terms import RunTerms
+from flyaround.hil.host.ledger.summary import LedgerSummary
 from flyaround.runs.schema import runs_schema
 from flyaround.simulator.dataset.card import DatasetCard
 from flyaround.simulator.labels.imported import ImportedTruth
@@ -38,16 +38,16 @@ def all_schemas() -> dict[str, dict[str, Any]]:
         "vary": msgspec.json.schema(Vary),
         "runs": runs_schema(),
         "target": msgspec.json.schema(TargetRecord),
-        "board_model": board_json_schema(),
+        "board_model": msgspec.json.schema(BoardModelRecord),
         "truth": msgspec.json.schema(Truth),
         "imported": msgspec.json.schema(ImportedTruth),
         "dataset": msgspec.json.schema(DatasetCard),
-        "run": run_schema(),
-        "ledger_summary": summary_schema(),
-        "metrics": metrics_json_schema(),
-        "campaign": campaign_json_schema(),
-        "campaign_outcome": outcome_json_schema(),
-        "delay_map": delay_map_json_schema(),
+        "run": msgspec.json.schema(RunTerms),
+        "ledger_summary": msgspec.json.schema(LedgerSummary),
+        "metrics": msgspec.json.schema(Metrics),
+        "campaign": msgspec.json.schema(Campaign),
+        "campaign_outcome": msgspec.json.schema(CampaignOutcome),
+        "delay_map": msgspec.json.schema(DelayMapOutcome),
     }
     return {
         name: {"$schema": DIALECT, "title": f"flyaround {name}", **_dedented(schema)}

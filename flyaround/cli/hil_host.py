@@ -20,12 +20,11 @@ from flyaround.hil.host.closed_loop_run import (
     frame_every,
     summary_without_pictures,
     write_steps,
-    write_summary,
 )
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun, interval_s
 from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.run_terms import FlownRecord, terms_without_board, write_terms
-from flyaround.hil.host.ledger.summary import LedgerSummary
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
 from flyaround.hil.host.link_process.host_link import choose_pixel_format
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.measurement_noise import read_pose_noise
@@ -42,7 +41,7 @@ from flyaround.runs.camera import CameraRun
 from flyaround.runs.document import run_fields, write_run
 from flyaround.runs.host import CONNECT_S, POSE_S, HostRun, Recording
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.files import empty_folder
+from flyaround.simulator.runtime.files import empty_folder, write_document
 from flyaround.simulator.scenario.faults import NO_FAULTS, Faults, read_faults
 from flyaround.simulator.scenario.load import scenario_source
 from flyaround.simulator.scenario.plan import plan_flight
@@ -214,7 +213,7 @@ def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:
         record = FlownRecord.of(plan, scenario_source(run.scenario), command_line())
         write_terms(log, terms_without_board(record, struck, summary.started_utc))
         write_steps(log, result.steps)
-        write_summary(log, summary)
+        write_document(log / SUMMARY_JSON, summary)
     _print_summary(summary, log, as_json=as_json)
     _exit_unless_arrived(summary)
 

@@ -30,32 +30,7 @@ N_SINGLE = 26  # of fewer one slow frame is the 95th percentile
 # Frames of the tracking bench, half a second apart.
 N_TRACKED, EVERY_S = 42, 0.5
 
-# What runs in the process: nothing but what a board has. Peak memory of all of it, Python and OpenCV included.
-BOARD = """
-import json, sys
-import cv2, numpy as np
-from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
-from flyaround.hil.board.methods import make_estimator
-from flyaround.hil.board.hybrid.native.library import describe_library
-cv2.setNumThreads(1)
-folder, every_s = sys.argv[1], float(sys.argv[2])
-model = BoardModel.read(folder + "/model.json")
-camera = CameraIntrinsics.from_dict(json.load(open(folder + "/camera.json")))
-first, track = make_estimator(model, camera), make_estimator(model, camera, HYBRID_TRACK)
-total = lambda result: sum(result.stages_ms.values())
-# one picture at a time, as from a link: what is mapped counts as memory
-count = lambda name: len(np.load(f"{folder}/{name}.npy", mmap_mode="r"))
-picture = lambda name, k: np.array(np.load(f"{folder}/{name}.npy", mmap_mode="r")[k])
-single = [total(first.estimate(picture("single", k))) for k in range(count("single"))]
-followed = [track.estimate(picture("sequence", k), None, k * every_s) for k in range(count("sequence"))]
-tracked = [total(r) for r in followed if "initialised" not in r.counts]
-try:  # getrusage would count what the parent held
-    status = dict(line.split(":", 1) for line in open("/proc/self/status"))
-    peak = int(status["VmHWM"].split()[0]) / 1024
-except OSError:
-    peak = None
-print(json.dumps({"single": single, "tracked": tracked, "peak_mb": peak, "kernels": describe_library()}))
-"""
+BOARD = "flyaround.hil.bench.board_process"
 
 
 def bench_estimator() -> tuple[PartCost, ...]:
@@ -77,7 +52,7 @@ def _in_a_process(folder: Path) -> tuple[PartCost, ...]:
     # threads on matrices this small cost more than they give (docs/hybrid.md)
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     answer = subprocess.run(
-        [sys.executable, "-c", BOARD, str(folder), str(EVERY_S)],
+        [sys.executable, "-P", "-m", BOARD, str(folder), str(EVERY_S)],
         env=environment,
         stdout=subprocess.PIPE,
         check=True,

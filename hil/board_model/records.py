@@ -1,8 +1,8 @@
-"""The board file as typed records; `board_json_schema` writes them out as JSON Schema."""
+"""The board file as typed records."""
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 
@@ -69,8 +69,3 @@ class BoardModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, 
     mass_kg: Positive
     outlines: OutlinesRecord | None = None
     faces: FacesRecord | None = None
-
-
-def board_json_schema() -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of the board file."""
-    return msgspec.json.schema(BoardModelRecord)

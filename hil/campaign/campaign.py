@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
@@ -24,9 +23,9 @@ from flyaround.hil.campaign.definitions import Campaign, ReadyCase, read_campaig
 from flyaround.hil.campaign.junit import junit_xml
 from flyaround.hil.campaign.verdicts import RunVerdict, judge
 from flyaround.hil.host.ledger.run_terms import ScenarioRecord, Versions
-from flyaround.hil.host.ledger.summary import Board
+from flyaround.hil.host.link_process.ipc import Board
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.runtime.files import empty_folder, write_atomic, write_document
 from flyaround.simulator.runtime.folder_lock import only_writer
 from flyaround.simulator.runtime.task_pool import run_tasks
 from flyaround.simulator.runtime.urls import without_secrets
@@ -153,14 +152,8 @@ def run_campaign(
         outcome = _outcome(campaign, runs, cases, results, command)
         write_atomic(folder / JUNIT_XML, junit_xml(campaign, cases, runs, durations_s))
         write_campaign_page(folder / PAGE, campaign, runs)
-        text = msgspec.json.format(msgspec.json.encode(outcome), indent=1)
-        write_atomic(folder / CAMPAIGN_JSON, text + b"\n")
+        write_document(folder / CAMPAIGN_JSON, outcome)
     return outcome
-
-
-def outcome_json_schema() -> dict[str, Any]:
-    """JSON Schema of campaign.json."""
-    return msgspec.json.schema(CampaignOutcome)
 
 
 def _is_ours(folder: Path) -> bool:
@@ -244,15 +237,10 @@ def _fly_all(tasks: Sequence[RunTask], workers: int, progress: Callable[[int, in
     todo = [task for task in tasks if not task.folder.is_dir()]
     done = len(tasks) - len(todo)
     progress(done, len(tasks))
-    try:
-        with closing(run_tasks(fly_case, todo, workers)) as flown:
-            for _ in flown:
-                done += 1
-                progress(done, len(tasks))
-    except BrokenProcessPool as error:
-        raise UserError(
-            "a process that flew was ended from outside (short of memory?): begin again, it goes on from there"
-        ) from error
+    with closing(run_tasks(fly_case, todo, workers)) as flown:
+        for _ in flown:
+            done += 1
+            progress(done, len(tasks))
 
 
 def _check_inputs(tasks: Sequence[RunTask], results: Sequence[RunResult]) -> None:

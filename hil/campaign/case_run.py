@@ -25,14 +25,13 @@ from flyaround.hil.host.closed_loop_run import (
     frame_every,
     summary_without_pictures,
     write_steps,
-    write_summary,
 )
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun
 from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, LedgerWriter, read_ledger
 from flyaround.hil.host.ledger.run_terms import FlownRecord, read_terms, terms_without_board, write_terms
-from flyaround.hil.host.ledger.summary import SUMMARY_JSON, Board, LedgerSummary
-from flyaround.hil.host.link_process.ipc import LinkConfig, LinkTotals
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
+from flyaround.hil.host.link_process.ipc import Board, LinkConfig, LinkTotals
 from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.host.report import TRACE_JSON, write_report
 from flyaround.hil.host.run import RunConfig
@@ -40,7 +39,7 @@ from flyaround.hil.link.security import read_key
 from flyaround.hil.link.session import SILENCE_S as LINK_SILENCE_S
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.files import write_document
 from flyaround.simulator.runtime.untrusted_files import read_regular
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.targets.library import load_target
@@ -150,8 +149,7 @@ def fly_case(task: RunTask) -> None:
     part.mkdir(parents=True)
     try:
         result = _flown(task, part)
-        text = msgspec.json.format(msgspec.json.encode(result), indent=1)
-        write_atomic(part / RESULT_JSON, text + b"\n")
+        write_document(part / RESULT_JSON, result)
         with contextlib.suppress(OSError):  # another one has flown it meanwhile
             part.rename(folder)
     finally:
@@ -229,7 +227,7 @@ def _fly(task: RunTask, part: Path) -> None:
         write_terms(part, terms_without_board(flown, faults, ""))
         write_steps(part, result.steps)
         summary = summary_without_pictures(result, case.pose, seed)
-        write_summary(part, msgspec.structs.replace(summary, started_utc=""))
+        write_document(part / SUMMARY_JSON, msgspec.structs.replace(summary, started_utc=""))
         return
     _fly_with_board(task, plan, told, faults, part)
     if case.mode == "lockstep":
@@ -276,8 +274,8 @@ def _drop_wall_clock(part: Path) -> None:
         write_terms(part, msgspec.structs.replace(terms, started_utc="", url=""))
     summary = msgspec.json.decode(read_regular(part / SUMMARY_JSON, MOST_BYTES), type=LedgerSummary)
     times = {name: None for name in LedgerSummary.__struct_fields__ if "_ms_" in name or name.endswith("_ms")}
-    write_summary(
-        part,
+    write_document(
+        part / SUMMARY_JSON,
         msgspec.structs.replace(
             summary,
             started_utc="",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
 
@@ -169,11 +169,6 @@ def read_campaign(path: Path) -> tuple[Campaign, tuple[ReadyCase, ...]]:
     for requirement in campaign.requirement:
         _check_requirement(requirement, campaign, f"{path}: requirement {requirement.name!r}")
     return campaign, tuple(_ready(case, path) for case in campaign.case)
-
-
-def campaign_json_schema() -> dict[str, Any]:
-    """JSON Schema of the campaign file."""
-    return msgspec.json.schema(Campaign)
 
 
 def _parse(path: Path) -> Campaign:

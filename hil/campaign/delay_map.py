@@ -6,7 +6,8 @@ import csv
 import hashlib
 import io
 from collections import Counter
-from concurrent.futures.process import BrokenProcessPool
+from dataclasses import asdict
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -26,7 +27,7 @@ from flyaround.hil.evaluate.metrics import wilson_interval
 from flyaround.hil.host.closed_loop_run import frame_every
 from flyaround.hil.navigation.closed_loop import check_closed_loop
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.runtime.files import empty_folder, write_atomic, write_document
 from flyaround.simulator.runtime.folder_lock import lock_name, only_writer
 from flyaround.simulator.runtime.untrusted_files import read_regular
 from flyaround.simulator.scenario.load import load_scenario
@@ -35,8 +36,6 @@ from flyaround.simulator.scenario.plan import plan_flight
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
-
-    from flyaround.hil.campaign.map_flights import FlownCell
 
 SETTINGS_JSON, OUTCOME_JSON = "settings.json", "delay_map.json"
 FLIGHTS_CSV, CHECKS_CSV, CELLS_CSV = "flights.csv", "checks.csv", "cells.csv"
@@ -75,16 +74,11 @@ def map_delays(
     with only_writer(folder, "delay-map"):
         if other_checks:
             (folder / CHECKS_CSV).unlink(missing_ok=True)
-        write_atomic(folder / SETTINGS_JSON, _json(settings))
-        try:
-            outcome = _Map(settings, folder, board_command, workers, progress).outcome()
-        except BrokenProcessPool as error:
-            raise UserError(
-                "a process that flew was ended from outside (short of memory?): begin again, it goes on from there"
-            ) from error
+        write_document(folder / SETTINGS_JSON, settings)
+        outcome = _Map(settings, folder, board_command, workers, progress).outcome()
         _write_cells(folder, outcome)
         write_delay_map_page(folder, outcome)
-        write_atomic(folder / OUTCOME_JSON, _json(outcome))
+        write_document(folder / OUTCOME_JSON, outcome)
     return outcome
 
 
@@ -177,21 +171,37 @@ class _Map:
 
     def _fly(self, cells: Iterable[Cell]) -> dict[Cell, CellResult]:
         """Results of some cells, flown after all before them."""
-        s = self._settings
         wanted = list(cells)
-        self._tasks += [
-            MapFlight(s.scenario, cell, s.first_seed + k, s.every_s)
-            for cell in wanted
-            for k in range(s.flights)
-        ]
-        flown = flown_cells(
-            self._folder / FLIGHTS_CSV,
-            self._tasks,
-            self._workers,
-            lambda done, of: self._progress("flights", done, of),
-        )
-        counted = _counted(flown)
+        self._tasks += self._flights(wanted, self._settings.flights)
+        counted = self._counted(FLIGHTS_CSV, "flights", self._tasks)
         return {cell: counted[cell] for cell in wanted}
+
+    def _flights(
+        self, cells: Iterable[Cell], n: int, board_command: tuple[str, ...] | None = None
+    ) -> list[MapFlight]:
+        s = self._settings
+        return [
+            MapFlight(s.scenario, cell, s.first_seed + k, s.every_s, board_command)
+            for cell in cells
+            for k in range(n)
+        ]
+
+    def _counted(self, table: str, what: str, tasks: Sequence[MapFlight]) -> dict[Cell, CellResult]:
+        """Fly what a table does not have yet, and return the results of all its cells."""
+        progress = partial(self._progress, what)
+        flown = flown_cells(self._folder / table, tasks, self._workers, progress)
+        n, good = Counter(cell for cell, _ in flown), Counter(cell for cell, success in flown if success)
+        found = {}
+        for cell, flights in n.items():
+            low, high = wilson_interval(good[cell], flights) or (0.0, 1.0)
+            found[cell] = CellResult(
+                **asdict(cell),
+                flights=flights,
+                successes=good[cell],
+                low=round(low, 6),
+                high=round(high, 6),
+            )
+        return found
 
     def _half_at(self, cells: dict[Cell, CellResult], latency_s: float) -> bool:
         """Whether for some jitter and drops more than half still succeed."""
@@ -218,33 +228,13 @@ class _Map:
     def _checked(self, cells: Sequence[CellResult]) -> tuple[CheckedCell, ...]:
         """Some cells again, drawn and with a board."""
         s = self._settings
-        chosen = chosen_cells(cells, s.check)
-        tasks = [
-            MapFlight(
-                s.scenario,
-                Cell(r.latency_s, r.jitter_s, r.drops),
-                s.first_seed + k,
-                s.every_s,
-                self._board_command,
-            )
-            for r in chosen
-            for k in range(s.check_flights)
-        ]
-        if not tasks:
-            return ()
-        flown = flown_cells(
-            self._folder / CHECKS_CSV,
-            tasks,
-            self._workers,
-            lambda done, of: self._progress("drawn flights", done, of),
+        chosen = {Cell(r.latency_s, r.jitter_s, r.drops): r for r in chosen_cells(cells, s.check)}
+        tasks = self._flights(chosen, s.check_flights, self._board_command)
+        drawn = self._counted(CHECKS_CSV, "drawn flights", tasks) if tasks else {}
+        return tuple(
+            CheckedCell(without_pictures=r, drawn=again, agree=again.low <= r.high and r.low <= again.high)
+            for r, again in ((chosen[cell], again) for cell, again in drawn.items())
         )
-        drawn = _counted(flown)
-        checked = []
-        for result in chosen:
-            again = drawn[Cell(result.latency_s, result.jitter_s, result.drops)]
-            agree = again.low <= result.high and result.low <= again.high
-            checked.append(CheckedCell(without_pictures=result, drawn=again, agree=agree))
-        return tuple(checked)
 
 
 def chosen_cells(cells: Sequence[CellResult], n: int) -> list[CellResult]:
@@ -268,24 +258,6 @@ def _grid(latencies_s: Iterable[float], s: MapSettings) -> list[Cell]:
 
 def _order(cell: Cell) -> tuple[float, float, float]:
     return cell.drops, cell.jitter_s, cell.latency_s
-
-
-def _counted(flown: Sequence[FlownCell]) -> dict[Cell, CellResult]:
-    n = Counter(f.cell for f in flown)
-    good = Counter(f.cell for f in flown if f.success)
-    found = {}
-    for cell, flights in n.items():
-        low, high = wilson_interval(good[cell], flights) or (0.0, 1.0)
-        found[cell] = CellResult(
-            latency_s=cell.latency_s,
-            jitter_s=cell.jitter_s,
-            drops=cell.drops,
-            flights=flights,
-            successes=good[cell],
-            low=round(low, 6),
-            high=round(high, 6),
-        )
-    return found
 
 
 def _open_folder(folder: Path, settings: MapSettings) -> bool:
@@ -323,7 +295,3 @@ def _write_cells(folder: Path, outcome: DelayMapOutcome) -> None:
         for r in results:
             writer.writerow([*(f"{getattr(r, name):.6g}" for name in names), f"{r.share:.6g}", where])
     write_atomic(folder / CELLS_CSV, text.getvalue().encode())
-
-
-def _json(value: msgspec.Struct) -> bytes:
-    return msgspec.json.format(msgspec.json.encode(value), indent=1) + b"\n"

@@ -77,15 +77,6 @@ class MapFlight:
     board_command: tuple[str, ...] | None = None
 
 
-@dataclass(frozen=True)
-class FlownCell:
-    """One approach that was flown."""
-
-    cell: Cell
-    seed: int
-    success: bool
-
-
 def fly(task: MapFlight) -> list[str]:
     """Fly an approach; its line of the table."""
     # only what is drawn depends on the plan's seed
@@ -106,8 +97,7 @@ def fly(task: MapFlight) -> list[str]:
         and not flown.keep_out_violations
     )
     return [
-        *(f"{x:g}" for x in (cell.latency_s, cell.jitter_s, cell.drops)),
-        str(task.seed),
+        *_key(task),
         str(int(good)),
         flown.outcome,
         *(f"{x:.6g}" for x in (flown.final_error_m, flown.final_error_deg)),
@@ -146,8 +136,10 @@ def _drawn(
 
 def flown_cells(
     path: Path, tasks: Sequence[MapFlight], workers: int, progress: Callable[[int, int], None]
-) -> list[FlownCell]:
+) -> list[tuple[Cell, bool]]:
     """Fly what ``path`` does not have yet, each flight's line written when those before it are: a table in order.
+
+    Each flight's cell is returned with its success.
 
     Raises
     ------
@@ -172,10 +164,7 @@ def flown_cells(
                 progress(len(lines), len(tasks))
     except OSError as error:
         raise write_error(path, error) from error
-    return [
-        FlownCell(task.cell, task.seed, line[4] == "1")
-        for line, task in zip(lines[: len(tasks)], tasks, strict=True)
-    ]
+    return [(task.cell, line[4] == "1") for line, task in zip(lines[: len(tasks)], tasks, strict=True)]
 
 
 def _key(task: MapFlight) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -133,8 +133,3 @@ class DelayMapOutcome(msgspec.Struct, frozen=True, kw_only=True):
     cells: tuple[CellResult, ...]
     refined: tuple[CellResult, ...]
     checked: tuple[CheckedCell, ...]
-
-
-def delay_map_json_schema() -> dict[str, Any]:
-    """JSON Schema of delay_map.json."""
-    return msgspec.json.schema(DelayMapOutcome)

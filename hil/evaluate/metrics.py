@@ -15,7 +15,7 @@ from flyaround.simulator.runtime.arrays import vec3
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from numpy.typing import ArrayLike
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 SCHEMA = "flyaround.metrics"
 VERSION = 1
@@ -219,7 +219,7 @@ def summarise(
         spread_m=vec3(shifts.std(axis=0)) if len(shifts) else None,
         turn_bias_deg=vec3(turns.mean(axis=0)) if len(turns) else None,
         turn_spread_deg=vec3(turns.std(axis=0)) if len(turns) else None,
-        time_ms_p50=_reduce(_median, times_ms),
+        time_ms_p50=_reduce(np.median, times_ms),
         time_ms_p95=_reduce(_p95, times_ms),
         spread=pose_spread(frames),
         **_figures(frames),
@@ -258,11 +258,6 @@ def compose(
     )
 
 
-def metrics_json_schema() -> dict[str, Any]:
-    """JSON Schema of ``metrics.json``."""
-    return msgspec.json.schema(Metrics)
-
-
 def _figures(frames: Sequence[FrameScore]) -> dict[str, Any]:
     feasible = [r for r in frames if r.feasible]
     accepted = [r for r in frames if r.accepted]
@@ -280,7 +275,7 @@ def _figures(frames: Sequence[FrameScore]) -> dict[str, Any]:
     for suffix, part in (("", accepted), ("_all", feasible)):
         turn = [r.E_R_deg for r in part if r.E_R_deg is not None]
         shift = [r.E_T_m for r in part if r.E_T_m is not None]
-        for statistic, function in (("median", _median), ("mean", _mean), ("p95", _p95)):
+        for statistic, function in (("median", np.median), ("mean", np.mean), ("p95", _p95)):
             out[f"{statistic}_E_R_deg{suffix}"] = _reduce(function, turn)
             out[f"{statistic}_E_T_m{suffix}"] = _reduce(function, shift)
         for field, values in (("E_R_deg", turn), ("E_T_m", shift)):
@@ -288,30 +283,22 @@ def _figures(frames: Sequence[FrameScore]) -> dict[str, Any]:
             out[f"median_{field}{suffix}_bootstrap"] = median
             out[f"mean_{field}{suffix}_bootstrap"] = mean
     nees = [r.nees for r in accepted if r.nees is not None]
-    out["median_nees"] = _reduce(_median, nees)
+    out["median_nees"] = _reduce(np.median, nees)
     out["nees_inside_95"] = sum(x <= CHI_SQUARE_6_95 for x in nees) / len(nees) if nees else None
     scores = [
         (float(np.radians(r.E_R_deg)), r.e_t) for r in feasible if r.E_R_deg is not None and r.e_t is not None
     ]
     floor = float(np.radians(SPEED_PLUS_DEG))
-    out["speed_score"] = _reduce(_mean, [a + b for a, b in scores])
+    out["speed_score"] = _reduce(np.mean, [a + b for a, b in scores])
     out["speed_plus_score"] = _reduce(
-        _mean, [(a if a > floor else 0.0) + (b if b > SPEED_PLUS_SHARE else 0.0) for a, b in scores]
+        np.mean, [(a if a > floor else 0.0) + (b if b > SPEED_PLUS_SHARE else 0.0) for a, b in scores]
     )
     return out
 
 
-def _median(values: ArrayLike) -> float:
-    return float(np.median(np.asarray(values, float)))
+def _p95(values: FloatArray) -> np.floating[Any]:
+    return np.percentile(values, 95)
 
 
-def _mean(values: ArrayLike) -> float:
-    return float(np.mean(np.asarray(values, float)))
-
-
-def _p95(values: ArrayLike) -> float:
-    return float(np.percentile(np.asarray(values, float), 95))
-
-
-def _reduce(function: Callable[[ArrayLike], float], values: Sequence[float]) -> float | None:
-    return function(np.asarray(values, float)) if values else None
+def _reduce(function: Callable[[Any], Any], values: Sequence[float]) -> float | None:
+    return float(function(np.asarray(values, float))) if values else None

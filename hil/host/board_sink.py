@@ -13,12 +13,12 @@ import msgspec
 from flyaround.hil.host.frame_record import FrameRecord, complete
 from flyaround.hil.host.ledger.frames_csv import LedgerWriter
 from flyaround.hil.host.ledger.run_terms import RunTerms, Versions, run_terms, write_terms
-from flyaround.hil.host.ledger.summary import SUMMARY_JSON, Board, LedgerSummary, LedgerTally, summarise
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary, LedgerTally, summarise
 from flyaround.hil.host.link_process.host_link import CLOSE_TIMEOUT_S, QUICK_TIMEOUT_S, HostLink
-from flyaround.hil.host.link_process.ipc import FrameJob, Readout
+from flyaround.hil.host.link_process.ipc import Board, FrameJob, Readout
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import truth_document
-from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.files import write_document
 from flyaround.simulator.runtime.urls import without_secrets
 
 if TYPE_CHECKING:
@@ -162,17 +162,7 @@ class BoardSink:
             write_terms(self.config.log_dir, terms)
 
     def _board(self) -> Board | None:
-        board = self.link.last_board
-        if board is None:
-            return None
-        return Board(
-            name=board.board,
-            model=board.model_name,
-            model_sha256=board.model_sha256,
-            method=board.method,
-            encoding=board.encoding,
-            window=board.window,
-        )
+        return None if self.link.last_board is None else self.link.last_board.board
 
     def _tell(self, what: Callable[[Recorder], None]) -> None:
         """Tell the recorders; one that fails (a full disk) is left, and the run and its ledger go on to their end."""
@@ -216,8 +206,7 @@ class BoardSink:
             self._add(record.ended(f"dropped:{ended}", "the run ended before its outcome was known"))
         summary = self._summary(ended)
         if self._writer is not None and self.config.log_dir is not None:
-            text = msgspec.json.format(msgspec.json.encode(summary), indent=1)
-            write_atomic(self.config.log_dir / SUMMARY_JSON, text + b"\n")
+            write_document(self.config.log_dir / SUMMARY_JSON, summary)
         return summary
 
     def _summary(self, ended: Ended) -> LedgerSummary:

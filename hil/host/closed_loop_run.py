@@ -9,11 +9,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-import msgspec
 import numpy as np
 
 from flyaround.hil.host.frame_record import ACCEPTED, FrameRecord
-from flyaround.hil.host.ledger.summary import SUMMARY_JSON, ClosedLoopFigures, LedgerSummary, summarise
+from flyaround.hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary, summarise
 from flyaround.hil.host.pose_link import LinkedPoses, PoseLink, PoseQueue
 from flyaround.hil.navigation.closed_loop import (
     ClosedLoop,
@@ -289,11 +288,6 @@ def read_steps(folder: Path) -> dict[str, list[str]]:
     except (OSError, ValueError, IndexError, csv.Error) as error:
         raise UserError(f"{path} is damaged ({error!s:.120}): take a whole copy of it") from error
     return {name: [line[k] for line in lines[1:]] for k, name in enumerate(COLUMNS)}
-
-
-def write_summary(folder: Path, summary: LedgerSummary) -> None:
-    """Write ``summary.json`` of a run that sent no frames."""
-    write_atomic(folder / SUMMARY_JSON, msgspec.json.format(msgspec.json.encode(summary), indent=1) + b"\n")
 
 
 def _cells(step: LoopStep) -> list[str]:

@@ -9,6 +9,8 @@ import secrets
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
 from flyaround.simulator.errors import UserError, write_error
 
 if TYPE_CHECKING:
@@ -87,6 +89,11 @@ def _names_to_disk(folder: Path) -> None:
 def write_json(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON value
     """Write a JSON value, indented, floats at full precision, atomically."""
     write_atomic(path, (json.dumps(value, indent=1, allow_nan=False) + "\n").encode())
+
+
+def write_document(path: Path, document: msgspec.Struct) -> None:
+    """Write a typed document as JSON, indented, atomically."""
+    write_atomic(path, msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n")
 
 
 def empty_folder(path: Path, *, option: str = "-o", resume: bool | None = None, advice: str = "") -> Path:

@@ -6,9 +6,11 @@ import os
 import signal
 import threading
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import active_children, get_context
 from typing import TYPE_CHECKING, TypeVar
 
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.worker import leave_with_parent
 
 if TYPE_CHECKING:
@@ -39,8 +41,8 @@ def run_tasks(
 
     Raises
     ------
-    BrokenProcessPool
-        If a process dies.
+    UserError
+        If a process is ended from outside.
     """
     if not tasks:
         return
@@ -52,11 +54,15 @@ def run_tasks(
     )
     try:
         yield from pool.map(work, tasks, chunksize=at_once)
-    except BaseException:
+    except BaseException as error:
         # whoever stops it waits for no task in work
         pool.shutdown(wait=False, cancel_futures=True)
         for process in set(active_children()) - others:
             process.terminate()
+        if isinstance(error, BrokenProcessPool):
+            raise UserError(
+                "a process at work was ended from outside (short of memory?): begin again, it goes on from there"
+            ) from error
         raise
     pool.shutdown()
 

@@ -21,7 +21,7 @@ from flyaround.hil.link.packets.packet import (
     PacketType,
     encode_packet,
 )
-from flyaround.hil.link.vectors import EXAMPLES
+from tools.docs.link_vectors import EXAMPLES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection

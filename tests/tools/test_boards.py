@@ -19,7 +19,8 @@ import pytest
 from flyaround.hil.board.agent import describe_board
 from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.frames_csv import LedgerWriter
-from flyaround.hil.host.ledger.summary import SUMMARY_JSON, Board, summarise
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, summarise
+from flyaround.hil.host.link_process.ipc import Board
 from flyaround.hil.link.packets.messages import Hello
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.load import load_scenario

@@ -139,6 +139,6 @@ class AnswerPort:
 
     def _told(self, event: object) -> None:
         if isinstance(event, BoardUp):
-            self._note(f"a board answers from {event.peer}: {event.board}, method {event.method}")
+            self._note(f"a board answers from {event.peer}: {event.board.name}, method {event.board.method}")
         elif isinstance(event, BoardDown):
             self._note(f"the board answers no more: {event.reason}")

@@ -7,13 +7,11 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-import msgspec
-
 from flyaround.hil.host.frame_record import FrameRecord, complete
 from flyaround.hil.host.ledger.frames_csv import LedgerWriter
 from flyaround.hil.host.ledger.run_terms import FlownRecord, run_terms, write_terms
 from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerTally, summarise
-from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.files import write_document
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -91,6 +89,5 @@ class CameraLedger:
         )
         if self._writer is not None and self._folder is not None:
             self._writer.close()
-            text = msgspec.json.format(msgspec.json.encode(summary), indent=1)
-            write_atomic(self._folder / SUMMARY_JSON, text + b"\n")
+            write_document(self._folder / SUMMARY_JSON, summary)
         return summary

@@ -11,9 +11,9 @@ import cv2
 import msgspec
 import numpy as np
 
-from flyaround.hil.host.ledger.summary import Board
+from flyaround.hil.host.link_process.ipc import Board
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.files import write_document
 from flyaround.simulator.runtime.untrusted_files import read_regular
 from flyaround.simulator.runtime.urls import without_secrets
 from flyaround.simulator.scenario.faults import NO_FAULTS, Faults
@@ -144,7 +144,7 @@ def write_terms(folder: Path, terms: RunTerms) -> None:
     UserError
         If it cannot be written.
     """
-    write_atomic(folder / RUN_JSON, msgspec.json.format(msgspec.json.encode(terms), indent=1) + b"\n")
+    write_document(folder / RUN_JSON, terms)
 
 
 def read_terms(folder: Path) -> RunTerms | None:
@@ -164,8 +164,3 @@ def read_terms(folder: Path) -> RunTerms | None:
         raise UserError(f"{path} cannot be read ({error.strerror}): make it readable") from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(f"{path} is not the terms of a run of this version: {error}") from error
-
-
-def run_schema() -> dict[str, Any]:
-    """Return the JSON Schema of run.json."""
-    return msgspec.json.schema(RunTerms)

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from flyaround.hil.host.frame_record import ACCEPTED, DECLINED, DROPPED
-from flyaround.hil.host.link_process.ipc import Count, LinkTotals
+from flyaround.hil.host.link_process.ipc import Board, Count, LinkTotals
 from flyaround.hil.link.packets.packet import PROTOCOL_VERSION
 
 if TYPE_CHECKING:
@@ -31,17 +31,6 @@ class StageTimes(msgspec.Struct, frozen=True, kw_only=True):
     p50_ms: float
     p99_ms: float
     max_ms: float
-
-
-class Board(msgspec.Struct, frozen=True, kw_only=True):
-    """The board that answered last, as it said in its HELLO."""
-
-    name: str
-    model: str
-    model_sha256: str = ""
-    method: str
-    encoding: str
-    window: int
 
 
 class Machine(msgspec.Struct, frozen=True, kw_only=True):
@@ -271,8 +260,3 @@ def summarise(rows: Iterable[FrameRecord] | LedgerTally, **run: Any) -> LedgerSu
         machine=this_machine(),
         **run,
     )
-
-
-def summary_schema() -> dict[str, Any]:
-    """JSON Schema of summary.json."""
-    return msgspec.json.schema(LedgerSummary)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from flyaround.hil.host.link_process.ipc import (
+    Board,
     BoardDown,
     BoardGreeted,
     BoardUp,
@@ -220,16 +221,15 @@ class BoardSession:
             return
         if not repeated:
             # announced once the clocks are compared: a first frame on the line would spoil the exchange
-            self._up = BoardUp(
-                link.transport.name,
-                hello.board,
-                hello.model_name,
-                hello.method,
-                ack.encoding.name.lower(),
-                ack.window,
-                hello.model_sha256,
-                ack.takes_fields,
+            board = Board(
+                name=hello.board,
+                model=hello.model_name,
+                model_sha256=hello.model_sha256,
+                method=hello.method,
+                encoding=ack.encoding.name.lower(),
+                window=ack.window,
             )
+            self._up = BoardUp(link.transport.name, board, ack.takes_fields)
 
     def _take_clock_reply(self, reply: TimeSyncReply, at_ns: int, link: Link) -> None:
         trip_ns = self._clock.add_reply(reply, at_ns)

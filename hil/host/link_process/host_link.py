@@ -235,7 +235,9 @@ class HostLink:
             self._greeted_s = time.monotonic()
         elif isinstance(event, BoardUp):
             self.board = self.last_board = event
-            logger.info("board connected from %s: %s, method %s", event.peer, event.board, event.method)
+            logger.info(
+                "board connected from %s: %s, method %s", event.peer, event.board.name, event.board.method
+            )
         elif isinstance(event, BoardDown):
             if self.board is None and self._greeted_s is None and self.last_board is not None:
                 # some other connection: the board is gone since it left, and for its own reason

@@ -147,17 +147,23 @@ class BoardGreeted:
     """A board said HELLO and was let in; its estimator may not be ready yet."""
 
 
+class Board(msgspec.Struct, frozen=True, kw_only=True):
+    """The board that answered last, as it said in its HELLO."""
+
+    name: str
+    model: str
+    model_sha256: str = ""
+    method: str
+    encoding: str
+    window: int
+
+
 @dataclass(frozen=True)
 class BoardUp:
     """A board shook hands and is ready."""
 
     peer: str
-    board: str
-    model_name: str
-    method: str
-    encoding: str
-    window: int
-    model_sha256: str = ""
+    board: Board
     takes_fields: bool = False
 
 

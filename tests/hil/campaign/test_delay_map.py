@@ -15,7 +15,6 @@ import pytest
 
 from flyaround.__main__ import run
 from flyaround.hil.campaign.delay_map import chosen_cells, map_delays, settings_for
-from flyaround.hil.campaign.map_flights import FlownCell
 from flyaround.hil.campaign.map_results import CellResult, HalfLatency
 from flyaround.hil.evaluate.metrics import wilson_interval
 from flyaround.hil.host.pose_link import LinkedPoses, PoseLink
@@ -131,7 +130,7 @@ def test_a_map_is_flown_refined_and_the_same_after_a_kill(tmp_path):
 def test_a_map_that_is_refused_takes_nothing_away_from_the_one_that_is_flown(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "flyaround.hil.campaign.delay_map.flown_cells",
-        lambda path, tasks, _w, _p: path.touch() or [FlownCell(t.cell, t.seed, False) for t in tasks],
+        lambda path, tasks, _w, _p: path.touch() or [(t.cell, False) for t in tasks],
     )
     one = settings_for(SCENARIO, latencies_s=(2,), jitters_s=(0,), drops=(0,), flights=2, check=1)
     map_delays(one, tmp_path / "m", board_command=("x",))
@@ -152,7 +151,7 @@ def test_a_range_in_which_nothing_fails_is_extended_or_that_is_said(
     tmp_path, monkeypatch, bears_s, extended, says
 ):
     def flown(_path, tasks, _workers, _progress):
-        return [FlownCell(t.cell, t.seed, t.cell.latency_s + t.cell.jitter_s < bears_s) for t in tasks]
+        return [(t.cell, t.cell.latency_s + t.cell.jitter_s < bears_s) for t in tasks]
 
     monkeypatch.setattr("flyaround.hil.campaign.delay_map.flown_cells", flown)
     settings = settings_for(SCENARIO, latencies_s=(2, 4), jitters_s=(0, 1), drops=(0,), flights=20)

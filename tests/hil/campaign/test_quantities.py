@@ -19,12 +19,12 @@ from flyaround.hil.host.closed_loop_run import (
     fly_without_pictures,
     summary_without_pictures,
     write_steps,
-    write_summary,
 )
 from flyaround.hil.host.frame_record import FrameRecord
-from flyaround.hil.host.ledger.summary import summarise
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, summarise
 from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
+from flyaround.simulator.runtime.files import write_document
 from flyaround.simulator.scenario.faults import Drop
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
@@ -162,7 +162,7 @@ def test_in_a_closed_loop_a_dead_board_arrives_nowhere(tmp_path):
     link = PoseLink(faults=(Drop(chance=1.0),))
     result = fly_without_pictures(plan, ClosedLoopConfig(seed=1), "noisy", link)
     write_steps(tmp_path, result.steps)
-    write_summary(tmp_path, summary_without_pictures(result, "noisy", 1))
+    write_document(tmp_path / SUMMARY_JSON, summary_without_pictures(result, "noisy", 1))
     record = RunRecord.read(tmp_path)
     loop = {name for name, q in QUANTITIES.items() if "closed_loop" in q.needs or not q.needs}
     limits = {"outcome": ("==", "arrived"), "final_error_m": ("<=", 1.0), "final_error_deg": ("<=", 5.0)}

@@ -11,7 +11,7 @@ import pytest
 from flyaround.hil.campaign import campaign as campaigns
 from flyaround.hil.campaign.campaign import run_campaign
 from flyaround.hil.campaign.case_run import RunResult, RunTask, flown_by, inputs_of, read_result
-from flyaround.hil.host.ledger.summary import Board
+from flyaround.hil.host.link_process.ipc import Board
 
 TOML = """
 name = "resumed"

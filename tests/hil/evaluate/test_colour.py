@@ -5,13 +5,14 @@ import shutil
 
 import cv2
 import jsonschema
+import msgspec
 import numpy as np
 import pytest
 
 import flyaround as fa
 from flyaround.__main__ import run
 from flyaround.hil.evaluate.greyscale import grey
-from flyaround.hil.evaluate.metrics import metrics_json_schema
+from flyaround.hil.evaluate.metrics import Metrics
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.formats.native import read_png
 from flyaround.simulator.scenario.load import load_scenario
@@ -52,7 +53,7 @@ def test_colour_is_evaluated_in_grey_and_that_is_said(colour, tmp_path, capsys):
     assert run(["evaluate", str(colour), "-o", str(report)]) == 0
     assert "pictures: colour, taken in grey (the mean of the three channels)" in capsys.readouterr().out
     metrics = json.loads((report / "metrics.json").read_text())
-    jsonschema.validate(metrics, metrics_json_schema())
+    jsonschema.validate(metrics, msgspec.json.schema(Metrics))
     assert metrics["coarse_success"] == 1
     assert metrics["grey_from_colour"] is True
     assert "taken in grey" in metrics["pictures"]

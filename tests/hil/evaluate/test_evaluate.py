@@ -6,13 +6,14 @@ import re
 
 import cv2
 import jsonschema
+import msgspec
 import numpy as np
 import pytest
 
 from flyaround.__main__ import run
 from flyaround.hil.evaluate.evaluation_plots import CAPTIONS
 from flyaround.hil.evaluate.failure_stage import KINDS
-from flyaround.hil.evaluate.metrics import metrics_json_schema
+from flyaround.hil.evaluate.metrics import Metrics
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.recipes.plan import plan_recipe
 
@@ -33,7 +34,7 @@ def test_metrics_follow_the_schema_and_the_table(dataset, tmp_path, capsys):
     methods = ["--method", "svd-thesis", "--method", "svd-2018"]
     assert run(["evaluate", str(dataset), "-o", str(report), *methods, "--json"]) == 0
     metrics = json.loads(capsys.readouterr().out)
-    jsonschema.validate(metrics, metrics_json_schema())
+    jsonschema.validate(metrics, msgspec.json.schema(Metrics))
     both = list(csv.DictReader((report / "frames.csv").read_text().splitlines()))
     assert len(both) == 2 * N
     assert metrics["by_method"]["svd-2018"]["n"] == N

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from hil_loop import Instant, Loop, Proxy, adds_up, board, frames, made_frame
 
-from flyaround.hil.bench.camera_latency import drawn_pictures, measure_latency
 from flyaround.hil.host.frame_record import utc_text
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.picture_frames import frames_of_folder
@@ -24,6 +23,7 @@ from flyaround.simulator.scenario.faults import ClockDrift, Faults
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scene.record import SceneRecord
+from tools.validation.hil.camera_latency import drawn_pictures, measure_latency
 
 EXPOSURE_MS = 10.0
 LATENCY_S = 0.3

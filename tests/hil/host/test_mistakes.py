@@ -19,7 +19,7 @@ from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.frames_csv import LedgerWriter, read_ledger
 from flyaround.hil.host.ledger.summary import LedgerSummary
 from flyaround.hil.host.link_process.host_link import HostLink
-from flyaround.hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, LinkConfig
+from flyaround.hil.host.link_process.ipc import Board, BoardDown, BoardUp, FrameJob, LinkConfig
 from flyaround.hil.host.link_process.process import LinkServer
 from flyaround.hil.host.report import write_report
 from flyaround.hil.link.clock import answer_time_sync, now_ns
@@ -114,7 +114,8 @@ def test_a_stranger_does_not_change_why_and_since_when_the_board_is_gone():
     with HostLink(LINK) as link:
         link._take(BoardDown("it was no board"))
         assert link.down_reason == "it was no board"  # all that is known before the first
-        link._take(BoardUp("peer", "board", "tango", "hybrid", "raw", 2))
+        board = Board(name="board", model="tango", method="hybrid", encoding="raw", window=2)
+        link._take(BoardUp("peer", board))
         link._take(BoardDown("its cable was pulled"))
         since = link.down_since_s
         link._take(BoardDown("it said nothing that the link protocol knows"))

@@ -14,7 +14,7 @@ import pytest
 from hil_loop import BOARD, MARK, Instant, Loop, Proxy, adds_up, board, frames
 
 from flyaround.hil.host.ledger.frames_csv import COLUMNS, read_ledger
-from flyaround.hil.host.ledger.summary import LedgerSummary, summary_schema
+from flyaround.hil.host.ledger.summary import LedgerSummary
 from flyaround.hil.host.truth.logger import TruthLogger
 from flyaround.hil.link.packets.packet import PacketType
 
@@ -59,7 +59,7 @@ def test_lockstep_with_the_board_in_another_process(tmp_path):
     ]
     assert (tmp_path / "log" / "frames.csv").read_text().splitlines()[0] == ",".join(COLUMNS)
     document = json.loads((tmp_path / "log" / "summary.json").read_text())
-    jsonschema.validate(document, summary_schema())
+    jsonschema.validate(document, msgspec.json.schema(LedgerSummary))
     assert msgspec.convert(document, LedgerSummary) == summary
 
     assert loggers[0].stop(60.0) == 12

@@ -12,7 +12,7 @@ import pytest
 from c_program import compiled
 
 from flyaround.hil.link.packets.packet import Packet, encode_packet
-from flyaround.hil.link.vectors import EXAMPLES
+from tools.docs.link_vectors import EXAMPLES
 
 ROOT = Path(__file__).parents[3]
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import zstandard
 from hil_loop import Instant
+from virtual_line import virtual_pair
 
 from flyaround.hil.board.agent import run_board
 from flyaround.hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake
@@ -48,7 +49,6 @@ from flyaround.hil.link.packets.messages import (
 )
 from flyaround.hil.link.packets.packet import Packet, PacketType
 from flyaround.hil.link.session import HOST_BEFORE_HELLO, HOST_IN_SESSION, MAX_LEFT_OUT, Link, greet_host
-from flyaround.hil.link.transports.in_process import virtual_pair
 from flyaround.hil.link.transports.tcp import TcpListener, TcpTransport
 
 DEEP = b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}"

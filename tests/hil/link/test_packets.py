@@ -39,7 +39,7 @@ from flyaround.hil.link.packets.packet import (
     decode_packet,
     encode_packet,
 )
-from flyaround.hil.link.vectors import EXAMPLES, session_packets, session_text, vectors
+from tools.docs.link_vectors import EXAMPLES, session_packets, session_text, vectors
 
 ROOT = Path(__file__).parents[3]
 

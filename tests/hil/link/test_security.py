@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import pytest
 from hil_loop import Instant, Loop, adds_up, board, frames
+from virtual_line import virtual_pair
 
 from flyaround.hil.host.truth.logger import TruthLogger
 from flyaround.hil.link.errors import LinkClosed, LinkError, PacketError, UnsealedPacket
@@ -26,7 +27,6 @@ from flyaround.hil.link.security import (
     read_key,
 )
 from flyaround.hil.link.session import Link
-from flyaround.hil.link.transports.in_process import virtual_pair
 from flyaround.hil.link.transports.tcp import connect_tcp
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.faults import ClockDrift, Faults

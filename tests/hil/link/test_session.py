@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from virtual_line import virtual_pair
 
 from flyaround.hil.link.clock import ClockFilter
 from flyaround.hil.link.errors import FormatRefused, LinkError, PacketError
@@ -32,7 +33,6 @@ from flyaround.hil.link.packets.messages import (
 )
 from flyaround.hil.link.packets.packet import Packet, PacketType
 from flyaround.hil.link.session import Link, answer_hello, greet_host, refuse
-from flyaround.hil.link.transports.in_process import virtual_pair
 
 CAMERA = {"width_px": 64, "height_px": 48}
 TERMS = HelloAck(CAMERA, 64, 48, window=4, target_name="tango", target_sha256="ab" * 32)

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from serial_line import null_modem
+from virtual_line import virtual_pair
 
 from flyaround.hil.host.faults.line_faults import FaultJournal, with_line_faults
 from flyaround.hil.link.errors import LinkClosed, PacketError
@@ -32,7 +33,6 @@ from flyaround.hil.link.packets.messages import (
 )
 from flyaround.hil.link.packets.packet import Packet, PacketType
 from flyaround.hil.link.security import HostTransport, prove_to_host
-from flyaround.hil.link.transports.in_process import virtual_pair
 from flyaround.hil.link.transports.serial_port import SerialTransport
 from flyaround.hil.link.transports.url import connect, listen
 from flyaround.simulator.scenario.faults import (

@@ -17,7 +17,7 @@ import pytest
 import trimesh
 from gltf_model import join_glb, split_glb
 
-from flyaround.hil.board_model.records import board_json_schema
+from flyaround.hil.board_model.records import BoardModelRecord
 from flyaround.hil.board_model.write import write_board_model
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.glb.read import load_glb
@@ -326,7 +326,7 @@ def test_board_file_validates_and_holds_the_labels(tango: Target, tmp_path: Path
     path = tmp_path / "tango.board.json"
     write_board_model(tango, path)
     board = json.loads(path.read_text())
-    schema = board_json_schema()
+    schema = msgspec.json.schema(BoardModelRecord)
     jsonschema.Draft202012Validator.check_schema(schema)
     jsonschema.Draft202012Validator(schema).validate(board)
     assert (board["schema"], board["version"]) == ("flyaround.board_model", 1)

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flyaround.hil.bench.camera_latency import drawn_pictures, measure_latency
 from flyaround.hil.host.report import write_report
+from tools.validation.hil.camera_latency import drawn_pictures, measure_latency
 
 P99_MS, P999_MS = 1.0, 5.0
 TRIP_P99_MS = 2.0

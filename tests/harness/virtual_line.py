@@ -1,10 +1,9 @@
-"""A line inside one process: real bytes, no sockets; for tests and for a board on this machine."""
+"""A line inside one process: real bytes, no sockets."""
 
 from __future__ import annotations
 
 import threading
 from collections import deque
-from typing import Deque, Tuple
 
 from flyaround.hil.link.errors import LinkClosed, LinkError
 from flyaround.hil.link.framing.cobs import CobsFraming
@@ -17,7 +16,7 @@ class _Pipe:
 
     def __init__(self) -> None:
         self.condition = threading.Condition()
-        self.data: Deque[bytes] = deque()
+        self.data: deque[bytes] = deque()
         self.closed = False
 
     def put(self, data: bytes) -> None:
@@ -70,7 +69,7 @@ class VirtualTransport(StreamTransport):
         self._into.close()
 
 
-def virtual_pair(*, cobs: bool = False) -> Tuple[VirtualTransport, VirtualTransport]:
+def virtual_pair(*, cobs: bool = False) -> tuple[VirtualTransport, VirtualTransport]:
     """Two ends of one in-process line."""
     there, back = _Pipe(), _Pipe()
     kind = CobsFraming if cobs else LengthFraming

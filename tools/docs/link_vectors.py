@@ -1,6 +1,6 @@
 """Test vectors of the protocol: packets as bytes and as fields, for decoders written elsewhere.
 
-``python -m flyaround.hil.link.vectors > docs/hil_vectors.json`` writes them anew.
+``python -m tools.docs.link_vectors > docs/hil_vectors.json`` writes them anew.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import re
 import sys
 import textwrap
 from enum import IntEnum
-from typing import Any, Dict, List, Tuple
+from typing import Any
 
 from flyaround.hil.link.framing import cobs
 from flyaround.hil.link.framing.length_prefix import PREFIX
@@ -49,7 +49,7 @@ _CAMERA = {
     "distortion": {"model": "none", "coefficients": []},
 }
 
-EXAMPLES: List[Tuple[str, Message]] = [
+EXAMPLES: list[tuple[str, Message]] = [
     ("hello", Hello(7, 2, "tango", "5a" * 32, "svd", "bench board, aarch64", 0b01111)),
     ("hello_fields", Hello(1, 1, "tango", "5a" * 32, "mine", "a board", 1, takes_fields=True)),
     (
@@ -157,7 +157,7 @@ _HOST_STEP, _BOARD_STEP = 1_000_000, 5_000_000
 # four by two pixels; the session id is the host's choice
 _PIXELS = bytes([0, 16, 32, 48, 64, 80, 96, 255])
 _SMALL = {**_CAMERA, "width_px": 4, "height_px": 2, "cx_px": 1.5, "cy_px": 0.5}
-SESSION: List[Tuple[str, Message]] = [
+SESSION: list[tuple[str, Message]] = [
     ("board", Hello(1, 1, "tango", "", "mine", "a board", 1)),
     ("host", HelloAck(_SMALL, 4, 2, target_name="tango")),
     ("host", TimeSyncRequest(1 * _HOST_STEP)),
@@ -201,7 +201,7 @@ SESSION: List[Tuple[str, Message]] = [
 """One session in lockstep on one frame, as docs/hil_protocol.md walks it."""
 
 
-def session_packets() -> List[Tuple[str, Message, bytes]]:
+def session_packets() -> list[tuple[str, Message, bytes]]:
     """Who says what in `SESSION`, and the packet's bytes: each side counts its own from 0."""
     counts = {"board": 0, "host": 0}
     out = []
@@ -234,7 +234,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - a dataclass field
     return value.hex() if isinstance(value, bytes) else value
 
 
-def vectors() -> Dict[str, Any]:
+def vectors() -> dict[str, Any]:
     """The document: packets in hexadecimal with their fields, as they are on TCP and on a serial line."""
     entries = []
     for sequence, (name, message) in enumerate(EXAMPLES):
