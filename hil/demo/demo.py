@@ -8,12 +8,13 @@ import shutil
 import socket
 import subprocess
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
+from flyaround.hil.demo.method_comparison import N_COMPARED, compare_methods
 from flyaround.hil.demo.page import DemoResults, write_page
 from flyaround.hil.host.ledger.run_terms import FlownRecord
 from flyaround.hil.host.link_process.ipc import LinkConfig
@@ -88,6 +89,8 @@ def run_demo(
 
     loop = _run_loop(plan_flight(scenario, n=N_LOOP_FRAMES), folder / "hil", board_command, progress_bar)
     write_report(folder / "hil")
+    with progress_bar(f"{N_COMPARED} frames by three methods") as progress:
+        compared = compare_methods(loop.frames, plan.target, progress)
     page = write_page(
         DemoResults(
             folder=folder,
@@ -96,6 +99,7 @@ def run_demo(
             checked=checked,
             summary=loop.summary,
             rows=loop.rows,
+            compared=compared,
             loop_frames=loop.frames,
             truth_records=loop.truth_records,
             run_s=time.monotonic() - started,
@@ -110,6 +114,7 @@ def run_demo(
             "images": checked.n_frames,
             "labels": checked.n_labels,
             "truth_records": loop.truth_records,
+            "methods": [asdict(answer) for answer in compared],
             "ledger": json.loads(msgspec.json.encode(loop.summary)),
         },
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from flyaround.hil.demo.method_comparison import comparison_section
 from flyaround.hil.demo.plots import plot_errors, plot_latency, plot_trajectory
 from flyaround.hil.host.ledger.summary import LedgerSummary
 from flyaround.simulator.dataset.capture import CaptureSummary
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from flyaround.hil.demo.method_comparison import MethodAnswer
     from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.simulator.frame import Frame
     from flyaround.simulator.runtime.arrays import ByteArray
@@ -47,6 +49,7 @@ class DemoResults:
     checked: CheckReport
     summary: LedgerSummary
     rows: tuple[FrameRecord, ...]
+    compared: tuple[MethodAnswer, ...]
     loop_frames: dict[int, Frame]
     truth_records: int
     run_s: float
@@ -185,6 +188,7 @@ def _page(results: DemoResults, images: Sequence[Markup], answers: Sequence[Mark
         note("The pose that the estimator returned, drawn in orange over the image it was given."),
         gallery(answers, columns=3),
     )
+    page.section("Three methods on the same frames", comparison_section(results.compared))
     page.section("Pose errors", _plot(plot_errors(results.rows), "rotation and translation errors"))
     page.section("Latency", _plot(plot_latency(results.rows), "latency by stage and its distribution"))
     files = (

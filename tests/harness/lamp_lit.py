@@ -16,7 +16,14 @@ FINE, SIGMA = 3, 3.0
 
 
 def lamp_lit(
-    craft: PreparedTarget, camera: CameraIntrinsics, q: np.ndarray, t: np.ndarray, to_lamp: np.ndarray
+    craft: PreparedTarget,
+    camera: CameraIntrinsics,
+    q: np.ndarray,
+    t: np.ndarray,
+    to_lamp: np.ndarray,
+    *,
+    sigma: float = SIGMA,
+    pedestal: float = 0.0,
 ) -> Observation:
     """The craft at a pose before empty space, each material of a shade of its own."""
     faces, R, (h, w) = faces_of(craft), quat.matrix(q), (camera.height_px, camera.width_px)
@@ -27,7 +34,7 @@ def lamp_lit(
     )
     drawn = np.concatenate([[0.0], lit])[seen].astype(np.float32)
     small = blurred(drawn.reshape(h, FINE, w, FINE).mean(axis=(1, 3)), 1.0)
-    noisy = small + np.random.default_rng(3).normal(0, SIGMA, small.shape)
+    noisy = small + pedestal + np.random.default_rng(3).normal(0, sigma, small.shape)
     frame = Observation(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
-    frame.noise, frame.background = SIGMA, 0.0
+    frame.noise, frame.background = sigma, pedestal
     return frame

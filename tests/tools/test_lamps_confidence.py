@@ -15,6 +15,7 @@ from flyaround.hil.board.hybrid.decide.confidence import (
     confidence,
 )
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
+from flyaround.hil.board.hybrid.image.regime import Regime
 from tools.studies.lamps_confidence import Judged, JudgedFrame, accepted, chosen_shift, counts
 
 SEEN = Evidence(
@@ -33,7 +34,7 @@ SEEN = Evidence(
     score=0.23,
     likeness=0.99,
     covered=0.4,
-    lamps=True,
+    regime=Regime.LAMPS,
 )
 FAINT = replace(SEEN, drawn=0.1, likeness=0.8)
 

@@ -37,6 +37,7 @@ from flyaround.hil.board.hybrid.estimator import (
 from flyaround.hil.board.hybrid.hypotheses.ambiguity import same_end
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.prepare import prepare
 from flyaround.hil.board.hybrid.refine.settling import settle
 from flyaround.hil.evaluate.greyscale import grey
@@ -91,13 +92,15 @@ def judged_frame(estimator: PoseEstimator, image: NDArray[Any], q: Array, t: Arr
     q : (4,) true attitude, camera from target. t : (3,) true position [m].
     """
     lit = prepare(estimator.setup, Observation(image))
-    if not lit.by_lamps or lit.learned is None:
+    if lit.regime is not Regime.LAMPS or lit.learned is None:
         return None
     proposals = propose_learned(lit)
     if not proposals.hypotheses:
         return None
     first = choose(ranked(proposals))
-    leant = replace(first, selection=check_near_minima(estimator.target, lit.frame, first.selection))
+    leant = replace(
+        first, selection=check_near_minima(estimator.target, lit.frame, lit.regime, first.selection)
+    )
     second = choose(ranked(propose_many_scales(first.proposals, lit.learned)))
     return JudgedFrame(*(_judged(choice, q, t) for choice in (first, leant, second)))
 
@@ -106,7 +109,7 @@ def _judged(choice: Choice, q: Array, t: Array) -> Judged:
     selection, setup = choice.selection, choice.image.setup
     pose = settle(setup.target, choice.image.frame, selection.close, selection.best)
     _, share, deg = frame_errors(q, t, pose.q, pose.t)
-    evidence = replace(selection.evidence, tried=setup.tried, looked=True, lamps=True)
+    evidence = replace(selection.evidence, tried=setup.tried, looked=True, regime=Regime.LAMPS)
     return Judged(evidence, deg <= COARSE_DEG and share <= COARSE_SHARE, pose)
 
 

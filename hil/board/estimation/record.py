@@ -55,3 +55,8 @@ class StageRecord:
         """Keep a stage's result if the caller wants it."""
         if self.trace is not None:
             self.trace[name] = value
+
+    def keep_poses(self, stage: str, q: Array, t: Array) -> None:
+        """Keep the poses q (N, 4), t (N, 3) that a stage hands on, in ``poses`` of the trace, if wanted."""
+        if self.trace is not None:
+            self.trace.setdefault("poses", []).append((stage, np.reshape(q, (-1, 4)), np.reshape(t, (-1, 3))))

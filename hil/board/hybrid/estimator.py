@@ -34,6 +34,7 @@ from flyaround.hil.board.hybrid.decide.selection import Selection, select_by_edg
 from flyaround.hil.board.hybrid.hypotheses.ambiguity import same_end
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.native.library import library
 from flyaround.hil.board.hybrid.prepare import prepare
@@ -123,6 +124,7 @@ def ranked(proposals: Proposals) -> Proposals:
     """Return the hypotheses in the order of their scores."""
     hypotheses = sorted(proposals.hypotheses, key=lambda h: -h.score)
     proposals.image.frame.keep("found", hypotheses)
+    _keep_poses(proposals.image.frame, "ranking", hypotheses)
     proposals.image.frame.mark("ranking")
     return replace(proposals, hypotheses=hypotheses)
 
@@ -143,18 +145,26 @@ def choose(proposals: Proposals) -> Choice:
 
 
 def _choose_by_image(proposals: Proposals) -> Choice:
-    target, frame, thorough = proposals.image.setup.target, proposals.image.frame, proposals.thorough
+    image, thorough = proposals.image, proposals.thorough
+    target, frame, regime = image.setup.target, image.frame, image.regime
     # the best of each region on a small patch of it
-    leaders = refine_coarsely(target, frame, proposals.hypotheses, thorough=thorough)
+    leaders = refine_coarsely(target, frame, regime, proposals.hypotheses, thorough=thorough)
     aligned = sorted([*leaders, *proposals.aligned], key=lambda h: -h.score)
+    _keep_poses(frame, "coarse_alignment", aligned)
     frame.mark("coarse_alignment")
     # the leaders, the winner's near-symmetries and its tilts on one patch of the target
     patch, aligned = refine_close_up(target, frame, aligned, thorough=thorough)
+    _keep_poses(frame, "close_alignment", aligned)
     frame.mark("close_alignment")
     # those refined to their ends on the whole image
-    selection = select_by_image(target, frame, patch, aligned, thorough=thorough)
+    selection = select_by_image(target, frame, regime, patch, aligned, thorough=thorough)
+    _keep_poses(frame, "final_alignment", selection.ends)
     frame.mark("final_alignment")
     return Choice(proposals, selection)
+
+
+def _keep_poses(frame: Observation, stage: str, hypotheses: Sequence[Hypothesis]) -> None:
+    frame.keep_poses(stage, np.array([h.q for h in hypotheses]), np.array([h.t for h in hypotheses]))
 
 
 # --- check
@@ -180,10 +190,11 @@ def check(choice: Choice) -> Choice:
 
 def _tilted(choice: Choice) -> Selection:
     """Return the selection after near minima; of a target not tried before its near-symmetries have the last word."""
-    setup, frame, before = choice.image.setup, choice.image.frame, choice.selection
+    image, before = choice.image, choice.selection
+    setup, frame, regime = image.setup, image.frame, image.regime
     if setup.tried:
-        return check_near_minima(setup.target, frame, before)
-    after = check_near_minima(setup.target, frame, before, symmetries=False)
+        return check_near_minima(setup.target, frame, regime, before)
+    after = check_near_minima(setup.target, frame, regime, before, symmetries=False)
     if after.best is before.best:
         # the near-symmetries are named still
         return replace(after.no_clearer(before.evidence), alternatives=before.alternatives)
@@ -198,7 +209,7 @@ def _accepted_in_doubt(choice: Choice) -> bool:
     if not choice.image.setup.has_faces or choice.proposals.thorough:
         return False
     evidence = _evidence(choice)
-    if evidence.lamps:
+    if evidence.regime is Regime.LAMPS:
         return LIKELY < confidence(evidence) < CLEAR
     return not decide(evidence, choice.image.setup.accept_at) and doubtful(evidence)
 
@@ -216,7 +227,7 @@ def _evidence(choice: Choice) -> Evidence:
         choice.selection.evidence,
         tried=image.setup.tried,
         looked=image.learned is not None,
-        lamps=image.by_lamps,
+        regime=image.regime,
     )
 
 
@@ -238,7 +249,7 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
         pose = settle(setup.target, frame, selection.close, selection.best)
         frame.mark("settling")
     evidence = _evidence(choice)
-    if evidence.lamps and first is not None and isinstance(first.evidence, Evidence):
+    if evidence.regime is Regime.LAMPS and first is not None and isinstance(first.evidence, Evidence):
         agreed = _agrees(first, pose)
         evidence = replace(evidence, agreed=agreed)
         first = reconsidered(first, replace(first.evidence, agreed=agreed), setup.accept_at)

@@ -15,6 +15,7 @@ from flyaround.hil.board.hybrid.image.noise import (
     whole_median,
 )
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.propose.regions import REDUCTION, propose_regions
 from flyaround.hil.board.hybrid.search_states import PreparedImage, SearchSetup
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
@@ -27,10 +28,7 @@ LEAST_NOISE, SCALE = 0.15, 255.0
 # Noise of means over many pixels from which it is not that of single ones, over what theirs would be.
 CORRELATED = 1.4
 
-# Black level from which a camera is one of a laboratory, over the noise: there the light is that of lamps.
-OFFSET = 2.0
-
-# The same before a texture, whose dark parts are above zero as well.
+# Least black level before a texture, over the noise: its dark parts are above zero as well.
 FLOOR_OFFSET = 3.0
 
 # Share of the frame's tiles with edges above which the background is not empty space.
@@ -53,7 +51,7 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
         # reduced pixels are whole numbers as well
         frame.background = whole_median(reduced.astype(np.int32))
     frame.black = _black_level(frame, reduced, busy, smoothed=smoothed)
-    by_lamps = setup.lamps is not None and frame.black > OFFSET * frame.noise
+    regime = Regime.of(frame.black, trained=setup.lamps is not None)
     frame.count("regions", len(regions))
     frame.keep("regions", regions)
     frame.mark("regions")
@@ -62,7 +60,7 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
         frame,
         reduced,
         [r for r in regions if r.diagonal_px >= SMALLEST_PX],
-        setup.lamps if by_lamps else setup.learned,
+        regime,
         smoothed,
     )
 

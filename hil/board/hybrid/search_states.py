@@ -13,6 +13,7 @@ import numpy as np
 from flyaround.hil.board.hybrid.decide.selection import Selection
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LearnedProposal, LearnedProposer
 from flyaround.hil.board.svd.perceptual_groups import Chains
@@ -71,8 +72,8 @@ class PreparedImage:
         The image reduced.
     regions : list of Region
         Where the target may be, the most likely first.
-    learned : LearnedProposer, optional
-        The network for the light of this image.
+    regime : Regime
+        Its light, which every later stage is handed.
     smoothed : bool
         True if a filter or a file has hidden noise.
     """
@@ -81,13 +82,13 @@ class PreparedImage:
     frame: Observation
     reduced: Array
     regions: List[Region]
-    learned: Optional[LearnedProposer]
+    regime: Regime
     smoothed: bool
 
     @property
-    def by_lamps(self) -> bool:
-        """True if the network of lamps is asked."""
-        return self.learned is not None and self.learned is self.setup.lamps
+    def learned(self) -> Optional[LearnedProposer]:
+        """The network for the light of this image, None if the target has none."""
+        return self.setup.lamps if self.regime is Regime.LAMPS else self.setup.learned
 
 
 @dataclass(frozen=True, eq=False)

@@ -122,13 +122,16 @@ class PublishedEstimator(Estimator):
             frame.count(kind, len(points))
         frame.mark("groups")
         q, t = self._poses(frame, groups, streams)
+        frame.keep_poses("pnp", q, t)
         corners = image_corners(groups, streams, frame.image.shape)
         if not len(q) or not len(corners):
             return self._declined(frame, "no target found")
         image = corner_map(corners, streams.region)
         q, t = self._rank(q, t, image)
+        frame.keep_poses("rank", q, t)
         frame.mark("rank")
         found = self._refine(q, t, image, streams.region)
+        frame.keep_poses("refine", np.array([f.q for f in found]), np.array([f.t for f in found]))
         frame.mark("refine")
         return self._decide(frame, found)
 

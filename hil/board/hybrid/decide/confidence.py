@@ -7,6 +7,8 @@ from typing import Optional
 
 import numpy as np
 
+from flyaround.hil.board.hybrid.image.regime import Regime
+
 # Confidence from which a pose is accepted.
 ACCEPT_AT = 0.93
 
@@ -78,7 +80,7 @@ class Evidence:
         it was not judged so. likeness, covered : see photometric.photo_likeness.
     tried : whether confidences were fitted on pictures of this craft. looked : whether it has a learned proposal.
     burnt : share of what the craft covers that is at the end of the scale.
-    lamps : whether the picture is of a camera that adds a black level, as those of laboratories do.
+    regime : the light of the image.
     agreed : whether two rounds led to the same pose; None where there was one.
     """
 
@@ -100,7 +102,7 @@ class Evidence:
     tried: bool = True
     looked: bool = True
     burnt: float = 0.0
-    lamps: bool = False
+    regime: Regime = Regime.SUNLIGHT
     agreed: Optional[bool] = None
 
 
@@ -130,7 +132,9 @@ def picture_confidence(e: Evidence, score: float) -> float:
     they do to the predicted error.
     """
     unlike = 1.0 - (0.0 if e.likeness is None else e.likeness)
-    bias, weights = (LAMPS_BIAS, LAMPS_WEIGHTS) if e.lamps else (PICTURE_BIAS, PICTURE_WEIGHTS)
+    bias, weights = (
+        (LAMPS_BIAS, LAMPS_WEIGHTS) if e.regime is Regime.LAMPS else (PICTURE_BIAS, PICTURE_WEIGHTS)
+    )
     z = bias + float(
         np.dot(
             weights,
@@ -152,7 +156,7 @@ def picture_confidence(e: Evidence, score: float) -> float:
         )
     )
     z -= 0.0 if e.looked else UNLOOKED
-    if e.lamps:
+    if e.regime is Regime.LAMPS:
         z -= BURNT_OFF * max(e.burnt - BURNT, 0.0)
         z += 0.0 if e.agreed is None else LAMPS_AGREED if e.agreed else LAMPS_SOUGHT
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
@@ -177,7 +181,7 @@ def least_margin(e: Evidence) -> float:
     """Margin below which another pose explains the picture as well."""
     if e.score is None:
         return LEAST_MARGIN
-    if e.lamps:
+    if e.regime is Regime.LAMPS:
         return max(LEAST_PICTURE_MARGIN, LAMPS_MARGIN * e.score)
     return LEAST_PICTURE_MARGIN if e.tried else max(LEAST_PICTURE_MARGIN, UNTRIED_MARGIN * e.score)
 
@@ -194,7 +198,7 @@ def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
         return "too little of the model is supported by edges"
     if e.margin < least_margin(e):
         return "ambiguous: another pose explains the picture as well"
-    if e.lamps and e.covered < LAMPS_COVERED:
+    if e.regime is Regime.LAMPS and e.covered < LAMPS_COVERED:
         return "too little of the picture is explained"
     if confidence(e) < accept_at:
         little = e.score is not None and e.covered < LITTLE

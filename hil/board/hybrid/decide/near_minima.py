@@ -7,6 +7,7 @@ import numpy as np
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.decide.selection import FINAL_LEAD, Selection, select
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.refine.close import refine_symmetries, refine_tilts
 from flyaround.hil.board.hybrid.refine.final import refine_to_end
@@ -30,7 +31,12 @@ LAMPS_BLURS, LAMPS_PRUNINGS, LAMPS_ENDS, LAMPS_LEAD = (1.2, 0.6), (Pruning(-9.0,
 
 
 def check_near_minima(
-    target: PreparedTarget, frame: Observation, selection: Selection, *, symmetries: bool = True
+    target: PreparedTarget,
+    frame: Observation,
+    regime: Regime,
+    selection: Selection,
+    *,
+    symmetries: bool = True,
 ) -> Selection:
     """A selection again beside poses tilted to every side of its end, the best of them refined to its end.
 
@@ -43,7 +49,7 @@ def check_near_minima(
         this score, which is a coarse image's and would bring back what that has refused.
     """
     end, patch = selection.best, selection.close
-    if frame.black > 0:
+    if regime is Regime.LAMPS:
         return _check_near_by(target, frame, selection)
     ranked = refine_tilts(target, patch, end, CHECK_BLURS, CHECK_PRUNINGS)
     ranked += refine_symmetries(target, patch, end, listed=symmetries)

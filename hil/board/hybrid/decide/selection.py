@@ -20,6 +20,7 @@ from flyaround.hil.board.hybrid.hypotheses.ambiguity import (
 from flyaround.hil.board.hybrid.hypotheses.edge_support import Support, support
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, faces_of
 from flyaround.hil.board.hybrid.refine.final import ROUNDS, refine_to_end
 from flyaround.hil.board.hybrid.refine.photometric import burnt_share, likeness, photo_draw
@@ -78,6 +79,7 @@ class Selection:
 def select_by_image(
     target: PreparedTarget,
     frame: Observation,
+    regime: Regime,
     patch: ImagePatch,
     ranked: List[Hypothesis],
     *,
@@ -91,6 +93,7 @@ def select_by_image(
     """
     # poses half-way there rank by chance: the end decides
     ends: List[Hypothesis] = []
+    rounds = LAMPS_ROUNDS if regime is Regime.LAMPS else ROUNDS
     most, lead = (ALL_FINALS, ALL_FINAL_LEAD) if thorough else (FINALS, FINAL_LEAD)
     for h in ranked[:most]:
         if h.score <= lead * ranked[0].score and h is not ranked[0]:
@@ -99,7 +102,7 @@ def select_by_image(
         starts = [e.origin for e in ends]
         if ends and len(without_duplicates([*starts, h])) == len(ends) and ends[0].score > SURE_SCORE:
             continue
-        ends.append(refine_to_end(target, frame, patch, h, LAMPS_ROUNDS if frame.black > 0 else ROUNDS))
+        ends.append(refine_to_end(target, frame, patch, h, rounds))
     selection = select(target, patch, ranked, ends, thorough=thorough)
     # a tie is one between ends: a rival on its way may lead to the winner, or fall behind
     for _ in range(TIES):

@@ -10,6 +10,7 @@ from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.hypotheses.ambiguity import spread_in_attitude
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.image_patch import cut_patch, pinhole_box
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.edge_search import MARGIN
@@ -57,7 +58,12 @@ SCALES_PRUNINGS = (
 
 
 def refine_coarsely(
-    target: PreparedTarget, frame: Observation, found: List[Hypothesis], *, thorough: bool = False
+    target: PreparedTarget,
+    frame: Observation,
+    regime: Regime,
+    found: List[Hypothesis],
+    *,
+    thorough: bool = False,
 ) -> List[Hypothesis]:
     """The hypotheses of each region that look best, aligned on a small patch of it; the best first.
 
@@ -74,7 +80,7 @@ def refine_coarsely(
         margin = PLACE_MARGIN if learned else MARGIN
         height, width = frame.image.shape
         textured = learned and frame.background < 0
-        lamps = learned and frame.black > 0
+        lamps = learned and regime is Regime.LAMPS
         first = TEXTURED_ASKED if textured or lamps else ASKED
         own = own[: LIT_OF_EDGES if not learned else ALL_ASKED if thorough else first]
         longest, blurs = (TEXTURED_PX, TEXTURED_BLURS) if textured else (COARSE_PX, COARSE_BLURS)

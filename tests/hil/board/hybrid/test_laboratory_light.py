@@ -15,6 +15,7 @@ from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.shading import Shading
 from flyaround.hil.board.hybrid.image.noise import black_level, coarse_noise, has_flat_floor, noise_sigma
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.prepare import prepare
 from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LAMPS, network_for
 from flyaround.hil.board.hybrid.refine.photometric import burnt_share
@@ -83,7 +84,7 @@ def prepared(estimator: PoseEstimator, image: np.ndarray) -> PreparedImage:
 def test_a_camera_with_a_black_level_is_asked_by_the_network_of_lamps(estimator: PoseEstimator) -> None:
     lit = prepared(estimator, picture(pedestal=PEDESTAL))
     assert lit.frame.black == pytest.approx(PEDESTAL, abs=2.0)
-    assert lit.by_lamps
+    assert lit.regime is Regime.LAMPS
     assert lit.learned is estimator.setup.lamps
     smoothed = prepared(estimator, picture(pedestal=PEDESTAL, smooth=True))
     assert smoothed.smoothed
@@ -102,7 +103,7 @@ def test_a_mock_up_has_the_networks_of_the_craft_whose_shape_it_has(tango: Board
     assert network_for(replace(tango, name="soyuz-ms"), LAMPS) is None
 
 
-def evidence(**changes: float | None) -> Evidence:
+def evidence(**changes: float | Regime | None) -> Evidence:
     """What was seen of a mock-up at the right pose."""
     return replace(
         Evidence(
@@ -127,15 +128,15 @@ def evidence(**changes: float | None) -> Evidence:
 
 
 def test_evidence_by_lamps_is_weighed_by_its_own_weights_and_burnt_out_faces_count_against_it() -> None:
-    assert confidence(evidence(lamps=True)) > 0.9 > confidence(evidence())
-    assert confidence(evidence(lamps=True, burnt=0.3)) == confidence(evidence(lamps=True))
-    assert confidence(evidence(lamps=True, burnt=0.6)) < 0.9
+    assert confidence(evidence(regime=Regime.LAMPS)) > 0.9 > confidence(evidence())
+    assert confidence(evidence(regime=Regime.LAMPS, burnt=0.3)) == confidence(evidence(regime=Regime.LAMPS))
+    assert confidence(evidence(regime=Regime.LAMPS, burnt=0.6)) < 0.9
     assert confidence(evidence(burnt=0.6)) == confidence(evidence())
-    assert confidence(evidence(lamps=True, drawn=0.1, likeness=0.8)) < 0.3
+    assert confidence(evidence(regime=Regime.LAMPS, drawn=0.1, likeness=0.8)) < 0.3
 
 
 def test_by_lamps_two_rounds_that_agree_make_a_pose_surer_than_one_and_one_surer_than_two_poses() -> None:
-    alone, apart, same = (evidence(lamps=True, drawn=0.33, agreed=a) for a in (None, False, True))
+    alone, apart, same = (evidence(regime=Regime.LAMPS, drawn=0.33, agreed=a) for a in (None, False, True))
     assert decide(alone) != ""
     assert confidence(alone) < confidence(apart) < confidence(same)
     assert decide(same) == ""
@@ -144,9 +145,9 @@ def test_by_lamps_two_rounds_that_agree_make_a_pose_surer_than_one_and_one_surer
 
 
 def test_by_lamps_a_rival_nearly_as_good_or_little_explained_declines() -> None:
-    assert decide(evidence(lamps=True, agreed=True)) == ""
-    assert decide(evidence(lamps=True, margin=0.02)).startswith("ambiguous")
-    assert decide(evidence(lamps=True, covered=0.08)).startswith("too little")
+    assert decide(evidence(regime=Regime.LAMPS, agreed=True)) == ""
+    assert decide(evidence(regime=Regime.LAMPS, margin=0.02)).startswith("ambiguous")
+    assert decide(evidence(regime=Regime.LAMPS, covered=0.08)).startswith("too little")
 
 
 def test_the_earth_in_the_whole_frame_is_no_black_level() -> None:

@@ -22,6 +22,7 @@ from flyaround.hil.board.hybrid.hypotheses.edge_support import support
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit, Source
 from flyaround.hil.board.hybrid.image.edge_field import edge_field
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.image_patch import cut_patch, target_box
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.variants import near_symmetries, over_its_image, tilts
@@ -70,7 +71,7 @@ def selected_of(
 ) -> tuple[Selection, list[Hypothesis]]:
     """What is selected of leaders where a first round did not settle it, and all that was aligned close up."""
     patch, ranked = refine_close_up(craft, frame, leaders, thorough=True)
-    return select_by_image(craft, frame, patch, ranked, thorough=True), ranked
+    return select_by_image(craft, frame, Regime.SUNLIGHT, patch, ranked, thorough=True), ranked
 
 
 def test_a_tilt_that_holds_is_left_for_the_better_one_beside_it(
@@ -79,7 +80,7 @@ def test_a_tilt_that_holds_is_left_for_the_better_one_beside_it(
     field = choice_of(craft, frame, Q, T_M).best
     wrong = tilts(craft, field)[0]
     before = choice_of(craft, frame, wrong.q, wrong.t)
-    after = check_near_minima(craft, frame, before)
+    after = check_near_minima(craft, frame, Regime.SUNLIGHT, before)
     assert np.degrees(quat.angle_rad(wrong.q, Q)) > 10
     assert np.degrees(quat.angle_rad(after.best.q, Q)) < 0.5
     assert np.linalg.norm(after.best.t - T_M) < 0.02
@@ -92,7 +93,7 @@ def test_a_right_pose_stays_and_what_leant_comes_back_to_it(
     craft: PreparedTarget, frame: Observation
 ) -> None:
     before = choice_of(craft, frame, Q, T_M)
-    after = check_near_minima(craft, frame, before)
+    after = check_near_minima(craft, frame, Regime.SUNLIGHT, before)
     assert np.degrees(quat.angle_rad(after.best.q, Q)) < 0.5
     assert after.best.score >= before.best.score
     # nor do those that are on their way make it look doubtful
@@ -145,7 +146,7 @@ def test_a_twin_is_laid_over_what_it_could_be_mistaken_for(craft: PreparedTarget
 def test_a_half_turn_is_won_back_from_its_end(craft: PreparedTarget, frame: Observation) -> None:
     turned = quat.normalise(quat.multiply(Q, np.array([0.0, 0.0, 0.0, 1.0])))
     before = choice_of(craft, frame, turned, T_M)
-    after = check_near_minima(craft, frame, before)
+    after = check_near_minima(craft, frame, Regime.SUNLIGHT, before)
     assert np.degrees(quat.angle_rad(after.best.q, Q)) < 0.5
     assert np.linalg.norm(after.best.t - T_M) < 0.02
     assert after.best.score > before.best.score + 0.02
@@ -224,7 +225,7 @@ def untried(craft: PreparedTarget, monkeypatch: pytest.MonkeyPatch) -> SearchSet
 
 def answer(setup: SearchSetup, frame: Observation, held: Selection) -> PoseResult:
     """What the checks and the decision make of a selection."""
-    image = PreparedImage(setup, frame, np.zeros((0, 0)), [], setup.learned, smoothed=False)
+    image = PreparedImage(setup, frame, np.zeros((0, 0)), [], Regime.SUNLIGHT, smoothed=False)
     return estimator.answer(estimator.check(Choice(Proposals(image, [], []), held)), None)
 
 
