@@ -13,7 +13,6 @@ from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.model.many_groups import blurred
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
-from flyaround.hil.board.hybrid.tracking.edge_tracker import track_edges
 from flyaround.hil.board.hybrid.tracking.pose_filter import first_state, innovation, predict, update
 from flyaround.hil.board.hybrid.tracking.tracking_estimator import SURE, TrackingEstimator
 from flyaround.hil.board.methods import make_estimator
@@ -54,37 +53,6 @@ def tracker() -> TrackingEstimator:
     estimator = make_estimator(Craft().model(), CAMERA, "hybrid-track")
     assert isinstance(estimator, TrackingEstimator)
     return estimator
-
-
-def test_a_pose_two_degrees_off_is_aligned(tracker: TrackingEstimator) -> None:
-    craft, rng = Craft(), np.random.default_rng(5)
-    q, t = quat.normalise(np.array([0.22, 0.88, 0.33, 0.21])), np.array([0.1, -0.05, 4.2])
-    image = craft.picture(q, t, SUN, rng)
-    start = quat.normalise(quat.multiply(quat.from_rotvec(np.radians([1.5, -1.0, 1.0])), q))
-    c = tracker.craft
-    none = np.zeros(len(c.samples))
-    fit = track_edges(
-        image,
-        12.0,
-        start,
-        t + np.array([0.01, 0.01, 0.06]),
-        c.samples,
-        c.occ,
-        CAMERA,
-        c.radius_m,
-        18.0,
-        none,
-        empty=True,
-    )
-    assert fit is not None
-    assert np.degrees(quat.angle_rad(fit.q, q)) < 1.0
-    assert np.linalg.norm(fit.t - t) < 0.03
-    assert fit.used > 60
-    assert np.abs(fit.polarity).max() > 0
-    # where nothing is, nothing is found
-    empty = np.random.default_rng(6).normal(20, 12, image.shape).clip(0, 255).astype(np.uint8)
-    lost = track_edges(empty, 12.0, q, t, c.samples, c.occ, CAMERA, c.radius_m, 18.0, none)
-    assert lost is None or lost.near < 0.15
 
 
 def test_a_turning_craft_is_followed_and_a_lost_one_given_up(tracker: TrackingEstimator) -> None:

@@ -20,8 +20,6 @@ from flyaround.hil.board.estimation.vectors import swing
 from flyaround.hil.board.methods import check_method_name, make_estimator
 from flyaround.hil.board.net.attitude_classes import class_attitudes, mean_attitude, shares
 from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
-from flyaround.hil.board.net.network_estimator import placed
-from flyaround.hil.board.net.network_file import NetworkFile
 
 LENS = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 BENT = dataclasses.replace(LENS, distortion_model="brown_conrady", distortion=(-0.3, 0.1, 1e-3, -1e-3, 0.0))
@@ -71,15 +69,6 @@ def test_the_mean_attitude_is_of_one_neighbourhood_and_lies_between_classes():
         assert 0.4 < held < 0.7
     assert max(errors) < 6.0
     assert shares(np.array([0.0, 0.0])) == pytest.approx([0.5, 0.5])
-
-
-def test_three_numbers_are_a_place(tmp_path):
-    file = NetworkFile.read(write_network(tmp_path / "net.onnx"))
-    t, direction = placed(np.array([1.0, 0.0, 2.0]), file)
-    # the right edge of the view, at a range of two scales over the mean
-    assert t[0] / t[2] == pytest.approx(24 / 75)
-    assert np.log(np.linalg.norm(t)) == pytest.approx(1.5 + 2 * 0.3)
-    assert np.linalg.norm(direction) == pytest.approx(1.0)
 
 
 def craft_network(tmp_path, **options):
