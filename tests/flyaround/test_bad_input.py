@@ -2,7 +2,6 @@
 
 import json
 import os
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -148,17 +147,6 @@ def test_check_and_evaluation_of_something_else(capsys, tmp_path):
     report = tmp_path / "report"
     _fails(capsys, "evaluate", tmp_path, "-o", report, says=("not a data set", "capture"))
     assert not report.exists()
-
-
-def test_port_in_use(capsys):
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        _fails(
-            capsys, "hil", "host", "tango-flyaround", "-n", "1", "--listen", f"tcp://127.0.0.1:{port}",
-            says=(str(port), "in use"),
-        )  # fmt: skip
 
 
 def test_no_egl_says_how_to_get_it(tmp_path):
