@@ -64,19 +64,7 @@ def test_a_run_without_an_accepted_pose_is_no_success_unless_it_may_be(words, co
     options = {"make_estimator": DeclinesAll, "silence_s": 60.0, "connect_timeout_s": 60.0}
     board = threading.Thread(target=run_board, args=(url,), kwargs=options, daemon=True)
     board.start()
-    command = [
-        "hil",
-        "host",
-        "tango-space-10m",
-        "-n",
-        "2",
-        "--truth",
-        "off",
-        "--silence",
-        "60",
-        "--listen",
-        url,
-    ]
+    command = f"hil host tango-space-10m -n 2 --truth off --silence 60 --listen {url}".split()
     assert run([*command, "--from", str(tmp_path / "pictures"), "--deadline", "50", *words]) == code
     board.join(60.0)
     said = capsys.readouterr()

@@ -145,17 +145,7 @@ def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Pa
         camera.write_text(json.dumps(truth["camera"]))
         image = str(folder / "images" / f"{k:06d}.png")
         for method in ("hybrid", "svd-thesis"):
-            command = [
-                DEBIAN,
-                "-I",
-                str(bundle),
-                "--model",
-                "tango",
-                "--image",
-                image,
-                "--camera",
-                str(camera),
-            ]
+            command = f"{DEBIAN} -I {bundle} --model tango --image {image} --camera {camera}".split()
             answer = subprocess.run(
                 [*command, "--method", method], capture_output=True, text=True, check=False, cwd=tmp_path
             )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import zlib
 
 import numpy as np
@@ -10,8 +9,6 @@ import pytest
 from estimators import Checksum
 from hil_loop import Loop, board, made_frame
 from serial_line import null_modem
-
-from flyaround.hil.host.serial_time import line_time_s
 
 
 def noise(k: int):
@@ -41,21 +38,3 @@ def test_run_over_a_serial_line(damage_every):
     for row in rows:
         if row.outcome == "accepted":
             assert row.t_m[0] == zlib.crc32(noise(row.frame_id).tobytes()) % 1_000_000
-
-
-@pytest.mark.slow
-def test_a_run_at_115200_baud_reaches_its_computed_rate():
-    """Raw frames of a whole run, from the first byte to the last: at best 95 % of what start and stop bits leave."""
-    size_bytes, rows = 60 * 80, []
-    with null_modem() as (left, right):
-        loop = Loop(lambda _: board(Checksum)(f"serial://{right}?baud=115200"))
-        url = f"serial://{left}?baud=115200"
-        summary = loop.run(frames(8), on_row=rows.append, url=url, timeout_s=10.0, compression="raw")
-    assert summary.accepted == 8
-    shares = [line_time_s(size_bytes, 115_200) / (1e-3 * row.send_ms) for row in rows]
-    sys.stdout.write(
-        f"{100 * max(shares):.1f} % of the computed rate at best, {100 * min(shares):.1f} % at worst\n"
-    )
-    # COBS may save a byte a block, and the last piece is given to the line at once
-    assert all(share < 1.05 for share in shares)
-    assert max(shares) > 0.95

@@ -174,12 +174,11 @@ def test_key_files(tmp_path):
         read_key(str(tmp_path / "none"))
 
 
-@pytest.mark.parametrize("late_s", [1.5, 3.2])
-def test_a_host_that_answers_late_is_proved_to(late_s):
+def test_a_host_that_answers_late_is_proved_to():
     """Requests are repeated each second; any of the answers may be proved."""
     here, there = virtual_pair()
     heard = []
-    starts = threading.Timer(late_s, lambda: host_of(there, KEY, heard).join(60))
+    starts = threading.Timer(1.5, lambda: host_of(there, KEY, heard).join(60))
     starts.start()
     line = prove_to_host(here, KEY, 60.0)
     line.send_packet(POSE)

@@ -102,9 +102,8 @@ def strange(name: str, rng: np.random.Generator) -> np.ndarray:
 EVERY = ("half_saturated", "nearly_saturated", "one_pixel", "salt", "noise", "ramp", "stripes", "rows_lost")
 STRANGE = (
     "lines",
-    "clouds",
     "limb",
-    *(pytest.param(name, marks=pytest.mark.slow) for name in (*EVERY, "disc", "stars")),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in (*EVERY, "disc", "stars", "clouds")),
 )
 
 

@@ -1,7 +1,6 @@
 """The estimator of a network: what it is shown, what its numbers mean, who gets one."""
 
 import dataclasses
-import json
 import threading
 
 import cv2
@@ -152,16 +151,3 @@ def test_a_board_answers_with_a_network(tmp_path):
     assert [row.outcome for row in rows] == ["accepted"] * 3
     assert all(row.t_m is not None for row in rows)
     assert threading.active_count() < 20
-
-
-def test_estimate_prints_its_answer(tmp_path, capsys):
-    from flyaround.simulator.targets.library import load_target
-
-    path = write_network(tmp_path / "net.onnx", ("tango", load_target("tango").sha256), sure=3)
-    image = np.zeros((1200, 1920), np.uint8)
-    image[400:600, 800:1000] = 90
-    cv2.imwrite(str(tmp_path / "one.png"), image)
-    assert run(["estimate", str(tmp_path / "one.png"), "--method", f"net:{path}", "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert said["accepted"]
-    assert said["method"] == "net:net.onnx"
