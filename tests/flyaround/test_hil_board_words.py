@@ -94,16 +94,3 @@ def test_a_board_of_the_workstation_that_hangs_ends_with_a_code_of_its_own():
         host.send_frame(1, level=7)
         assert "watchdog" in host.pose().reason
         assert board.wait(30.0) == ExitCode.WATCHDOG == 3
-
-
-@pytest.mark.slow
-def test_or_starts_anew():
-    with hand_made_host() as host:
-        words = ["hil", "board", host.url, "--watchdog", "0.2", "--reconnect"]
-        with started([sys.executable, "-c", STUCK, *words]) as board:
-            for _ in range(2):
-                host.meet(60.0)
-                host.send_frame(1, level=7)
-                assert "watchdog" in host.pose().reason
-                host.hear(Bye)
-            assert board.poll() is None

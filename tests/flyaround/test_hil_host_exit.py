@@ -6,22 +6,19 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from hil_loop import Instant
+from hil_loop import Instant, greeted, serve_by_hand
+from hil_processes import children_of, free_url
 
 from flyaround.__main__ import run
 from flyaround.hil.board.agent import run_board
 from flyaround.hil.host.ledger.frames_csv import read_ledger
-from flyaround.hil.link.clock import answer_time_sync, now_ns
-from flyaround.hil.link.packets.messages import FrameHeader, Hello, TimeSyncRequest
-from flyaround.hil.link.session import Link, greet_host
-from flyaround.hil.link.transports.url import connect
+from flyaround.hil.link.packets.messages import FrameHeader
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 
@@ -30,19 +27,9 @@ pytestmark = pytest.mark.gl
 ROOT = Path(__file__).parents[2]
 
 
-def free_url(host="127.0.0.1"):
-    with socket.create_server((host, 0)) as free:
-        return f"tcp://{host}:{free.getsockname()[1]}"
-
-
 def leaves_in_the_first_frame(url):
     """A board that takes a frame's header and closes the line, without a goodbye."""
-    link = Link(connect(url, 30.0))
-    greet_host(link, Hello(), 60.0)
-    while not isinstance(message := link.recv(30.0), FrameHeader):
-        if isinstance(message, TimeSyncRequest):
-            link.send(answer_time_sync(message, now_ns()))
-    link.transport.close()
+    serve_by_hand(greeted(url), lambda message: isinstance(message, FrameHeader))
 
 
 def test_a_board_that_leaves_for_good_is_no_success(capsys, tmp_path):
@@ -77,19 +64,7 @@ def test_a_run_without_an_accepted_pose_is_no_success_unless_it_may_be(words, co
     options = {"make_estimator": DeclinesAll, "silence_s": 60.0, "connect_timeout_s": 60.0}
     board = threading.Thread(target=run_board, args=(url,), kwargs=options, daemon=True)
     board.start()
-    command = [
-        "hil",
-        "host",
-        "tango-space-10m",
-        "-n",
-        "2",
-        "--truth",
-        "off",
-        "--silence",
-        "60",
-        "--listen",
-        url,
-    ]
+    command = f"hil host tango-space-10m -n 2 --truth off --silence 60 --listen {url}".split()
     assert run([*command, "--from", str(tmp_path / "pictures"), "--deadline", "50", *words]) == code
     board.join(60.0)
     said = capsys.readouterr()
@@ -133,15 +108,6 @@ def test_what_listens_says_so_and_waits_no_longer_than_it_is_told(capsys, tmp_pa
     assert record["command"][:3] == ["flyaround", "hil", "host"]
     assert key.read_text().strip() not in (tmp_path / "log" / "run.json").read_text()
     assert json.loads((tmp_path / "log" / "summary.json").read_text())["ended"] == "no_board"
-
-
-def children_of(pid):
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):
-            if int(stat.read_text().rsplit(")", 1)[1].split()[1]) == pid:
-                found.append(int(stat.parent.name))
-    return found
 
 
 def alive(pid):

@@ -29,13 +29,7 @@ def test_each_row_becomes_a_picture(tmp_path):
     result = CliRunner().invoke(
         app,
         [
-            "render",
-            "tango-space-10m",
-            "--quality",
-            "draft",
-            "--poses",
-            str(poses),
-            "-o",
+            *f"render tango-space-10m --quality draft --poses {poses} -o".split(),
             str(tmp_path / "a.png"),
             "--json",
         ],

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 
-def box_model() -> dict[str, Any]:
-    """A closed box of 1.0 x 0.8 x 0.4 m."""
-    h = np.array([0.5, 0.4, 0.2])
+def box_model(half_m: tuple[float, ...] = (0.5, 0.4, 0.2)) -> dict[str, Any]:
+    """A closed box of 1.0 x 0.8 x 0.4 m, or of other half sizes."""
+    h = np.array(half_m)
     v = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * h
     faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     normals = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]]

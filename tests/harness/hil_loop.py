@@ -17,8 +17,12 @@ from flyaround.hil.board.agent import run_board
 from flyaround.hil.host.ledger.summary import LedgerSummary
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.hil.link.clock import answer_time_sync, now_ns
 from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.packets.messages import Bye, Hello, PoseMessage, TimeSyncRequest
 from flyaround.hil.link.packets.packet import PacketType, decode_packet
+from flyaround.hil.link.session import Link, greet_host
+from flyaround.hil.link.transports.url import connect
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.frame import NO_RADIANCE, Frame
 from flyaround.simulator.labels.truth import Software, Truth
@@ -138,6 +142,32 @@ class Loop:
 def board(estimator=Instant, **options):
     """A board that waits for a host that a busy machine holds up."""
     return lambda url: run_board(url, make_estimator=estimator, **{"silence_s": PATIENCE_S, **options})
+
+
+def good_pose(frame_id: int, z_m: float = 1.0) -> PoseMessage:
+    """An accepted pose."""
+    return PoseMessage(frame_id, True, "", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, z_m), 0.5)
+
+
+def greeted(url: str) -> Link:
+    """A session of a board that holds one frame."""
+    link = Link(connect(url, PATIENCE_S))
+    greet_host(link, Hello(window=1), PATIENCE_S)
+    return link
+
+
+def serve_by_hand(link: Link, take) -> str | None:
+    """Be a board of another make that answers clocks; ``take(message)`` has the rest, and leaves where it says so.
+
+    Returns the host's goodbye.
+    """
+    while not isinstance(message := link.recv(PATIENCE_S), Bye):
+        if isinstance(message, TimeSyncRequest):
+            link.send(answer_time_sync(message, now_ns()))
+        elif take(message):
+            break
+    link.transport.close()
+    return message.reason if isinstance(message, Bye) else None
 
 
 def refused(client):

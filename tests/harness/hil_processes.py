@@ -22,7 +22,7 @@ PATIENCE_S = 60.0
 
 # A host whose pictures are drawn before; what it is told comes as JSON. Its URL is the first line that it says.
 HOST = f"""
-import json, sys, time
+import json, resource, sys, time
 from pathlib import Path
 sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
 import numpy as np
@@ -38,11 +38,15 @@ def source():
         if told["mode"] == "lockstep":
             time.sleep(told["every_s"])
         yield made_frame(k, drawn[k % len(drawn)], every_s=told["every_s"], t_m=(0.0, 0.0, float(k)))
-link = LinkConfig(url=told["url"], mode=told["mode"], truth="off", timeout_s=told["timeout_s"],
+def on_row(row):
+    if row.frame_id == told["most_rows"]:
+        size = (Path(told["log"]) / "frames.csv").stat().st_size + 20
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+link = LinkConfig(url=told["url"], mode=told["mode"], truth=told["truth"], timeout_s=told["timeout_s"],
                   max_misses=told["max_misses"], silence_s=told["silence_s"], key=told["key"] and read_key(told["key"]))
 config = RunConfig(link=link, log_dir=Path(told["log"]), connect_timeout_s=60.0)
 try:
-    summary = run_host(source(), config, on_listening=lambda url, _: print(url, flush=True))
+    summary = run_host(source(), config, on_row=on_row, on_listening=lambda url, _: print(url, flush=True))
 except UserError as error:
     print(error, file=sys.stderr)
     sys.exit(2)
@@ -61,10 +65,10 @@ run_and_exit("flyaround.hil.board")
 """
 
 
-def free_url() -> str:
+def free_url(host: str = "127.0.0.1") -> str:
     """An address that nobody listens on."""
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    with socket.create_server((host, 0)) as free:
+        return f"tcp://{host}:{free.getsockname()[1]}"
 
 
 @contextmanager
@@ -72,6 +76,7 @@ def host_process(log: Path, prefix: tuple[str, ...] = (), **told):
     """A running host and its URL."""
     defaults = {"url": "tcp://127.0.0.1:0", "n": 10_000, "size": 64, "every_s": 0.02, "mode": "lockstep"}
     defaults |= {"timeout_s": 20.0, "max_misses": 3, "silence_s": 1.5, "log": str(log), "key": None}
+    defaults |= {"truth": "off", "most_rows": -1}
     with started([*prefix, sys.executable, "-c", HOST, json.dumps(defaults | told)]) as process:
         yield process, process.stdout.readline().strip()
 

@@ -1,5 +1,7 @@
-"""One package is installed, from the wheel and from the source archive alike."""
+"""One package is installed, from the wheel and from the source archive alike, and draws and estimates as a checkout."""
 
+import json
+import os
 import subprocess
 import sys
 import tarfile
@@ -9,7 +11,11 @@ from pathlib import Path
 
 import pytest
 
+import flyaround.__main__ as command_line
+from flyaround.hil.board.hybrid.native import library
+
 ROOT = Path(__file__).parents[2]
+NATIVE = "flyaround/hil/board/hybrid/native"
 FOLDERS = ("assets", "gui", "hil", "shaders", "simulator")
 
 
@@ -71,6 +77,26 @@ def test_one_package_and_its_metadata_are_installed(wheel):
         assert any(name.startswith(f"flyaround/{folder}/") for name in names)
 
 
+def test_the_wheel_is_of_its_platform_and_carries_its_libraries_and_those_of_boards(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    libraries = {Path(name).name for name in names if name.startswith(f"{NATIVE}/lib/")}
+    assert wheel.name.split("-")[2:4] == ["py3", "none"]
+    assert not wheel.stem.endswith("-any")
+    assert {library.choose_library(), library.CHECKSUMS} <= libraries
+    assert {"linux-x86_64.so", "linux-aarch64.so", "linux-armv7.so"} <= libraries
+    assert sys.platform != "linux" or not [n for n in libraries if n.startswith(("macos", "windows"))]
+    assert f"{NATIVE}/kernels.h" in names
+    assert not [name for name in names if name.startswith(NATIVE) and name.endswith(".c")]
+
+
+def test_an_unknown_platform_is_refused_in_one_sentence(tmp_path):
+    environment = os.environ | {"FLYAROUND_WHEEL_PLATFORM": "amiga-m68k"}
+    command = [sys.executable, ROOT / "hatch_build.py"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.startswith("no wheel can be made for 'amiga-m68k': set FLYAROUND_WHEEL_PLATFORM to")
+
+
 def test_every_module_is_imported_and_the_folders_names_are_free(python, tmp_path):
     code = """
 import importlib, pkgutil, sys, flyaround
@@ -106,6 +132,38 @@ def test_a_script_beside_folders_of_the_same_names_draws(python, tmp_path):
         "print(frame.image.shape, frame.image.max() > 0)\n"
     )
     assert "True" in run(python, script, cwd=tmp_path).stdout
+
+
+@pytest.mark.gl
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_poses_of_the_wheel_without_a_compiler_are_the_checkout_s_to_the_bit(python, tmp_path):
+    folder = tmp_path / "set"
+    words = ["capture", "eval-black", "-n", "12", "--quality", "draft", "-o", str(folder)]
+    assert command_line.run(words) == 0
+    images = sorted(str(p) for p in (folder / "images").glob("??????.png"))
+    camera = tmp_path / "camera.json"
+    camera.write_text(json.dumps(json.loads(Path(images[0]).with_suffix(".json").read_text())["camera"]))
+    command = ["-m", "flyaround", "estimate", *images, "--camera", camera, "--json"]
+    wheels = json.loads(run(python, *command, cwd=tmp_path).stdout)
+    ours = json.loads(subprocess.check_output([sys.executable, *command], cwd=ROOT, text=True))
+    for answer in (*wheels, *ours):
+        del answer["stages_ms"]
+    assert len(wheels) == 12
+    assert wheels == ours
+    assert wheels[0]["kernels"] == f"native ({library.choose_library()})"
+
+
+@pytest.mark.gl
+@pytest.mark.slow
+def test_the_wheel_installs_with_its_own_dependencies(wheel, tmp_path):
+    venv.create(tmp_path / "env", with_pip=True)
+    python = tmp_path / "env" / "bin" / "python"
+    command = [python, "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", wheel]
+    subprocess.run(command, check=True, cwd=tmp_path)
+    words = ["render", "tango-earth-10m", "-t", "1", "-o", "frame.png", "--quality", "draft"]
+    run(python, "-m", "flyaround", *words, cwd=tmp_path)
+    assert json.loads((tmp_path / "frame.json").read_text())["box_px"] is not None
 
 
 @pytest.mark.slow

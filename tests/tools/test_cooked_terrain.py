@@ -16,28 +16,6 @@ def land():
     return outlets, hardness, *valleys.drainage(outlets, hardness, 3)
 
 
-def test_all_water_comes_to_the_outlets(land):
-    outlets, _, height, area = land
-    assert area[outlets].sum() == area.size
-    assert np.all(height[outlets] == 0.0)
-    assert height[~outlets].min() > 0.0
-
-
-def test_no_point_but_an_outlet_is_a_hollow_across_the_tiles_edges_too(land):
-    outlets, _, height, _ = land
-    steps = [(y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if y or x]
-    lowest = np.min([np.roll(height, step, (0, 1)) for step in steps], axis=0)
-    assert np.all(lowest[~outlets] < height[~outlets])
-
-
-def test_slopes_fall_with_the_area_above(land):
-    outlets, hardness, height, area = land
-    drop = height - np.min([np.roll(height, s, (0, 1)) for s in ((0, 1), (1, 0), (0, -1), (-1, 0))], axis=0)
-    use = ~outlets & (drop > 0)
-    fall = np.polyfit(np.log(area[use]), np.log(drop[use] / hardness[use]), 1)[0]
-    assert -0.6 < fall < -0.3  # Flint's law with the concavity of 0.45
-
-
 def test_the_texture_is_even_and_tiles():
     tile = terrain_texture().astype(float) / 255
     assert tile.shape == (valleys.SIZE, valleys.SIZE, 4)

@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 
 from flyaround.hil.board.hybrid.decide.confidence import (
-    ACCEPT_AT,
-    LAMPS_AGREED,
-    LAMPS_SOUGHT,
     Evidence,
     confidence,
 )
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
 from flyaround.hil.board.hybrid.image.regime import Regime
-from tools.studies.lamps_confidence import Judged, JudgedFrame, accepted, chosen_shift, counts
+from tools.studies.lamps_confidence import Judged, JudgedFrame, chosen_shift, counts
 
 SEEN = Evidence(
     drawn=0.5,
@@ -49,40 +46,7 @@ def frame(evidence: Evidence, *, right: bool, second: Evidence = FAINT, pose: Po
     return JudgedFrame(first, first, Judged(second, right=False, pose=pose))
 
 
-def test_a_sure_first_round_is_accepted_until_the_bar_is_above_it() -> None:
-    assert confidence(SEEN) > ACCEPT_AT > confidence(FAINT)
-    own = accepted(frame(SEEN, right=True), 0.0)
-    assert own is not None
-    assert own.right
-    assert accepted(frame(SEEN, right=True), -9.0) is None
-
-
-def test_a_second_round_is_asked_where_the_first_is_declined() -> None:
-    found = accepted(frame(FAINT, right=True, second=SEEN), 0.0)
-    assert found is not None
-    assert not found.right
-    # nor is a rival as good let pass by any bias
-    tied = replace(SEEN, margin=0.0)
-    assert accepted(frame(tied, right=True, second=tied), 9.0) is None
-
-
-def test_two_rounds_that_end_at_one_pose_are_surer_than_one_or_two_poses() -> None:
-    logit = np.log(ACCEPT_AT / (1 - ACCEPT_AT)) - np.log(confidence(SEEN) / (1 - confidence(SEEN)))
-    # between what one round needs and what two that agree need
-    short = float(logit) - 0.5 * LAMPS_AGREED
-    assert accepted(frame(SEEN, right=True, pose=HERE), short) is not None
-    assert accepted(frame(SEEN, right=True, pose=THERE), float(logit) - 1.2 * LAMPS_SOUGHT) is None
-
-
-def test_a_doubtful_first_round_is_held_against_near_leans() -> None:
-    judged, leant = Judged(SEEN, right=False, pose=HERE), Judged(replace(SEEN), right=True, pose=HERE)
-    both = JudgedFrame(judged, leant, Judged(FAINT, right=False, pose=THERE))
-    assert accepted(both, 3.0) is judged
-    # between the bar and what is clear it is doubtful
-    shift = next(s for s in (-0.05 * k for k in range(200)) if accepted(both, s) is leant)
-    assert counts([both], shift) == (1, 0)
-
-
+@pytest.mark.slow
 def test_the_rule_allows_one_wrong_in_forty() -> None:
     weak = replace(SEEN, likeness=0.96)
     assert confidence(weak) < confidence(SEEN)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from flyaround.hil.board.hybrid.propose.learned.network import INPUT_PX
 from tools.train.lit_samples import LitViews, sample_lit
-from tools.train.lit_views import FARTHEST_RAD, LIGHTS, directions, surface_labels
+from tools.train.lit_views import LIGHTS
 from tools.train.proposal_views import VIEW_PX
 
 
@@ -38,24 +37,3 @@ def test_a_batch_is_what_the_network_takes_and_the_same_again() -> None:
     # some without a craft, which lies beside what they show
     assert 0 < (a.craft == 0).sum() < 15
     assert np.abs(a.box[a.craft == 0, :2]).min() >= 1.0
-
-
-def test_lights_stand_where_they_reach_what_is_seen() -> None:
-    d = np.concatenate([directions(np.random.default_rng(k)) for k in range(50)])
-    np.testing.assert_allclose(np.linalg.norm(d, axis=1), 1.0)
-    assert np.arccos(-d[:, 2]).max() <= FARTHEST_RAD
-    assert np.abs(d[:, :2].mean(axis=0)).max() < 0.15
-
-
-def test_each_side_of_a_part_is_a_surface_of_its_own() -> None:
-    parts = np.array([[0, 1, 1, 2]], np.uint16)
-    normals = np.array([[[0, 0, 0], [0, 0, -1], [1, 0, 0], [1, 0, 0]]], np.float16)
-    labels = surface_labels(parts, normals)
-    assert labels[0, 0] == 0
-    assert len(np.unique(labels)) == 4
-
-
-@pytest.mark.parametrize("share", [0.0, 1.0])
-def test_either_kind_of_light_can_be_had_alone(share: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tools.train.lit_samples.ORBIT_SHARE", share)
-    assert np.isfinite(sample_lit(views(), np.random.default_rng(1), 20).inputs).all()

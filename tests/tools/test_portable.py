@@ -1,7 +1,5 @@
 """The factors of `make test-portable` are shown to act: a variable that a library ignores proves nothing."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,15 +28,3 @@ def test_every_factor_finds_its_tests(portable):
     assert len(set(names)) == len(names)
     for factor in portable.factors():
         assert portable._files(factor.tests), factor.name
-
-
-def test_the_program_lists_factors():
-    done = subprocess.run(
-        [sys.executable, "tools/portable.py", "nonsense"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert "blas-prescott" in done.stderr

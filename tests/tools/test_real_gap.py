@@ -15,10 +15,9 @@ from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.compare.references import Reference, fitted, read_references
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.pose import Pose
-from tools.studies import real_gap
 from tools.studies.fitted_light.fit import candidate_lights, scene_at_pose
 from tools.studies.fitted_light.pairs import correlation
-from tools.studies.real_gap import SHOWN_PX, SwapRow, drawn, failures_picture, swaps, table, twin_of
+from tools.studies.real_gap import SHOWN_PX, drawn, failures_picture, swaps, twin_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,25 +27,7 @@ if TYPE_CHECKING:
 POSE = Pose.of("camera", "target", (0.5, 0.5, -0.5, 0.5), (0.1, 0.0, 5.0))
 
 
-def test_the_table_tells_what_is_right_and_what_was_accepted_wrongly() -> None:
-    good = SwapRow(0.9, 1.0, 0.01, 0.02, 0.3, accepted=True)
-    bad = replace(good, deg=90.0, accepted=True)
-    last = table({"theirs": (good, bad)}).splitlines()[-1]
-    assert last == "| theirs | 0.90 | 1 of 2 (9-91 %) | 1.00 deg, 20 mm | 0.30 | 2, 1 |"
-
-
-def test_their_light_is_taken_over_and_detail_stays_ours() -> None:
-    on = np.zeros((120, 160), bool)
-    on[20:100, 20:140] = True
-    ours = np.where(on, 100, 30).astype(np.uint8)
-    ours[50:54, 60:100] = 60
-    theirs = np.where(on, np.linspace(60, 200, 160)[None], 30).astype(np.uint8)
-    lit = real_gap._with_their_light(theirs, ours, ours, on)
-    assert np.abs(lit[30, 40:120].astype(float) - theirs[30, 40:120]).max() < 25
-    assert lit[52, 80] < 0.7 * lit[30, 80]
-    assert (lit[~on] == 30).all()
-
-
+@pytest.mark.slow
 @pytest.mark.gl
 def test_a_twin_of_our_own_picture_is_that_picture(renderer: Renderer, tmp_path: Path) -> None:
     mockup, flight = load_target("tango-mockup@low"), load_target("tango@low")

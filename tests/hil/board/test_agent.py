@@ -59,19 +59,6 @@ def test_the_watchdog_declines_the_frame_and_clocks_are_answered_meanwhile():
     assert (summary.hung, summary.busy, summary.goodbye, summary.frames) == (True, True, False, 2)
 
 
-def test_an_estimator_that_comes_back_late_is_not_heard_any_more():
-    """The host hears one answer to a frame: what the estimator says after the watchdog goes nowhere."""
-    with hand_made_host() as host:
-        thread, ended = in_thread(lambda: run_board(host.url, make_estimator=Stuck, watchdog_s=0.3))
-        host.meet()
-        host.send_frame(5, level=7)
-        assert not host.pose().accepted
-        Stuck.released.set()
-        thread.join(PATIENCE_S)
-        assert ended[0].frames == 1
-        host.hear(Bye)
-
-
 def test_a_hung_estimator_costs_its_frame_alone_where_the_board_starts_again():
     def starts_again(url):
         summary = board(Stuck, watchdog_s=1.0)(url)
@@ -226,12 +213,6 @@ def test_a_bad_url_is_a_mistake_and_is_not_tried_again(stub, capsys, url):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-@pytest.mark.parametrize("word", ["0", "-1", "nan"])
-def test_a_watchdog_needs_a_time(stub, capsys, word):
-    assert stub("tcp://127.0.0.1:1", "--watchdog", word) == ExitCode.MISTAKE
-    assert capsys.readouterr().err == f"--watchdog {word} cannot be: give seconds above 0\n"
-
-
 # The program in a process of its own, with the estimator of this file.
 PROGRAM = f"""
 import sys
@@ -348,13 +329,6 @@ def test_an_agent_that_is_not_well_is_silent(notified):
     manager.close()
 
 
-def test_without_a_service_manager_nothing_is_said(monkeypatch):
-    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    manager = ServiceManager()
-    manager.beat_while(lambda: True)
-    manager.tell("READY=1")
-
-
 def test_the_unit_runs_the_agent_as_a_user_of_its_own(capsys, tmp_path):
     command = ["tcp://192.168.1.2:5600", "--model", "a name.board.json", "--systemd-unit"]
     assert main(command) == 0
@@ -378,32 +352,3 @@ def test_the_unit_runs_the_agent_as_a_user_of_its_own(capsys, tmp_path):
         path.write_text(unit)
         done = subprocess.run([analyse, "verify", str(path)], capture_output=True, text=True, check=False)
         assert "Unknown" not in done.stderr
-
-
-# --- what the bundle leaves behind ------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def bundle(tmp_path_factory):
-    from flyaround.__main__ import run
-
-    path = tmp_path_factory.mktemp("bundle") / "board.pyz"
-    assert run(["hil", "bundle", str(path)]) == 0
-    return path
-
-
-def test_the_bundle_leaves_nothing_behind(bundle, tmp_path):
-    temporary, cache = tmp_path / "tmp", tmp_path / "cache"
-    temporary.mkdir()
-    environment = {**os.environ, "TMPDIR": str(temporary), "FLYAROUND_CACHE_DIR": str(cache), "PATH": ""}
-    done = subprocess.run(
-        [sys.executable, str(bundle), "tcp://127.0.0.1:1", "--model", "tango", "--timeout", "0.1"],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-        cwd=tmp_path,
-    )
-    assert done.returncode == ExitCode.NO_SESSION, done.stderr
-    assert list(temporary.iterdir()) == []
-    assert not cache.exists()

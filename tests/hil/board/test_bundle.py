@@ -80,6 +80,23 @@ def test_mistakes_are_told_in_one_sentence(
     assert "--camera" in answer.stderr
 
 
+def test_the_bundle_leaves_nothing_behind(bundle: Path, tmp_path: Path) -> None:
+    temporary, cache = tmp_path / "tmp", tmp_path / "cache"
+    temporary.mkdir()
+    environment = {**os.environ, "TMPDIR": str(temporary), "FLYAROUND_CACHE_DIR": str(cache), "PATH": ""}
+    done = subprocess.run(
+        [sys.executable, str(bundle), "tcp://127.0.0.1:1", "--model", "tango", "--timeout", "0.1"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 4, done.stderr
+    assert list(temporary.iterdir()) == []
+    assert not cache.exists()
+
+
 def newest_python_needed(*paths: Path) -> subprocess.CompletedProcess[str]:
     """What vermin says of files that must run on Python 3.9; its exit code is not 0 when they need a later one."""
     command = [str(Path(sys.executable).with_name("vermin")), "-t=3.9-", "--no-tips", "--violations"]
@@ -128,17 +145,7 @@ def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Pa
         camera.write_text(json.dumps(truth["camera"]))
         image = str(folder / "images" / f"{k:06d}.png")
         for method in ("hybrid", "svd-thesis"):
-            command = [
-                DEBIAN,
-                "-I",
-                str(bundle),
-                "--model",
-                "tango",
-                "--image",
-                image,
-                "--camera",
-                str(camera),
-            ]
+            command = f"{DEBIAN} -I {bundle} --model tango --image {image} --camera {camera}".split()
             answer = subprocess.run(
                 [*command, "--method", method], capture_output=True, text=True, check=False, cwd=tmp_path
             )

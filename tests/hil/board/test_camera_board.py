@@ -6,7 +6,6 @@ import csv
 import ctypes.util
 import hashlib
 import json
-import math
 import os
 import socket
 import threading
@@ -23,10 +22,9 @@ from hil_loop import Loop, board, made_frame
 from flyaround.__main__ import run
 from flyaround.hil.board.__main__ import main
 from flyaround.hil.board.gige import aravis
-from flyaround.hil.board.gige.camera import CameraSettings, GigeCamera, _BlockCount, grey_image, parse_roi
+from flyaround.hil.board.gige.camera import CameraSettings, GigeCamera, _BlockCount, grey_image
 from flyaround.hil.board.gige.camera_board import (
     CameraBoardOptions,
-    camera_of_part,
     read_camera,
     run_camera_board,
 )
@@ -305,12 +303,6 @@ def test_numbers_go_on_where_identifiers_begin_again():
     assert [count.number(k) for k in (1, 2, 65535, 1, 3)] == [0, 1, 65534, 65535, 65537]
     wide = _BlockCount()
     assert [wide.number(k) for k in (65534, 65536, 70000)] == [65533, 65535, 69999]
-
-
-def test_the_principal_point_of_a_part():
-    part = camera_of_part(CAMERA, parse_roi("10,20,30,40"))
-    assert (part["width_px"], part["height_px"], part["cx_px"], part["cy_px"]) == (30, 40, 53.5, 27.5)
-    assert math.isclose(part["fx_px"], CAMERA["fx_px"])
 
 
 # --- the camera's file --------------------------------------------------------------------------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -14,16 +13,6 @@ import pytest
 from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.estimation import BoardModel
 from flyaround.hil.board.estimation.occluding_contours import Outlines
-from flyaround.hil.board.estimation.target_model import WireEdge
-from flyaround.hil.board.hybrid.model.view_tables import (
-    SHAPE_SAMPLES,
-    TURNS,
-    ViewTable,
-    is_round,
-    look_at,
-    sphere_directions,
-    with_outlines,
-)
 from flyaround.hil.board_model.contours import outlines_of
 from flyaround.hil.board_model.write import packed, write_board_model
 from flyaround.simulator.runtime.arrays import FloatArray
@@ -76,36 +65,6 @@ def test_outline_of_a_sphere_slides_as_it_must(lean_deg: float, range_m: float) 
         # on the contour the surface looks neither at the camera nor away from it
         assert np.abs(np.einsum("ij,ij->i", p, sight)).max() < 0.11
         assert np.abs(n - p / 2.0).max() < 0.06
-
-
-def test_views_of_a_round_body_get_its_outline() -> None:
-    """A ball on whose wireframe nothing is known: half of each template lies on its limb, across it."""
-    outlines, count, range_m = read(body(sphere(2.0))), 20, 9.0
-    directions = sphere_directions(count)
-    table = ViewTable(
-        directions=directions,
-        R_camera_from_target=np.stack([look_at(d) for d in directions]),
-        track=np.zeros((count, 1), np.intp),
-        weight=np.ones((count, 1), np.float32),
-        shape_xy=np.zeros((count, SHAPE_SAMPLES, 2), np.float32),
-        shape_angle=np.zeros((count, SHAPE_SAMPLES), np.float32),
-        box=np.zeros((count, TURNS, 4), np.float32),
-        distance_m=range_m,
-    )
-    seen = with_outlines(table, outlines, np.zeros(3))
-    limb_m = 2.0 / np.sqrt(1 - (2.0 / range_m) ** 2)
-    away = np.linalg.norm(seen.shape_xy, axis=-1)
-    on = away > 0
-    assert (on.sum(axis=1) == SHAPE_SAMPLES // 2).all()
-    assert away[on] == pytest.approx(limb_m, abs=0.05)
-    across = np.mod(np.arctan2(seen.shape_xy[..., 1], seen.shape_xy[..., 0]), np.pi)[on]
-    assert np.abs(np.sin(across - seen.shape_angle[on])).max() < 0.06
-    assert np.abs(seen.box) == pytest.approx(limb_m, abs=0.08)
-    edge = WireEdge("edge", np.array([0, 0, -2.0]), np.array([0, 0, 2.0]), np.zeros((0, 3)))
-    none = np.zeros((0, 3))
-    ball = BoardModel("ball", "", {}, (edge,), none, none.astype(int), np.zeros((0, 4)), outlines=outlines)
-    assert is_round(ball)
-    assert not is_round(replace(ball, outlines=read(body(box((-2, -2, -2), (2, 2, 2))))))
 
 
 def test_curvature_is_that_of_the_body() -> None:

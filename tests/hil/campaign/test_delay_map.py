@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from flyaround.__main__ import run
-from flyaround.hil.campaign.delay_map import chosen_cells, map_delays, settings_for
+from flyaround.hil.campaign.delay_map import map_delays, settings_for
 from flyaround.hil.campaign.map_results import CellResult, HalfLatency
 from flyaround.hil.evaluate.metrics import wilson_interval
 from flyaround.hil.host.pose_link import LinkedPoses, PoseLink
@@ -53,13 +53,6 @@ def test_the_half_lies_between_the_levels_next_to_it(good, at, above, below, wor
     half = HalfLatency.of([cell(k + 1, n) for k, n in enumerate(good)])
     assert half.latency_s == (None if at is None else pytest.approx(at))
     assert (half.above_s, half.below_s, half.words) == (above, below, words)
-
-
-def test_cells_to_check_are_spread_from_success_to_failure_and_lie_at_the_edge():
-    cells = [cell(*pair) for pair in ((1, 20), (2, 20), (3, 14), (4, 9), (5, 0), (6, 0))]
-    assert [c.latency_s for c in chosen_cells(cells, 5)] == [2, 3, 4, 5, 6]
-    assert [c.latency_s for c in chosen_cells(cells, 1)] == [4]
-    assert chosen_cells(cells, 0) == []
 
 
 def test_a_link_delays_keeps_order_and_loses_by_the_flights_clock():

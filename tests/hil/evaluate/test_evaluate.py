@@ -84,14 +84,7 @@ def test_estimate_answers_in_the_machine_read_form(dataset, capsys):
     assert (
         run(
             [
-                "estimate",
-                str(image),
-                "--target",
-                "tango",
-                "--camera",
-                str(path),
-                "--json",
-                "--debug",
+                *f"estimate {image} --target tango --camera {path} --json --debug".split(),
                 str(dataset / "stages"),
             ]
         )

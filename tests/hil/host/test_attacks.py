@@ -16,9 +16,7 @@ from flyaround.hil.link.errors import LinkError
 from flyaround.hil.link.framing.length_prefix import LengthFraming
 from flyaround.hil.link.packets.messages import Hello
 from flyaround.hil.link.packets.packet import HEADER, MAGIC, PROTOCOL_VERSION, Packet, PacketType
-from flyaround.hil.link.security import prove_to_host
-from flyaround.hil.link.session import Link, greet_host
-from flyaround.hil.link.transports.url import connect, parse_url
+from flyaround.hil.link.transports.url import parse_url
 
 KEY = b"k" * 32
 MANY = 300
@@ -184,63 +182,3 @@ def test_a_second_controller_is_refused_key_or_not_and_the_first_goes_on():
     assert summary.accepted >= 1
     assert len(said) == 2
     assert all("another board is connected" in sentence for sentence in said)
-
-
-def test_packets_that_are_sent_again_in_a_session_count_once():
-    """A man in the middle says all that the board says twice, and old answers again to each frame."""
-    seen = []
-
-    def twice(url):
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            mine = f"tcp://127.0.0.1:{server.getsockname()[1]}"
-            thread = threading.Thread(target=board(Instant, key=KEY), args=(mine,), daemon=True)
-            thread.start()
-            near, _ = server.accept()
-        far = socket.create_connection(address(url))
-
-        def back():
-            with contextlib.suppress(OSError):
-                while data := far.recv(65536):
-                    near.sendall(data)
-
-        threading.Thread(target=back, daemon=True).start()
-        framing = LengthFraming()
-        with contextlib.suppress(OSError):
-            while data := near.recv(65536):
-                framing.feed(data)
-                while (packet := framing.next_packet()) is not None:
-                    again = framing.encode(packet)
-                    far.sendall(again)
-                    if packet.type in (PacketType.POSE, PacketType.CREDIT, PacketType.TIME_SYNC_REPLY):
-                        seen.append(again)
-                        far.sendall(again + b"".join(seen[-5:]))
-        far.close()
-        near.close()
-        thread.join(5.0)
-
-    summary = Loop(twice).run(frames(6), key=KEY)
-    assert (summary.accepted, summary.sent) == (6, 6)
-    assert len(seen) >= 12
-    # neither an answer nor damage: dropped, and counted as what it is
-    assert summary.link.late_poses == summary.link.packets_corrupt == 0
-    assert list(summary.link.mistakes) == ["a sealed packet that came before, or long after its time"]
-
-
-def test_a_key_of_others_opens_no_session():
-    said = []
-
-    def both(url):
-        line = connect(url, 5.0)
-        with pytest.raises(LinkError) as caught:
-            prove_to_host(line, b"x" * 32)
-        said.append(str(caught.value))
-        line.close()
-        plain = Link(connect(url, 5.0))
-        with pytest.raises(LinkError) as caught:
-            greet_host(plain, Hello(), 1.5)
-        plain.transport.close()
-        board(Instant, key=KEY)(url)
-
-    summary = Loop(both).run(frames(3), key=KEY)
-    assert (summary.accepted, summary.link.sessions) == (3, 1)
-    assert "another key" in said[0]

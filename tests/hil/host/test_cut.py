@@ -9,14 +9,12 @@ import json
 import os
 import pty
 import signal
-import threading
 import time
 from pathlib import Path
 
 import pytest
-from estimators import Estimate
 from hand_made_host import in_thread
-from hil_loop import Instant, Loop, adds_up, frames
+from hil_loop import Instant, Loop, adds_up, frames, good_pose, greeted, serve_by_hand
 from hil_processes import (
     PATIENCE_S,
     children_of,
@@ -29,12 +27,9 @@ from hil_processes import (
     wait_until,
 )
 
-from flyaround.hil.board.agent import BoardAgent, run_board
+from flyaround.hil.board.agent import run_board
 from flyaround.hil.host.ledger.frames_csv import read_ledger
-from flyaround.hil.link.clock import answer_time_sync, now_ns
-from flyaround.hil.link.packets.messages import Bye, FrameChunk, Hello, PoseMessage, TimeSyncRequest
-from flyaround.hil.link.session import Link, greet_host
-from flyaround.hil.link.transports.url import connect
+from flyaround.hil.link.packets.messages import FrameChunk
 
 BUSY_S = 20.0
 
@@ -128,27 +123,20 @@ def test_a_pose_of_an_earlier_session_is_never_taken():
     """A board that came back, and answers with what it had begun for the session before."""
 
     def start(url):
-        link = Link(connect(url, 5.0))
-        greet_host(link, Hello(window=1), 10.0)
-        stale_id = link.session_id
-        link.transport.close()
-        link = Link(connect(url, 5.0))
-        greet_host(link, Hello(window=1), 10.0)
+        first = greeted(url)
+        stale_id = first.session_id
+        first.transport.close()
+        link = greeted(url)
         good_id = link.session_id
         assert good_id != stale_id
-        while True:
-            message = link.recv(10.0)
-            if isinstance(message, TimeSyncRequest):
-                link.send(answer_time_sync(message, now_ns()))
-            elif isinstance(message, FrameChunk):
+
+        def take(message):
+            if isinstance(message, FrameChunk):
                 for session_id, z_m in ((stale_id, 999.0), (good_id, 1.0)):
                     link.session_id = session_id
-                    link.send(
-                        PoseMessage(message.frame_id, True, "", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, z_m), 0.5)
-                    )
-            elif isinstance(message, Bye):
-                link.transport.close()
-                return message.reason
+                    link.send(good_pose(message.frame_id, z_m))
+
+        return serve_by_hand(link, take)
 
     rows = []
     loop = Loop(start)
@@ -156,48 +144,3 @@ def test_a_pose_of_an_earlier_session_is_never_taken():
     assert [row.t_m for row in rows] == [(0.0, 0.0, 1.0)] * 5
     assert adds_up(summary)
     assert summary.link.sessions == 2
-
-
-def test_an_estimate_of_a_session_that_ended_goes_nowhere():
-    """The estimator comes back when its session is over and another has begun: the host hears that one alone."""
-    rows, given_up = [], threading.Event()
-
-    class Late(Instant):
-        seen = 0
-
-        def estimate(self, image):
-            Late.seen += 1
-            if Late.seen == 2:
-                assert given_up.wait(PATIENCE_S)
-                estimate = Estimate()
-                estimate.t_camera_from_target_m = (0.0, 0.0, 999.0)
-                return estimate
-            return super().estimate(image)
-
-    class Enough(Exception):  # noqa: N818 - no error
-        pass
-
-    sentences = []
-
-    def pause(seconds):
-        if len(sentences) >= 2:  # two sessions, or the host is gone
-            raise Enough
-        time.sleep(seconds)
-
-    def start(url):
-        try:
-            BoardAgent(url, make_estimator=Late, connect_timeout_s=5.0).serve_until_stopped(
-                sentences.append, pause
-            )
-        except Enough:
-            return "stopped"
-
-    def on_row(row):
-        rows.append(row)
-        if row.outcome.startswith("dropped"):
-            given_up.set()
-
-    summary = Loop(start).run(frames(6), on_row=on_row, timeout_s=2.5, max_misses=1)
-    assert adds_up(summary)
-    assert given_up.is_set()
-    assert not [row for row in rows if row.t_m is not None and row.t_m[2] == 999.0]

@@ -10,7 +10,7 @@ import time
 from contextlib import contextmanager
 
 import pytest
-from hil_loop import Loop, adds_up, board, frames
+from hil_loop import Loop, adds_up, frames, good_pose, greeted, serve_by_hand
 
 from flyaround.hil.host.link_process import pending
 from flyaround.hil.host.link_process.pending import MAX_PENDING, PendingLinks
@@ -249,39 +249,14 @@ def test_a_hello_that_cannot_be_read_is_refused_with_a_sentence():
 # --- whole runs --------------------------------------------------------------------------------
 
 
-def test_silent_connections_keep_no_board_out():
-    def start(url):
-        with contextlib.ExitStack() as stack:
-            for _ in range(2 * MAX_PENDING):
-                stack.enter_context(knock(url))
-            time.sleep(0.2)
-            return board()(url)
-
-    summary = Loop(start).run(frames(3))
-    assert (summary.accepted, summary.ended) == (3, "completed")
-
-
 def hand_made(answer):
     """A board of another make: ``answer(frame id)`` gives the payload of its POSE; it never sends CREDIT."""
 
     def start(url):
-        link = Link(connect(url, 5.0))
-        greet_host(link, Hello(window=1), 10.0)
-        while True:
-            message = link.recv(10.0)
-            if isinstance(message, TimeSyncRequest):
-                link.send(answer_time_sync(message, now_ns()))
-            elif isinstance(message, FrameChunk):
-                link.send(answer(message.frame_id))
-            elif isinstance(message, Bye):
-                link.transport.close()
-                return message.reason
+        link = greeted(url)
+        return serve_by_hand(link, lambda m: isinstance(m, FrameChunk) and link.send(answer(m.frame_id)))
 
     return start
-
-
-def good_pose(frame_id: int) -> PoseMessage:
-    return PoseMessage(frame_id, True, "", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5)
 
 
 def test_credit_may_be_left_out_for_frames_that_are_answered():

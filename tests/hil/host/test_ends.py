@@ -7,13 +7,13 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
 from hil_loop import BOARD, Instant, Loop, board, frames
+from hil_processes import PATIENCE_S, host_process, outcomes, started, wait_until
 
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.link_process.ipc import LinkConfig
@@ -21,82 +21,18 @@ from flyaround.hil.host.run import RunConfig, run_host
 from flyaround.hil.host.signals import signals_held
 from flyaround.simulator.errors import UserError
 
-ROOT = Path(__file__).parents[3]
-# ten times what an idle machine needs, and more
-PATIENCE_S = 60.0
-
-# A host of its own process: `frames` of the harness, a frame every tenth of a second, the ports on the first line.
-HOST = f"""
-import resource, sys, time
-from pathlib import Path
-sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
-from hil_loop import frames
-from flyaround.hil.host.link_process.ipc import LinkConfig
-from flyaround.hil.host.run import RunConfig, run_host
-from flyaround.simulator.errors import UserError
-log, most_rows = Path(sys.argv[1]), int(sys.argv[2])
-def slowly():
-    for frame in frames(500):
-        time.sleep(0.02)
-        yield frame
-def on_row(row):
-    if row.frame_id == most_rows:
-        size = (log / "frames.csv").stat().st_size + 20
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
-link = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="inline", timeout_s=20.0, silence_s=60.0)
-try:
-    run_host(slowly(), RunConfig(link=link, log_dir=log), on_row=on_row,
-             on_listening=lambda url, _: print(url, flush=True))
-except UserError as error:
-    print(error, file=sys.stderr)
-    sys.exit(2)
-"""
-
-
-@contextmanager
-def host_process(log: Path, most_rows: int = -1):
-    """A running host and its URL."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", HOST, str(log), str(most_rows)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-    )
-    try:
-        yield process, process.stdout.readline().strip()
-    finally:
-        process.kill()
-        process.communicate()
-
-
-def wait_until(condition) -> bool:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.02)
-    return True
-
 
 def answered(row) -> bool:
     return row.outcome in {"accepted", "declined"}
 
 
-def rows_in(log: Path) -> int:
-    with suppress(OSError):
-        return (log / "frames.csv").read_text().count("\n") - 1
-    return 0
-
-
 def test_the_board_of_a_killed_host_takes_it_for_no_goodbye(tmp_path):
     log = tmp_path / "log"
-    with host_process(log) as (host, url):
-        command = [sys.executable, "-c", BOARD, url]
-        answering = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
-        )
-        assert wait_until(lambda: rows_in(log) >= 3)
+    with (
+        host_process(log, truth="inline", silence_s=60.0) as (host, url),
+        started([sys.executable, "-c", BOARD, url]) as answering,
+    ):
+        wait_until(lambda: len(outcomes(log)) >= 3)
         host.kill()
         said, _ = answering.communicate(timeout=PATIENCE_S)
     assert answering.returncode == 1
@@ -109,7 +45,7 @@ def test_the_board_of_a_killed_host_takes_it_for_no_goodbye(tmp_path):
 
 def test_a_full_disk_is_one_sentence_and_the_rows_so_far_are_whole(tmp_path):
     log = tmp_path / "log"
-    with host_process(log, most_rows=4) as (host, url):
+    with host_process(log, most_rows=4, silence_s=60.0) as (host, url):
         summary = board()(url)
         _, said = host.communicate(timeout=PATIENCE_S)
     assert host.returncode == 2, said
@@ -176,9 +112,8 @@ def test_another_board_may_take_the_place_of_a_hung_one():
     with hung_after(2) as (start, on_row, after):
 
         def second(url):
-            if wait_until(lambda: len(after) >= 2):
-                return board()(url)
-            return None
+            wait_until(lambda: len(after) >= 2)
+            return board()(url)
 
         def patient(url):
             # turned away while the hung one holds the place
@@ -261,19 +196,6 @@ def test_signals_wait_until_the_books_are_closed():
 
 
 @pytest.mark.usefixtures("interruptible")
-def test_a_second_signal_is_forgotten_while_the_first_is_on_its_way():
-    def stopped():
-        try:
-            raise UserError("the first says why")
-        finally:
-            with signals_held():
-                signal.raise_signal(signal.SIGINT)
-
-    with pytest.raises(UserError, match="first"):
-        stopped()
-
-
-@pytest.mark.usefixtures("interruptible")
 def test_the_end_is_told_though_ctrl_c_comes_again_while_the_books_are_closed(tmp_path):
     ends = []
 
@@ -296,16 +218,3 @@ def test_the_end_is_told_though_ctrl_c_comes_again_while_the_books_are_closed(tm
         )
     assert [(end.ended, end.sent) for end in ends] == [("interrupted", 1)]
     assert json.loads((tmp_path / "log" / "summary.json").read_text())["sent"] == 1
-
-
-def test_what_is_not_the_main_thread_holds_no_signals():
-    ran = []
-
-    def inside():
-        with signals_held():
-            ran.append(True)
-
-    thread = threading.Thread(target=inside)
-    thread.start()
-    thread.join()
-    assert ran

@@ -75,14 +75,6 @@ def test_a_timeout_keeps_the_credit_that_damage_gives_back():
     assert sky.flights.held == 1  # the second may never have reached it
 
 
-def test_a_damaged_frame_is_released_alone():
-    sky = Sky()
-    assert sky.flights.damaged(2, "a chunk was lost")
-    assert not sky.flights.damaged(2, "again")
-    assert sky.outcomes == {2: "dropped:corrupt"}
-    assert sky.flights.held == 4
-
-
 def test_a_frame_that_ran_out_of_time_is_released_by_word_of_its_damage():
     sky = Sky(2)
     sky.flights.expire(SENT_NS + TIMEOUT_NS)
@@ -90,13 +82,6 @@ def test_a_frame_that_ran_out_of_time_is_released_by_word_of_its_damage():
     assert not sky.flights.damaged(0, "late, but a word")
     assert (sky.flights.held, sky.flights.misses) == (1, 0)
     assert sky.outcomes == {0: "dropped:timeout"}
-
-
-def test_a_frame_may_be_refused_for_another_cause_than_damage():
-    sky = Sky(2)
-    assert sky.flights.damaged(1, "more frames than the window", "protocol")
-    assert sky.outcomes == {1: "dropped:protocol"}
-    assert sky.flights.held == 1  # alone
 
 
 def test_an_answer_that_cannot_be_used_drops_its_frame_and_releases_it():
@@ -135,14 +120,6 @@ def test_frames_that_the_board_never_got_whole_are_given_up_once_it_was_asked():
     sky.flights.lost_on_the_line(SENT_NS + 40, 1)
     assert (sky.flights.held, sky.flights.misses) == (1, 0)
     assert sky.outcomes[2] == "dropped:timeout"
-
-
-def test_a_board_that_left_loses_all_it_held():
-    sky = Sky(3)
-    sky.flights.answer(pose(0, accepted=False), SENT_NS + 1, None)
-    sky.flights.lose("it left")
-    assert sky.outcomes == {0: "declined", 1: "dropped:disconnected", 2: "dropped:disconnected"}
-    assert sky.flights.held == 0
 
 
 def test_a_miss_is_a_frame_that_was_sent_or_a_whole_time_out_of_silence_after_one():

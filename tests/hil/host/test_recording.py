@@ -15,7 +15,7 @@ from space_packet_parser import SpacePacket, load_xtce  # noqa: F401 - the type 
 from space_packet_parser.generators import ccsds_generator
 
 from flyaround.hil.host.recording.ros_log import RosLog
-from flyaround.hil.host.recording.space_packets import KINDS, SpacePacketSink, cds_time, xtce_document
+from flyaround.hil.host.recording.space_packets import KINDS, SpacePacketSink, cds_time
 from flyaround.hil.host.report import write_report
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.world.time.instant import nanoseconds_utc
@@ -207,10 +207,3 @@ def test_a_recorder_that_fails_does_not_end_the_run(tmp_path, caplog):
     for track in {(e["pid"], e["tid"]) for e in spans}:
         own = [e for e in spans if (e["pid"], e["tid"]) == track]
         assert all(a["ts"] + a["dur"] <= b["ts"] + 1e-3 for a, b in itertools.pairwise(own))
-
-
-def test_description_is_xtce(tmp_path):
-    path = tmp_path / "x.xml"
-    path.write_bytes(xtce_document())
-    definition = load_xtce(path)
-    assert {*KINDS, "CCSDSPacket"} <= set(definition.containers)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import os
 import re
 from dataclasses import replace
@@ -13,12 +12,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.cli.hil_words import listening_text, summary_text
-from flyaround.hil.host.board_command import board_url
+from flyaround.cli.hil_words import summary_text
 from flyaround.hil.host.frame_record import FrameRecord, pose_errors
 from flyaround.hil.host.ledger.frames_csv import COLUMNS, LedgerWriter, read_ledger
 from flyaround.hil.host.ledger.run_terms import RUN_JSON, RunTerms
-from flyaround.hil.host.ledger.summary import summarise, this_machine
+from flyaround.hil.host.ledger.summary import summarise
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.report import write_report
 from flyaround.hil.host.report_plots import (
@@ -211,14 +209,6 @@ def test_a_report_waits_for_no_pipe_and_reads_no_text_that_is_none(tmp_path, nam
         write_report(tmp_path)
 
 
-def test_the_processor_is_told_by_its_name() -> None:
-    cpuinfo = Path("/proc/cpuinfo")
-    told = cpuinfo.read_text(encoding="utf-8") if cpuinfo.exists() else ""
-    name = re.search(r"^model name\s*:\s*(.+)$", told, re.MULTILINE)
-    processor = this_machine().processor
-    assert processor == name.group(1).strip() if name else processor
-
-
 def test_a_pose_far_off_is_wrong_though_accepted(tmp_path):
     rows = [known(k, "accepted", 129.0) for k in range(4)]
     rows += [known(4, "accepted", 0.2), known(5, "accepted", 0.2, E_T_m=0.51), known(6, "declined", 90.0)]
@@ -273,30 +263,6 @@ def test_the_report_of_a_killed_run_says_what_it_was_told(tmp_path, truth):
     (tmp_path / RUN_JSON).write_text("{}")
     with pytest.raises(UserError, match=r"run\.json is not the terms of a run of this version"):
         write_report(tmp_path)
-
-
-def test_a_summary_from_before_wrong_poses_were_counted_is_counted_now(tmp_path):
-    rows = [known(k, "accepted", 129.0) for k in range(3)]
-    write(tmp_path, rows)
-    document = json.loads(msgspec.json.encode(summarise(rows, **RUN)))
-    for name in ("accepted_known", "accepted_wrong", "board_gone"):
-        del document[name]
-    document["link"]["protocol_mistakes"] = 17
-    (tmp_path / "summary.json").write_text(json.dumps(document))
-    page = write_report(tmp_path).read_text()
-    assert "<b>3 of 3</b><span>accepted poses wrong" in page
-    assert "17 protocol mistake(s)" in page
-    assert '<a href="summary.json">' in page
-
-
-def test_what_to_type_on_the_board():
-    text = listening_text("tcp://127.0.0.1:5600", "tcp://127.0.0.1:5601", "tango").splitlines()
-    assert text[1].strip() == "flyaround hil board tcp://127.0.0.1:5600 --target tango"
-    assert text[-1].endswith("tcp://127.0.0.1:5601")
-    assert "127.0.0.1" not in board_url("tcp://[::]:5600")
-    serial = listening_text("serial:///dev/ttyUSB0?baud=921600", None, "dragon")
-    assert "flyaround hil board serial:///dev/ttyUSB0?baud=921600 --target dragon" in serial
-    assert "the board's own name of the line" in serial
 
 
 @pytest.mark.parametrize(

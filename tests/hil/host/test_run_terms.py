@@ -124,12 +124,6 @@ def test_no_board_is_told_to_dial_every_address(url):
     assert "::" not in words
 
 
-@pytest.mark.parametrize("words", [["host", "tango-flyaround", "--listen"], ["board"]])
-def test_udp_is_refused_with_the_address_to_use(words, capsys):
-    assert run(["hil", *words, "udp://127.0.0.1:5600?datagram=8900"]) == 2
-    assert "no longer use: write tcp://127.0.0.1:5600" in " ".join(capsys.readouterr().err.split())
-
-
 def test_a_ledger_of_a_run_over_udp_is_read(tmp_path):
     Loop(board()).run(frames(2), log_dir=tmp_path)
     record = tmp_path / "run.json"

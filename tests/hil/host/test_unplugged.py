@@ -124,16 +124,3 @@ def test_a_cable_between_two_machines(tmp_path):
         assert summary["sent"] == summary["accepted"] + sum(summary["dropped"].values())
         return
     pytest.skip("needs the rights to make network namespaces")
-
-
-@pytest.mark.slow
-def test_ten_seconds_of_work_are_no_silence(tmp_path):
-    class Slow(Instant):
-        def __init__(self, camera) -> None:
-            super().__init__(camera)
-            self.sleeps = [0.0, 10.0]
-
-    summary = Loop(lambda url: run_board(url, make_estimator=Slow)).run(
-        frames(3), timeout_s=PATIENCE_S, silence_s=1.5
-    )
-    assert (summary.accepted, summary.link.sessions) == (3, 1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 import struct
-import time
 import zlib
 
 import pytest
@@ -167,21 +166,6 @@ def test_nested_headers_are_read_twice_at_most(step, monkeypatch):
     assert checked < 5 * len(stream)
 
 
-@pytest.mark.parametrize("claim", ["every byte a magic", "empty packets"])
-def test_a_stream_of_headers_takes_time_in_proportion(claim):
-    def seconds(total: int) -> float:
-        empty = PREFIX.pack(OVERHEAD_BYTES) + HEADER.pack(MAGIC, 2, 6, 0, 5, 0, 0)
-        unit = MAGIC if claim == "every byte a magic" else empty
-        framing, start = LengthFraming(), time.process_time()
-        framing.feed(unit * (total // len(unit)))
-        drain(framing)
-        return time.process_time() - start
-
-    # 16 times the bytes: quadratic would be 256 times the time
-    small = min(seconds(1 << 14) for _ in range(3))
-    assert min(seconds(1 << 18) for _ in range(2)) < 64 * small + 0.05
-
-
 def test_an_honest_packet_inside_a_failed_one_is_still_found():
     """A damaged length swallows what follows; it is given back while that costs little."""
     framing = LengthFraming()
@@ -224,29 +208,3 @@ def test_a_packet_split_anywhere_after_garbage_arrives(garbage):
                 framing.feed(part)
                 got += drain(framing)[0]
             assert got == [packet], (garbage, cut, second)
-
-
-def test_a_buffer_holds_a_packet_and_no_more():
-    framing = LengthFraming()
-    framing.feed(PREFIX.pack((1 << 22) + 29) + HEADER.pack(MAGIC, 2, 6, 0, 5, 0, (1 << 22) + 1) + bytes(99))
-    drain(framing)
-    assert len(framing._buffer) < 10  # longer than any packet may be: dropped at once
-
-
-def test_a_serial_frame_without_end_is_looked_through_once():
-    class Counted(bytearray):
-        looked = 0
-
-        def find(self, what, start=0):
-            Counted.looked += len(self) - start
-            return super().find(what, start)
-
-    framing = CobsFraming()
-    framing._buffer = Counted()
-    for _ in range(2000):
-        framing.feed(b"\x55" * 50)
-        assert framing.next_packet() is None
-    assert Counted.looked <= 100_000
-    good = Packet(PacketType.BYE, Bye("after").encode(), 5)
-    framing.feed(framing.encode(good))
-    assert drain(framing) == ([good], 1)

@@ -356,10 +356,3 @@ def test_nothing_but_a_packet_error_leaves_framing_and_messages(make):
                     pass
         assert len(framing._buffer) < 6 << 20
     assert read > 30  # some mutants are as good as the original
-
-
-def test_the_same_seed_gives_the_same_bytes():
-    a, b, c = (Hostile(seed) for seed in (5, 5, 6))
-    first = [a.bytes() for _ in range(200)]
-    assert first == [b.bytes() for _ in range(200)]
-    assert first != [c.bytes() for _ in range(200)]

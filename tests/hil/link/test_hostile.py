@@ -281,16 +281,6 @@ def test_chunks_that_leave_holes_make_no_frame():
     assert assembler.chunk(FrameChunk(2, 0, 0, half))[1].all()
 
 
-def test_chunks_that_lie_over_each_other_and_leave_a_hole_as_large_make_no_frame():
-    assembler = FrameAssembler(TERMS)
-    third = b"x" * 1024
-    assembler.header(header(chunk_count=3))
-    assert assembler.chunk(FrameChunk(1, 0, 0, third)) is None
-    with pytest.raises(ProtocolMistake, match="chunk 1 of 3 has 1024 bytes at 0,"):
-        assembler.chunk(FrameChunk(1, 1, 0, third))
-    assert assembler.chunk(FrameChunk(1, 2, 2048, third)) is None
-
-
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import random
 import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -140,13 +139,6 @@ def strike(c_decoder, rate, seed, count):
 def test_no_false_accept_and_in_step_at_the_next_delimiter(c_decoder, rate):
     share = strike(c_decoder, rate, 11, 400)
     assert share > (1 - rate) ** 800 - 0.06
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("rate", RATES)
-def test_the_same_over_millions_of_bytes(c_decoder, rate):
-    shares = [strike(c_decoder, rate, seed, 10_000) for seed in range(5)]
-    sys.stdout.write(f"{rate:g}: {100 * min(shares):.2f} to {100 * max(shares):.2f} % of the packets came\n")
 
 
 @pytest.mark.parametrize("rate", [0.0, *RATES])

@@ -300,14 +300,6 @@ def test_packets_that_come_twice_change_nothing():
         assert assembler.lost() == []
 
 
-def test_a_frame_without_header_is_named_once():
-    _, parts = frame(5, np.zeros((20, 20), np.uint8), Encoding.RAW, 100)
-    assembler = FrameAssembler()
-    for part in parts:
-        assert assembler.chunk(part) is None
-    assert assembler.lost() == [5]
-
-
 def test_damaged_zstd_and_lying_sizes_are_refused():
     header, parts = frame(1, np.zeros((40, 40), np.uint8), Encoding.ZSTD, 1 << 18)
     with pytest.raises(PacketError, match="damaged"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flyaround.hil.navigation.consistency import chi_square_quantile, fisher_quantile, nees, nees_band
-from flyaround.hil.navigation.error_scale import ErrorScale, ScaleSettings
+from flyaround.hil.navigation.error_scale import ScaleSettings
 from flyaround.hil.navigation.measurement import (
     ErrorMemory,
     PoseMeasurement,
@@ -244,35 +244,6 @@ def test_errors_of_a_view_where_they_are_five_times_as_large_are_learned() -> No
     # the sizes are only estimated: a third above the band of known ones
     low, high = nees_band(20, 12, 0.999)
     assert low < float(np.mean(values)) < 1.33 * high
-
-
-def test_sizes_fade_to_what_was_believed_before_and_stay_within_bounds() -> None:
-    scale = ErrorScale(settings=ScaleSettings(prior_poses=4.0, kept=0.9, least=0.5, most=8.0))
-    np.testing.assert_allclose(scale.factors, np.sqrt(4.0 / 3.0))
-    for _ in range(200):
-        scale = scale.faded().after(np.array([0.0, 0.04, 1.0, 4.0, 9.0, 1e6]))
-    # weighed against a prior of four poses and of ten that are remembered
-    expected = np.sqrt((4.0 + 10.0 * np.array([0.0, 0.04, 1.0, 4.0, 9.0, 1e6])) / 13.0)
-    np.testing.assert_allclose(scale.factors, np.clip(expected, 0.5, 8.0), rtol=1e-6)
-    assert scale.degrees_of_freedom == pytest.approx(14.0)
-    for _ in range(200):
-        scale = scale.faded()
-    np.testing.assert_allclose(scale.factors, np.sqrt(4.0 / 3.0), rtol=1e-3)
-
-
-def test_an_estimate_of_larger_errors_is_what_one_pose_of_such_errors_tells() -> None:
-    """By the remembered part; there and back again changes nothing."""
-    pose = replace(measured(1)[0], remembered=1.0 - 1e-12)
-    before = ErrorScale().after(np.array([0.0, 3.0, 30.0, 8.0, 1.0, 80.0]))
-    first = new_filter()._first_estimate(pose)
-    scaled = first.with_scaled_errors(before)
-    larger = pose.errors * before.factors / ErrorScale().factors
-    direct = new_filter()._first_estimate(replace(pose, errors=larger))
-    np.testing.assert_allclose(scaled.joint_covariance, direct.joint_covariance, rtol=1e-6, atol=1e-12)
-    again = scaled.with_scaled_errors(ErrorScale())
-    np.testing.assert_allclose(again.joint_covariance, first.joint_covariance, rtol=1e-6, atol=1e-12)
-    biased = replace(first, pose_bias=np.ones(6)).with_scaled_errors(before)
-    np.testing.assert_allclose(before.factors * biased.pose_bias, ErrorScale().factors)
 
 
 def test_a_bias_goes_with_the_view() -> None:

@@ -36,6 +36,7 @@ def test_a_drawn_slanted_edge_has_the_psf_s_transfer_function(renderer):
         assert np.abs(found - used).max() <= MTF_GOAL / 2, case
 
 
+@pytest.mark.slow
 def test_a_flat_board_sees_the_whole_sky_and_is_evenly_lit_by_it(renderer):
     board, distance_m = load_target("chessboard"), 20.0
     camera = square_camera(160, 160 * distance_m / 0.7)

@@ -7,7 +7,7 @@ import pytest
 from flyaround.simulator.frame import take_frame
 from tools.validation.labels.faults import FAULTS, inject_fault
 from tools.validation.labels.frames import cached_target, random_frame
-from tools.validation.labels.report import _check, check_one, dataset_card, newest, page, summary
+from tools.validation.labels.report import _check, check_one, dataset_card, page, summary
 
 pytestmark = pytest.mark.gl
 
@@ -31,17 +31,7 @@ def test_random_frames_are_right_and_the_same_again(renderer):
     assert "| frames with a wrong label | 0 |" in page(found, 3)
 
 
-def test_a_frame_taken_again_after_a_mend_is_counted_once_and_named():
-    lines = [{"k": 4, "faults": ["wrong"], "commit": "a"}, {"k": 5, "faults": [], "commit": "a"}]
-    assert summary(newest(lines))["wrong_frames"] == 1
-    lines.append({"k": 4, "faults": [], "commit": "b"})
-    found = summary(newest(lines))
-    assert (found["frames"], found["wrong_frames"], found["mended"]) == (2, 0, [4])
-    assert found["commits"] == {"a": 1, "b": 1}
-    lines.append({"k": 4, "faults": ["wrong again"], "commit": "c"})
-    assert summary(newest(lines))["wrong_frames"] == 1
-
-
+@pytest.mark.slow
 def test_every_way_of_spoiling_is_caught(renderer):
     tried = set()
     for k in _cheap_frames():
@@ -65,6 +55,7 @@ def test_a_point_hidden_by_less_than_a_pixel_is_asked_of_a_ray(renderer, k):
     assert check_one(renderer, 1, k)["faults"] == []
 
 
+@pytest.mark.slow
 def test_steps_of_a_picture_with_one_band_burnt_out_are_those_of_its_pixels(renderer):
     # three bands, of which one is far beyond the scale: the mean is of what the pixels keep
     assert check_one(renderer, 1, 124)["faults"] == []

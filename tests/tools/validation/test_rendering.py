@@ -6,15 +6,6 @@ from tools.validation.rendering import report as rendering
 from tools.validation.rows import Row
 
 
-def test_a_missed_goal_shows(tmp_path):
-    good = Row(what="a", against="b", unit="km", goal=2.0, measured=1.0)
-    bad = Row(what="c", against="d", unit="1", goal=2.0, measured=3.0)
-    text = rendering.page([("Part", [good, bad], "Notes.")], "a driver")
-    assert "| a | b | 2 km | 1 km | met |" in text
-    assert "| c | d | 2 | 3 | **missed** |" in text
-    assert text.endswith("Notes.\n")
-
-
 def test_a_goal_that_is_not_asked_of_a_preset_shows_and_does_not_fail_the_command(monkeypatch, tmp_path):
     page = tmp_path / "page.md"
     beside = Row(what="c", against="d", unit="1", goal=2.0, measured=3.0, asked=False)

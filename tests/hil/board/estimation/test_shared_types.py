@@ -14,7 +14,6 @@ from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.camera import CameraIntrinsics, undistorted_rays
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.estimation.vectors import cross
 from tests.harness.box_model import box_model
 
 
@@ -60,10 +59,3 @@ def test_distortion_is_opencvs_and_undone(model: str, coefficients: tuple[float,
     pixels = camera.pixels(points)
     assert np.abs(pixels - np.asarray(expected).reshape(-1, 2)).max() < 1e-9
     assert np.abs(undistorted_rays(camera, pixels) - points[:, :2]).max() < 1e-6
-
-
-def test_a_vector_product_is_numpys_to_the_bit() -> None:
-    rng = np.random.default_rng(5)
-    a, b = rng.normal(size=(4, 50, 3)), rng.normal(size=(50, 3)) * 1e-3
-    assert np.array_equal(cross(a, b), np.cross(a, b))
-    assert np.array_equal(cross(a[0, 0], b[0]), np.cross(a[0, 0], b[0]))

@@ -65,7 +65,9 @@ def choice_at(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.nd
     return Selection(end, evidence, (), close, (end.origin,), (end,))
 
 
-@pytest.mark.parametrize("name", ["dragon", "soyuz-ms", "tianzhou"])
+@pytest.mark.parametrize(
+    "name", ["dragon", *(pytest.param(n, marks=pytest.mark.slow) for n in ("soyuz-ms", "tianzhou"))]
+)
 def test_the_axis_of_a_round_craft_is_found_from_its_walls(name: str) -> None:
     target = load_target(name)
     model = board_model(target)
@@ -88,7 +90,9 @@ def held(craft: PreparedTarget, frame: Observation, angles_deg: tuple[float, ...
     pytest.fail(f"no alignment that starts at {angles_deg} deg stays beyond 6 deg")
 
 
-@pytest.mark.parametrize("angles_deg", [(-10.0, -11.0, -9.0), (9.0, 10.0, 8.0)])
+@pytest.mark.parametrize(
+    "angles_deg", [(-10.0, -11.0, -9.0), pytest.param((9.0, 10.0, 8.0), marks=pytest.mark.slow)]
+)
 def test_a_turn_about_the_axis_that_holds_is_left_for_the_right_one(
     dragon: PreparedTarget, frame: Observation, angles_deg: tuple[float, ...]
 ) -> None:

@@ -11,7 +11,6 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
-import trimesh
 from kernel_oracle.raster import rays_to_faces
 from scipy.optimize import brentq
 
@@ -26,15 +25,13 @@ from flyaround.hil.board.hybrid.image.noise import clipped_noise
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.face_gains import shade
 from flyaround.hil.board.hybrid.model.image_patch import cut_patch, straightened
-from flyaround.hil.board.hybrid.model.many_groups import blurred, coverage
+from flyaround.hil.board.hybrid.model.many_groups import blurred
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, fill_faces, order_faces
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap, ShadowMapTable
 from flyaround.hil.board.hybrid.refine.motion_images import motion_images
-from flyaround.hil.board.hybrid.refine.parallel import Pruning
 from flyaround.hil.board.hybrid.refine.photometric import RELAX, photo_align, photo_likeness, photo_score
 from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun
 from flyaround.hil.board_model.write import make_faces
-from flyaround.simulator.targets.model import Part
 from tests.harness.boxes import closed_box
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
@@ -104,11 +101,6 @@ def picture(faces: Faces, q: np.ndarray, t: np.ndarray, noise: float, seed: int 
     return np.clip(blurred(small, 1.0) + rng.normal(0, noise, small.shape), 0, 255).astype(np.float32)
 
 
-def test_what_lies_inside_is_left_out(record: dict[str, Any]) -> None:
-    # box of 6 faces, panel 6, plate 5 and the plate's back against the body: none of the core's
-    assert len(set(record["material"])) == 3
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_faces_hide_each_other_as_rays_say(faces: Faces, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -124,44 +116,6 @@ def test_faces_hide_each_other_as_rays_say(faces: Faces, seed: int) -> None:
     # pixels on a border may fall either way: they are one in fifty
     assert agree.mean() > 0.985
     assert (group[seen[y, x]] == group[truth]).mean() > 0.97
-
-
-def test_order_is_that_of_a_walk_through_the_tree(faces: Faces) -> None:
-    def walk(node: int, C: np.ndarray) -> list[int]:
-        if node < 0:
-            return []
-        near, far = faces.children[node] if side(node, C) else faces.children[node][::-1]
-        return [*walk(far, C), node, *walk(near, C)]
-
-    def side(node: int, C: np.ndarray) -> bool:
-        return bool(faces.plane[node, :3] @ C > faces.plane[node, 3])
-
-    of = np.empty(len(faces.corners), int)
-    for node, members in enumerate(faces.members):
-        of[members] = node
-    rng = np.random.default_rng(2)
-    for C in rng.normal(size=(8, 3)) * 3:
-        order, place = order_faces(faces, C), np.argsort(walk(0, C))
-        assert sorted(order) == sorted(np.flatnonzero(faces.normals @ C > faces.offset))
-        assert np.all(np.diff(place[of[order]]) >= 0)
-
-
-@pytest.mark.parametrize("blur", [0.0, 0.3, 1.2])
-def test_coverage_is_the_share_of_each_pixel(faces: Faces, blur: float) -> None:
-    R = quat.matrix(quat.normalise(np.array([0.7, 0.3, -0.5, 0.2])))
-    c = canvas(np.full((160, 200), 50, np.float32))
-    s = shade(faces, draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c), c)
-    rows = np.arange(5, 160 * 200, 3)
-    got = np.zeros((9, len(rows)), np.float32)
-    n = coverage(s, c, 8, blur, rows, got)
-    groups = np.unique(s.group)
-    assert n == len(groups)
-    shares = [(s.group == g).reshape(160, 3, 200, 3).mean(axis=(1, 3)).astype(np.float32) for g in groups]
-    want = np.array([blurred(share, blur).ravel()[rows] for share in shares])
-    # the largest first, after the background
-    order = [0, *(1 + np.argsort(-want[1:].sum(axis=1)))]
-    assert np.abs(got[:n] - want[order]).max() < 1e-3
-    assert np.allclose(got[:n].sum(axis=0), 1.0, atol=1e-3)
 
 
 def test_derivative_is_what_a_small_motion_does(faces: Faces) -> None:
@@ -265,22 +219,6 @@ def test_the_sun_is_found_by_the_shadows_it_casts(
     found = table.directions[table.find(faces, shade(faces, seen, c), c, CAMERA, R, T_M, 3)]
     assert np.degrees(np.arccos(found[0] @ sun)) < 20.0
     assert all(a @ b < np.cos(np.radians(15.0)) for a, b in combinations(found, 2))
-
-
-def test_a_sun_painted_once_casts_the_same_shadows(
-    faces: Faces, in_the_sun: tuple[ImagePatch, np.ndarray]
-) -> None:
-    c, R = in_the_sun[0], FROM_THE_SIDE
-    seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
-    table = ShadowMapTable.of(faces, 12)
-    casting = 0
-    for k in range(12):
-        kept = table.sunlight(faces, k, 96)
-        assert table.sunlight(faces, k, 96) is kept
-        anew = ShadowMap.of(faces, table.directions[k], 96).shadows(faces, seen, c, CAMERA, R, T_M)
-        np.testing.assert_array_equal(kept.shadows(faces, seen, c, CAMERA, R, T_M), anew)
-        casting += bool(anew.any())
-    assert casting > 3
 
 
 def test_its_shadows_speak_for_the_right_pose(
@@ -476,37 +414,3 @@ def test_range_in_noise_cut_off_at_zero(faces: Faces, clipped: float, least: flo
     c = replace(canvas(mean), clipped=clipped)
     fit = photo_align(q, T_M, faces, c, CAMERA, 0.8, (0.8, 0.4, 0.0, 0.0))
     assert least < fit.t[2] / T_M[2] - 1 < most
-
-
-def test_of_poses_side_by_side_those_behind_stay_and_doubles_go() -> None:
-    def course(turn_deg: float, score: float) -> Any:
-        q = quat.from_rotvec(np.radians([turn_deg, 0.0, 0.0]))
-        return SimpleNamespace(pose=SimpleNamespace(q=q, t=T_M), score=score)
-
-    courses = [course(3.0, 0.5), course(0.0, 0.6), course(90.0, 0.2), course(40.0, 0.4)]
-    going, stay = Pruning(0.5, float(np.radians(5.0))).split(courses)
-    assert [c.score for c in going] == [0.6, 0.4]
-    assert [c.score for c in stay] == [0.2]
-    assert len(Pruning(-9.0, 0.0).split(courses)[0]) == 4
-
-
-def test_a_round_craft_has_a_brightness_for_each_sixth_of_a_direction() -> None:
-    ball = trimesh.creation.icosphere(2, 0.5)
-    shell = Part(
-        name="ball",
-        material="paint",
-        positions_m=ball.vertices.astype(np.float32),
-        normals=ball.vertex_normals.astype(np.float32),
-        triangles=ball.faces.astype(np.uint32),
-    )
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("flyaround.hil.board_model.outer_faces.PITCH", 0.02)
-        made = make_faces([[shell]])
-    assert made is not None
-    faces = Faces.from_dict(msgspec.to_builtins(made))
-    finer = faces.grouped(6)
-    for f, widest_deg in ((faces, 28.0), (finer, 14.0)):
-        away = np.sum(f.normals * f.group_normals[f.group], axis=1)
-        assert np.degrees(np.arccos(np.clip(away, -1, 1))).max() < widest_deg
-    assert finer.groups > 1.5 * faces.groups
-    assert np.array_equal(finer.corners, faces.corners)

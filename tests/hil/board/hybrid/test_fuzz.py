@@ -76,14 +76,21 @@ def strange(name: str, rng: np.random.Generator) -> np.ndarray:
     h, w = SHAPE
     y, x = np.mgrid[:h, :w]
     image = {
-        "half saturated": np.where(x < w // 2, 255.0, 0.0),
-        "nearly saturated": 255.0 - (rng.uniform(size=SHAPE) < 0.001),
-        "one pixel": 255.0 * ((x == 100) & (y == 80)),
+        "half_saturated": np.where(x < w // 2, 255.0, 0.0),
+        "nearly_saturated": 255.0 - (rng.uniform(size=SHAPE) < 0.001),
+        "one_pixel": 255.0 * ((x == 100) & (y == 80)),
         "salt": 255.0 * (rng.uniform(size=SHAPE) < 0.05),
         "noise": rng.uniform(0, 255, SHAPE),
         "ramp": x * (255.0 / w),
         "stripes": 200.0 * ((x // 9) % 2),
-        "rows lost": np.where((y // 8) % 3 == 0, 0.0, rng.normal(90, 30, SHAPE)),
+        "rows_lost": np.where((y // 8) % 3 == 0, 0.0, rng.normal(90, 30, SHAPE)),
+        "stars": rng.normal(8, 6, SHAPE) + 255.0 * (rng.uniform(size=SHAPE) < 0.001),
+        "clouds": 110.0
+        + sum(
+            s * cv2.resize(rng.normal(0, 1, (h // s, w // s)), (w, h), interpolation=cv2.INTER_CUBIC)
+            for s in (4, 15, 60)
+        ),
+        "limb": np.where(np.hypot(x - 80, y - 550) < 450, 140.0, 0.0) + rng.normal(0, 12, SHAPE),
         "disc": 180.0 * (np.hypot(x - 120, y - 90) < 60) + rng.normal(10, 5, SHAPE),
         "lines": sum(
             200.0 * (np.abs((x - 128) * np.cos(a) + (y - 96) * np.sin(a) - 20) < 1.2) for a in range(5)
@@ -92,22 +99,11 @@ def strange(name: str, rng: np.random.Generator) -> np.ndarray:
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
+EVERY = ("half_saturated", "nearly_saturated", "one_pixel", "salt", "noise", "ramp", "stripes", "rows_lost")
 STRANGE = (
     "lines",
-    *(
-        pytest.param(name, marks=pytest.mark.slow)
-        for name in (
-            "half saturated",
-            "nearly saturated",
-            "one pixel",
-            "salt",
-            "noise",
-            "ramp",
-            "stripes",
-            "rows lost",
-            "disc",
-        )
-    ),
+    "limb",
+    *(pytest.param(name, marks=pytest.mark.slow) for name in (*EVERY, "disc", "stars", "clouds")),
 )
 
 

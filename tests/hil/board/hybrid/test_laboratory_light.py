@@ -11,14 +11,10 @@ import pytest
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.hybrid.decide.confidence import Evidence, confidence, decide
 from flyaround.hil.board.hybrid.estimator import PoseEstimator
-from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
-from flyaround.hil.board.hybrid.geometry.shading import Shading
 from flyaround.hil.board.hybrid.image.noise import black_level, coarse_noise, has_flat_floor, noise_sigma
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.prepare import prepare
-from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LAMPS, network_for
-from flyaround.hil.board.hybrid.refine.photometric import burnt_share
 from flyaround.hil.board.hybrid.search_states import PreparedImage
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.targets.library import load_target
@@ -67,10 +63,6 @@ def test_means_over_many_pixels_show_noise_that_a_filter_has_smoothed() -> None:
     assert fine[True] < 0.5 * coarse[True]
 
 
-def test_a_picture_smaller_than_a_tile_has_no_coarse_noise() -> None:
-    assert coarse_noise(np.zeros((12, 40), np.float32), 4) == 0.0
-
-
 def test_the_black_level_is_that_of_the_darkest_parts() -> None:
     dark = PEDESTAL + noise((600, 960), smooth=False)
     dark[100:400, 200:500] += 120.0
@@ -91,16 +83,6 @@ def test_a_camera_with_a_black_level_is_asked_by_the_network_of_lamps(estimator:
     assert 0.5 * SIGMA < smoothed.frame.noise < 1.1 * SIGMA
     # the estimator itself is as it was: the next picture may be of another camera
     assert prepared(estimator, picture(pedestal=0.0)).learned is estimator.setup.learned
-
-
-def test_a_camera_that_adds_nothing_has_no_black_level(estimator: PoseEstimator) -> None:
-    assert prepared(estimator, picture(pedestal=0.0)).frame.black == 0.0
-
-
-def test_a_mock_up_has_the_networks_of_the_craft_whose_shape_it_has(tango: BoardModel) -> None:
-    assert network_for(replace(tango, name="tango-mockup"), LAMPS) is network_for(tango, LAMPS)
-    assert network_for(tango, LAMPS) is not network_for(tango)
-    assert network_for(replace(tango, name="soyuz-ms"), LAMPS) is None
 
 
 def evidence(**changes: float | Regime | None) -> Evidence:
@@ -158,15 +140,3 @@ def test_the_earth_in_the_whole_frame_is_no_black_level() -> None:
     assert not has_flat_floor(land + fine, SIGMA / 4)
     land[50:] = PEDESTAL
     assert has_flat_floor(land + fine, SIGMA / 4)
-
-
-def test_the_share_burnt_out_is_of_what_the_craft_covers() -> None:
-    gray = np.zeros((10, 20), np.float32)
-    gray[:, :5] = 254.0
-    patch = ImagePatch(gray, 1.0, 0.0, 0.0, 1.0, 1)
-    centre = np.zeros((10, 20), np.uint8)
-    centre[:, :10] = 3
-    none = np.zeros(0)
-    shading = Shading(centre, centre, none, gray, centre, none, None)
-    assert burnt_share(shading, patch) == pytest.approx(0.5)
-    assert burnt_share(replace(shading, centre=np.zeros_like(centre)), patch) == 0.0

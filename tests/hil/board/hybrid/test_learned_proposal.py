@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -19,10 +18,8 @@ from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
 from flyaround.hil.board.hybrid.propose import learned as look_folder
 from flyaround.hil.board.hybrid.propose.learned.attitude_basis import ANCHORS, bumps, even_attitudes
 from flyaround.hil.board.hybrid.propose.learned.learned_proposal import (
-    LearnedProposal,
     LearnedProposer,
     network_for,
-    plausible_crops,
 )
 from flyaround.hil.board.hybrid.propose.learned.network import INPUT_FILL, INPUT_PX, ProposalNetwork
 from flyaround.hil.board.hybrid.propose.learned.network_input import ImageCrop, crop_image
@@ -30,8 +27,6 @@ from flyaround.hil.board.hybrid.propose.learned.view_subspaces import ViewSubspa
 from flyaround.hil.board.svd.region_of_interest import Region
 from flyaround.hil.board_model.write import labels_alone
 from flyaround.simulator.targets.library import load_target
-from tools.train.proposal_samples import Views, sample
-from tools.train.proposal_views import VIEW_PX
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 
@@ -78,34 +73,6 @@ def test_the_board_computes_what_was_trained(tmp_path: Path) -> None:
     np.testing.assert_allclose(rest, expected[:, ANCHORS:], atol=5e-3 * scale)
 
 
-def test_training_samples_say_where_the_craft_is_and_go_on_beyond_the_picture() -> None:
-    rng = np.random.default_rng(4)
-    n = 24
-    # a craft that is a spot in the middle of its sphere, far enough that inputs end within the picture, then near
-    view = np.zeros((n, VIEW_PX, VIEW_PX), np.float32)
-    view[:, 34:38, 34:38] = 6.0
-    q = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-    dark = (np.zeros((3, 300, 480), np.float32),)
-    cover = (255 * (view > 0)).astype(np.uint8)
-    far = sample(Views(view, cover, q, np.full(n, 20.0), dark), rng, n)
-    seen = 0
-    for look, box, craft in zip(far.inputs[..., 0], far.box, far.craft, strict=True):
-        middle = 0.5 * (INPUT_PX - 1) + 0.5 * INPUT_PX * box[:2]
-        if craft and np.all(np.abs(middle - 31.5) < 24):
-            smooth = cv2.GaussianBlur(look, (0, 0), 2.0)
-            y, x = np.unravel_index(smooth.argmax(), smooth.shape)
-            assert np.hypot(x - middle[0], y - middle[1]) < 2.0
-            seen += 1
-    assert seen > 10
-    near = sample(Views(view, cover, q, np.full(n, 3.0), dark), rng, n)
-    # the frame is narrower than such a look: rows or columns at its edge repeat
-    repeats = [
-        np.ptp(look[:2], axis=0).max() == 0 or np.ptp(look[-2:], axis=0).max() == 0
-        for look in near.inputs[..., 0]
-    ]
-    assert np.mean(repeats) > 0.6
-
-
 def test_looks_turned_by_quarters_agree_on_the_attitude(views: ViewSubspaces) -> None:
     q = views.q[4321]
     # what a perfect network says of a picture that a camera turned by so many quarters to the left takes
@@ -127,31 +94,6 @@ def test_a_gaze_sees_a_point_where_the_camera_has_it_and_moves_onto_it() -> None
     u, v = CAMERA.pixels(moved.direction)
     assert np.hypot(u - 332, v - 62) < 1.5
     assert moved.diameter_px == pytest.approx(1.5 * diameter)
-
-
-def test_a_wide_look_is_the_same_from_the_reduced_picture() -> None:
-    rng = np.random.default_rng(5)
-    picture = cv2.GaussianBlur(rng.uniform(0, 255, (300, 480)).astype(np.float32), (0, 0), 12.0)
-    picture = cv2.normalize(picture, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)  # type: ignore[call-overload]
-    reduced = cv2.resize(picture, (120, 75), interpolation=cv2.INTER_AREA).astype(np.float32)
-    wide = ImageCrop.at(CAMERA, 250.0, 140.0, 10.0 * 16)
-    whole, quick = (crop_image(picture, CAMERA, wide, 24, 16.0, r) for r in (None, reduced))
-    # a shift by half a pixel of the reduced picture would change it by four times as much
-    assert float(np.abs(whole - quick).mean()) < 0.03 * float(whole.std())
-    near = ImageCrop.at(CAMERA, 250.0, 140.0, 5.0 * 16)
-    assert np.array_equal(
-        crop_image(picture, CAMERA, near, 24, 16.0), crop_image(picture, CAMERA, near, 24, 16.0, reduced)
-    )
-
-
-def test_attitudes_are_even_and_bumps_peak_at_their_anchors() -> None:
-    q = even_attitudes(ANCHORS)
-    assert np.allclose(np.linalg.norm(q, axis=1), 1.0)
-    random = quat.normalise(np.random.default_rng(1).normal(size=(500, 4)))
-    gap = np.degrees([quat.angle_rad(q, r).min() for r in random])
-    # an even set of 768 attitudes leaves none farther than about 25 degrees
-    assert gap.max() < 26
-    assert np.all(bumps(q).argmax(axis=1) == np.arange(ANCHORS))
 
 
 def test_faces_tell_the_attitude_place_and_size_of_a_craft_of_any_brightness(
@@ -195,41 +137,6 @@ def test_every_network_that_is_shipped_is_of_its_craft_as_it_is_now(path: Path, 
     net = network_for(BoardModel.read(str(file)))
     assert net is not None
     assert net.name == path.stem
-
-
-def test_what_the_network_says_of_a_pose_is_that_of_the_attitudes_near_it(tango: BoardModel) -> None:
-    proposer = LearnedProposer.prepare(tango, CAMERA)
-    assert proposer is not None
-    crop = ImageCrop.at(CAMERA, 380.0, 60.0, 90.0)
-    true = quat.normalise(np.array([0.5, -0.4, 0.7, 0.2]))
-    # a likelihood with a ridge at the true attitude, and a lower one half a turn from it
-    half = quat.multiply(true, np.array([0.0, 0.0, 0.0, 1.0]))
-    likely = np.full(len(proposer.views.q), -9.0)
-    for q, value in ((half, -2.5), (true, 0.0)):
-        likely[quat.angle_rad(proposer.views.q, q) < np.radians(12.0)] = value
-    none = np.zeros(0)
-    here = LearnedProposal(
-        Region(0, 0, 1, 1, "saliency"), crop, np.zeros((0, 4)), np.zeros((0, 3)), none, 3.0, likely
-    )
-    flat = np.zeros(len(likely))
-    there = replace(here, crop=ImageCrop.at(CAMERA, 60.0, 250.0, 90.0), likely=flat)
-
-    def said(q_sight: np.ndarray) -> float:
-        R = crop.swing() @ quat.matrix(q_sight)
-        t = 9.0 * crop.direction - R @ tango.centre_m
-        return proposer.log_likelihood([there, here], quat.from_matrix(R), t)
-
-    assert said(true) == 0.0
-    assert said(half) == -2.5
-    assert said(quat.multiply(true, quat.from_rotvec([0.0, 0.9, 0.0]))) == -9.0
-    assert proposer.log_likelihood([here], np.full(4, np.nan), np.zeros(3)) == -np.inf
-    # where the attitudes compared are few, the nearest one is asked
-    i = int(quat.angle_rad(proposer.views.q, true).argmax())
-    few = replace(proposer, views=replace(proposer.views, q=proposer.views.q[[i]]))
-    only = replace(here, likely=np.array([-1.5]))
-    assert (
-        few.log_likelihood([only], quat.from_matrix(crop.swing() @ quat.matrix(true)), crop.direction) == 0.0
-    )
 
 
 @pytest.mark.slow
@@ -298,18 +205,3 @@ def test_of_many_gazes_the_one_at_the_craft_is_kept_and_names_its_attitude(tango
         near += any(np.degrees(quat.angle_rad(g.q, q)).min() < 15 for g in at)
     assert right >= 4
     assert near >= 3
-
-
-def test_a_whole_craft_is_asked_beside_a_part_of_it_that_looks_like_one() -> None:
-    camera = CameraIntrinsics(960, 600, 1500.0, 1500.0, 480.0, 300.0)
-    part, whole = ImageCrop.at(camera, 470.0, 274.0, 43.0), ImageCrop.at(camera, 485.0, 270.0, 626.0)
-    elsewhere = ImageCrop.at(camera, 60.0, 60.0, 130.0)
-
-    # both are sure of a craft by themselves: an instrument on a white plate, and the craft about it
-    assert plausible_crops([22.2, 16.4], [part, whole], 1500.0) == [0, 1]
-    # the part of a whole that is surer says nothing, nor does a doubtful whole, nor another place
-    assert plausible_crops([22.2, 16.4], [whole, part], 1500.0) == [0]
-    assert plausible_crops([12.0, 5.0], [part, whole], 1500.0) == [0]
-    assert plausible_crops([22.2, 16.4], [part, elsewhere], 1500.0) == [0]
-    # what is nearly as sure is asked wherever it is
-    assert plausible_crops([12.0, 5.0, 9.0], [part, whole, elsewhere], 1500.0) == [0, 2]

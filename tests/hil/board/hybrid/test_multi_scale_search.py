@@ -15,17 +15,12 @@ from flyaround.hil.board.hybrid.model.many_groups import blurred
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap
-from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LearnedProposal
-from flyaround.hil.board.hybrid.propose.learned.network_input import ImageCrop
 from flyaround.hil.board.hybrid.propose.learned_hypotheses import (
-    crops_about,
-    crops_about_lit,
     hypotheses_of_places,
     learned_hypotheses,
 )
 from flyaround.hil.board.hybrid.propose.regions import propose_regions
 from flyaround.hil.board.hybrid.refine.coarse import refine_many_scales
-from flyaround.hil.board.svd.region_of_interest import Region
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.targets.library import load_target
@@ -89,43 +84,3 @@ def test_a_craft_of_which_a_part_is_lit_is_found(estimator: PoseEstimator, seed:
     best = refine_many_scales(craft, frame, found, places)[0]
     assert np.degrees(quat.angle_rad(best.q, q)) < 5
     assert np.linalg.norm(best.t - T_M) < 0.05 * T_M[2]
-
-
-def test_all_that_is_lit_lies_within_a_place_of_every_size(estimator: PoseEstimator) -> None:
-    craft, (q, sun) = estimator.target, sideways(26)
-    frame = frame_of(craft, q, sun)
-    reduced, _ = shrink(frame.image, 0, 0, 480, 300, 120)
-    crops = crops_about_lit(craft, frame, reduced)
-    lit = np.argwhere(reduced > DARK + 6 * SIGMA / 4)[:, ::-1] * 4.0 + 1.5
-    for size in {round(g.diameter_px, 3) for g in crops}:
-        share = [
-            np.mean(np.linalg.norm(lit - CAMERA.pixels(g.direction), axis=1) < 0.5 * g.diameter_px + 3)
-            for g in crops
-            if round(g.diameter_px, 3) == size
-        ]
-        assert max(share) > 0.98
-    # the true place is near one of them
-    centre = quat.matrix(q) @ craft.centre_m + T_M
-    u, true_px = CAMERA.pixels(centre / centre[2]), 2 * CAMERA.fx_px * craft.radius_m / centre[2]
-    off = [
-        np.hypot(np.linalg.norm(CAMERA.pixels(g.direction) - u) / true_px, np.log(g.diameter_px / true_px))
-        for g in crops
-    ]
-    assert min(off) < 0.15
-
-
-def test_nothing_lit_proposes_no_place_and_a_texture_proposes_them_about_the_look(
-    estimator: PoseEstimator,
-) -> None:
-    craft = estimator.target
-    dark = Observation(np.full((300, 480), 4, np.uint8))
-    dark.noise, dark.background = SIGMA, DARK
-    assert crops_about_lit(craft, dark, np.full((75, 120), DARK, np.float32)) == []
-    crop = ImageCrop.at(CAMERA, 200.0, 120.0, 90.0)
-    source = Region(150.0, 80.0, 250.0, 160.0, "map")
-    none = np.zeros(0)
-    proposal = LearnedProposal(source, crop, np.zeros((0, 4)), np.zeros((0, 3)), none, 3.0, none)
-    about = crops_about(craft, proposal)
-    at = np.array([CAMERA.pixels(g.direction) for g in about])
-    assert np.allclose(at.mean(axis=0), [200.0, 120.0], atol=0.5)
-    assert {round(g.diameter_px) for g in about} == {78, 90, 103}

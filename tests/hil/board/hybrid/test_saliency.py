@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flyaround.hil.board.hybrid.prepare import BUSY
-from flyaround.hil.board.hybrid.propose.regions import clusters, propose_regions
+from flyaround.hil.board.hybrid.propose.regions import propose_regions
 from flyaround.hil.board.hybrid.propose.saliency import (
     CELL_PX,
     SaliencyWeights,
@@ -15,9 +15,7 @@ from flyaround.hil.board.hybrid.propose.saliency import (
     saliency_map,
     shipped_weights,
 )
-from flyaround.hil.board.svd.line_streams import drop_specks
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
-from tools.train.saliency import train
 
 
 @pytest.fixture(scope="module")
@@ -65,16 +63,6 @@ def test_clouds_alone_are_mostly_left_out(weights: SaliencyWeights) -> None:
     assert craft[55:85, 105:130].mean() > 3 * alone[55:85, 105:130].mean()
 
 
-def test_training_learns_what_is_not_linear() -> None:
-    rng = np.random.default_rng(0)
-    x = rng.normal(size=(6000, 5))
-    y = (x[:, 0] * x[:, 1] > 0).astype(float)
-    w = train(x, y)
-    z = (x - w["mean"]) / w["scale"]
-    p = np.maximum(z @ w["first"].astype(float) + w["first_bias"], 0) @ w["second"] + w["second_bias"]
-    assert ((p > 0) == (y > 0.5)).mean() > 0.9
-
-
 def test_a_craft_that_fills_the_frame_is_not_taken_for_a_background() -> None:
     noise = np.random.default_rng(4).normal(0, 3, (300, 480))
     near = np.zeros((300, 480), np.float32)
@@ -90,21 +78,3 @@ def test_a_craft_that_fills_the_frame_is_not_taken_for_a_background() -> None:
     assert busy > BUSY
     assert likely is not None
     assert regions[0].source == "saliency"
-
-
-@pytest.mark.parametrize("share", [0.002, 0.05, 0.4])
-def test_groups_of_edges_are_those_of_the_whole_picture(share: float) -> None:
-    rng = np.random.default_rng(7)
-    mask = np.zeros((90, 130), bool)
-    mask[20:84, 31:130] = rng.random((64, 99)) < share
-    labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)[1]
-    size = np.bincount(labels.ravel())
-    np.testing.assert_array_equal(drop_specks(mask, 4), mask & (size[labels] >= 4))
-    joined = cv2.connectedComponents(cv2.dilate(mask.astype(np.uint8), np.ones((13, 13), np.uint8)))[1]
-    expected = []
-    for k in np.unique(joined[mask]):
-        y, x = np.nonzero(mask & (joined == k))
-        expected.append((x.min(), y.min(), x.max(), y.max(), len(x)))
-    assert sorted(clusters(mask, 13)) == sorted(expected)
-    assert not drop_specks(mask & False, 4).any()
-    assert clusters(mask & False, 13) == []

@@ -18,14 +18,12 @@ from flyaround.hil.board.hybrid.debug.stage_pictures import write_stage_pictures
 from flyaround.hil.board.hybrid.decide.confidence import Evidence, confidence, decide
 from flyaround.hil.board.hybrid.geometry.wireframe import jacobian, project
 from flyaround.hil.board.hybrid.image.edge_field import edge_field, gradient_noise
-from flyaround.hil.board.hybrid.image.line_segments import cleaned_stream
 from flyaround.hil.board.hybrid.image.noise import noise_sigma
-from flyaround.hil.board.hybrid.model.view_tables import build_views, sphere_directions
+from flyaround.hil.board.hybrid.model.view_tables import build_views
 from flyaround.hil.board.hybrid.model.visibility import hidden, occluders, sample_edges, visible_samples
 from flyaround.hil.board.hybrid.propose.plane_poses import plane_poses
 from flyaround.hil.board.hybrid.propose.regions import propose_regions, straight_windows
 from flyaround.hil.board.hybrid.refine.edges import align_to_field
-from flyaround.hil.board.svd.segment_merging import merge_segments
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 from tests.harness.box_model import box_model
 
@@ -82,40 +80,6 @@ def test_nearest_edges_are_told_apart_by_direction() -> None:
     assert near.sum() > 50
     whole = field.nearest.reshape(-1, 2)[everywhere]
     assert np.array_equal(field.nearest_at(everywhere)[near], whole[near])
-
-
-def test_a_few_places_have_the_nearest_edges_of_the_tables() -> None:
-    rng = np.random.default_rng(5)
-    image = cv2.GaussianBlur(rng.uniform(0, 255, (120, 160)).astype(np.float32), (0, 0), 3.0)
-    field = edge_field(
-        cv2.normalize(image, None, 0, 200, cv2.NORM_MINMAX).astype(np.uint8), (0, 0, 160, 120), 1.0, 200
-    )
-    some = rng.choice(field.distance.size, 500, replace=False)
-    table, (distance, place) = field.distance.reshape(-1)[some], field.nearest_to(some)
-    y, x = np.divmod(some % field.mask.size, field.size[0])
-    assert np.allclose(np.hypot(place[:, 0] - x, place[:, 1] - y), distance, atol=1e-4)
-    # the tables' distances are OpenCV's of a mask of 5 x 5, a fortieth off at most
-    assert np.all(np.abs(distance - table) <= 0.025 * table + 1e-3)
-    # an edge that is as near may be another
-    other = np.hypot(*(field.nearest_at(some) - np.stack([x, y], axis=-1)).T)
-    assert np.all(distance <= other + 1e-4)
-
-
-def test_noise_of_a_picture_scales_with_it() -> None:
-    rng = np.random.default_rng(3)
-    picture = np.clip(rng.normal(90, 4, (480, 640)), 0, 255).astype(np.uint8)
-    few = noise_sigma(picture, 255.0)
-    # eight bits are counted, sixteen sorted
-    assert few == pytest.approx(4.0, rel=0.1)
-    assert noise_sigma(picture.astype(np.uint16) * 257, 65535.0) == pytest.approx(257 * few, rel=1e-9)
-
-
-def test_hough_finds_the_sides_of_a_square() -> None:
-    mask = np.zeros((200, 200), np.uint8)
-    cv2.rectangle(mask, (40, 50), (160, 150), 1, 1)
-    lines = merge_segments(cleaned_stream(mask, 156.0), 156.0)
-    assert len(lines) == 4
-    assert np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1]).min() > 85
 
 
 def test_plane_poses_hold_the_true_one() -> None:
@@ -199,13 +163,6 @@ def test_alignment_pulls_a_pose_onto_its_edges() -> None:
     assert visible.sum() > 50
     assert np.degrees(quat.angle_rad(q[0], POSE_Q)) < 1.0
     assert np.linalg.norm(t[0] - POSE_T) < 0.03
-
-
-def test_directions_cover_the_sphere() -> None:
-    d = sphere_directions(500)
-    probe = quat.normalise(np.random.default_rng(7).normal(size=(300, 4)))[:, 1:]
-    probe /= np.linalg.norm(probe, axis=1, keepdims=True)
-    assert np.degrees(np.arccos(np.clip((probe @ d.T).max(axis=1), -1, 1))).max() < 8.0
 
 
 def evidence(**change: float) -> Evidence:

@@ -1,7 +1,6 @@
 """The estimator of a network: what it is shown, what its numbers mean, who gets one."""
 
 import dataclasses
-import json
 import threading
 
 import cv2
@@ -20,8 +19,6 @@ from flyaround.hil.board.estimation.vectors import swing
 from flyaround.hil.board.methods import check_method_name, make_estimator
 from flyaround.hil.board.net.attitude_classes import class_attitudes, mean_attitude, shares
 from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
-from flyaround.hil.board.net.network_estimator import placed
-from flyaround.hil.board.net.network_file import NetworkFile
 
 LENS = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 BENT = dataclasses.replace(LENS, distortion_model="brown_conrady", distortion=(-0.3, 0.1, 1e-3, -1e-3, 0.0))
@@ -71,15 +68,6 @@ def test_the_mean_attitude_is_of_one_neighbourhood_and_lies_between_classes():
         assert 0.4 < held < 0.7
     assert max(errors) < 6.0
     assert shares(np.array([0.0, 0.0])) == pytest.approx([0.5, 0.5])
-
-
-def test_three_numbers_are_a_place(tmp_path):
-    file = NetworkFile.read(write_network(tmp_path / "net.onnx"))
-    t, direction = placed(np.array([1.0, 0.0, 2.0]), file)
-    # the right edge of the view, at a range of two scales over the mean
-    assert t[0] / t[2] == pytest.approx(24 / 75)
-    assert np.log(np.linalg.norm(t)) == pytest.approx(1.5 + 2 * 0.3)
-    assert np.linalg.norm(direction) == pytest.approx(1.0)
 
 
 def craft_network(tmp_path, **options):
@@ -163,16 +151,3 @@ def test_a_board_answers_with_a_network(tmp_path):
     assert [row.outcome for row in rows] == ["accepted"] * 3
     assert all(row.t_m is not None for row in rows)
     assert threading.active_count() < 20
-
-
-def test_estimate_prints_its_answer(tmp_path, capsys):
-    from flyaround.simulator.targets.library import load_target
-
-    path = write_network(tmp_path / "net.onnx", ("tango", load_target("tango").sha256), sure=3)
-    image = np.zeros((1200, 1920), np.uint8)
-    image[400:600, 800:1000] = 90
-    cv2.imwrite(str(tmp_path / "one.png"), image)
-    assert run(["estimate", str(tmp_path / "one.png"), "--method", f"net:{path}", "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert said["accepted"]
-    assert said["method"] == "net:net.onnx"

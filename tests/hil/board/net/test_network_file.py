@@ -56,10 +56,6 @@ def test_opencv_computes_what_the_definition_says(tmp_path):
     onnx.checker.check_model(onnx.load_from_string(network_bytes()), full_check=True)
 
 
-def test_the_same_weights_give_the_same_bytes():
-    assert network_bytes() == network_bytes()
-
-
 def refusal(tmp_path, data):
     path = tmp_path / "bad.onnx"
     path.write_bytes(data)

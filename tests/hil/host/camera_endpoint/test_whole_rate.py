@@ -52,19 +52,7 @@ def test_every_pixel_arrives_at_30_hz_despite_loss(loss):
 def test_aravis_camera_test_has_no_failed_frame():
     if shutil.which("arv-camera-test-0.8") is None:
         pytest.skip("no arv-camera-test-0.8 here: apt-get install aravis-tools")
-    line = [
-        "arv-camera-test-0.8",
-        "-n",
-        ADDRESS,
-        "-f",
-        "30",
-        "-w",
-        "1024",
-        "-h",
-        "1024",
-        "--duration",
-        "6",
-    ]
+    line = f"arv-camera-test-0.8 -n {ADDRESS} -f 30 -w 1024 -h 1024 --duration 6".split()
     with camera(images((1024, 1024)), config((1024, 1024))):
         for _ in range(2):  # started, stopped, started again
             done = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True)

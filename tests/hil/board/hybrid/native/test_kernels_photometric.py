@@ -106,19 +106,6 @@ def test_brightness_and_score_are_numpys(craft: BoardModel, by_numpy: Callable[[
         assert score == pytest.approx(photometric.explained(other, canvas), abs=1e-5)
 
 
-def test_a_face_in_the_first_corner_alone_is_no_background(
-    craft: BoardModel, by_numpy: Callable[[], None]
-) -> None:
-    faces, canvas, *_ = scene(craft, np.random.default_rng(4), 1)
-    seen = np.zeros((77 * canvas.fine, 101 * canvas.fine), np.int32)
-    seen[0, :4] = 7
-    native = levels.shade(faces, seen, canvas)
-    by_numpy()
-    reference = levels.shade(faces, seen, canvas)
-    np.testing.assert_array_equal(native.group > 0, seen > 0)
-    np.testing.assert_allclose(native.picture, reference.picture, atol=1e-3)
-
-
 def test_derivatives_and_steps_are_numpys(craft: BoardModel, by_numpy: Callable[[], None]) -> None:
     rng, cases, native = np.random.default_rng(2), [], []
     for k in range(12):

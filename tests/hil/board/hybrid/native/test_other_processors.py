@@ -87,7 +87,9 @@ def test_no_function_reads_or_writes_beside_its_arrays(tmp_path: Path) -> None:
         "LD_PRELOAD": " ".join(name.strip() for name in runtime),
         "ASAN_OPTIONS": "detect_leaks=0",
     }
-    files = sorted(str(f) for f in Path(__file__).parent.glob("test_kernels*.py"))
+    here = Path(__file__).parent
+    drawn = [here.parent / f"test_{name}.py" for name in ("face_rasteriser", "learned_proposal", "stages")]
+    files = sorted(str(f) for f in (*here.glob("test_kernels*.py"), *drawn))
     done = subprocess.run(
         [
             sys.executable,
