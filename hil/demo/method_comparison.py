@@ -130,7 +130,7 @@ HEAD = ("method", "frames", "right", "accepted", "accepted, wrong", "median time
 
 def comparison_rows(answers: Sequence[MethodAnswer]) -> list[tuple[str, ...]]:
     """Return a row of the table for each method, in the order of the answers."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for method in dict.fromkeys(a.method for a in answers):
         own = [a for a in answers if a.method == method]
         failures = Counter(a.failed_at for a in own if a.failed_at)
