@@ -14,8 +14,8 @@ FRAMES = 12
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-# measured 11 of 12; the bound leaves room for another OpenCV
-@pytest.mark.parametrize(("method", "least"), [("svd-thesis", 9)])
+# measured 9 and 11 of 12; the bounds leave room for another OpenCV
+@pytest.mark.parametrize(("method", "least"), [("svd-2018", 7), ("svd-thesis", 9)])
 def test_a_published_method_finds_its_share_of_fixed_frames(method: str, least: int) -> None:
     craft = Craft()
     estimator = make_estimator(craft.model(), CAMERA, method)
