@@ -9,10 +9,10 @@ import numpy as np
 from flyaround.gui import hover_text, style
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from flyaround.gui.surface import Surface
-    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 Point = tuple[float, float]
 MOST_POINTS = 600
@@ -159,16 +159,20 @@ class Canvas:
             self.area([(x, y - r), (x + r, y), (x, y + r), (x - r, y)], c)
 
     def picture(
-        self, view: str, key: object, image: np.ndarray, bits: int, place: tuple[float, float, float, float]
+        self,
+        view: str,
+        key: object,
+        image: ByteArray | Callable[[], ByteArray],
+        place: tuple[float, float, float, float],
     ) -> None:
         """An image over a rectangle of whole units.
 
         Parameters
         ----------
-        view, key, image, bits : as `Window.show_picture` wants them. place : x, y, width, height.
+        view, key, image : as `Surface.show_picture` wants them. place : x, y, width, height.
         """
         x, y, w, h = (float(round(v)) for v in place)
-        texture = self._window.show_picture(view, key, image, bits, size=(w, h))
+        texture = self._window.show_picture(view, key, image, size=(w, h))
         self._draw.add_image(texture, self.vec((x, y)), self.vec((x + w, y + h)))
 
 

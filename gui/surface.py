@@ -16,7 +16,7 @@ from flyaround.gui import style
 from flyaround.simulator.errors import missing_extra
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     import moderngl
 
@@ -191,14 +191,19 @@ class Surface(ABC):
     # --- pixels
 
     def show_picture(
-        self, view: str, key: object, image: np.ndarray, bits: int, *, size: tuple[float, float] | None = None
+        self,
+        view: str,
+        key: object,
+        image: ByteArray | Callable[[], ByteArray],
+        *,
+        size: tuple[float, float] | None = None,
     ) -> Any:  # noqa: ANN401 - an imgui handle
         """The picture as a texture for ``imgui.image``; uploaded when ``key`` is a new one.
 
         Parameters
         ----------
         view : who shows it; each has a texture of its own.
-        image : (H, W) or (H, W, 3) digital numbers of ``bits`` bits.
+        image : (H, W) or (H, W, 3) numbers for a screen, or what makes them of a new ``key``.
         size : on the screen, where it is known. A software driver is then handed a picture of that size: OpenCV scales
             it in a tenth of the time.
         """
@@ -210,7 +215,7 @@ class Surface(ABC):
         )
         texture, shown, shown_size = self._textures.get(view, (None, None, None))
         if texture is None or key is not shown or scaled != shown_size:
-            eight = image if bits == 8 else (image >> max(bits - 8, 0)).astype(np.uint8)
+            eight: np.ndarray = image() if callable(image) else image
             if scaled is not None:
                 smaller = scaled[0] < eight.shape[1]
                 eight = cv2.resize(

@@ -85,7 +85,7 @@ def _estimated(estimator: Estimator, path: Path, intrinsics: Camera, place: Path
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     return {
         "image": str(path),
-        "picture": about_pictures(taken),
+        "picture": about_pictures(taken, intrinsics.pixel_encoding),
         "accepted": bool(result.accepted),
         "reason": result.reason,
         "q_camera_from_target_wxyz": None if q is None else [float(x) for x in q],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from flyaround.gui.jobs.capture_job import CaptureJob
 from flyaround.gui.jobs.estimates import Estimates
 from flyaround.gui.jobs.hil_session import HilSession
-from flyaround.gui.picture.video import eight_bits
+from flyaround.gui.picture.video import screen_picture
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -79,7 +79,7 @@ class Jobs:
             self.say(film.trouble, "caution")
         elif picture is not self._filmed:
             self._filmed = picture
-            film.add(t_ms, eight_bits(picture.frame.image, picture.frame.scene.sensor.bits))
+            film.add(t_ms, screen_picture(picture.frame))
 
     def _update_mesh(self) -> None:
         """Fly the present scenario with a mesh that has been imported."""

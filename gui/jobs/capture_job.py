@@ -11,10 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
+import msgspec
 import numpy as np
 
 from flyaround.gui.jobs.program import ChildProgram
+from flyaround.simulator.camera.encoding import Encoding, decode
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.imaging.display import shown_light
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -211,13 +214,29 @@ def thumbnails(folder: Path, names: list[str]) -> list[Thumbnail]:
         scale = THUMBNAIL_PX / max(image.shape[1], 1)
         size = (THUMBNAIL_PX, max(1, round(image.shape[0] * scale)))
         small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-        if small.dtype == np.uint16:
-            # 10 or 12 bits lie in 16: the largest value is the picture's scale
-            small = (small / max(int(small.max()), 255) * 255).astype(np.uint8)
         if small.ndim == 3:
             small = cv2.cvtColor(small, cv2.COLOR_BGR2RGB)
-        made.append(Thumbnail(name, np.ascontiguousarray(small, np.uint8)))
+        # 10 or 12 bits lie in 16: the largest value is the picture's scale
+        full = 255 if small.dtype == np.uint8 else max(int(small.max()), 255)
+        light = decode(small / full, _encoding(folder / name))
+        made.append(Thumbnail(name, np.rint(255 * shown_light(light)).astype(np.uint8)))
     return made
+
+
+class _Camera(msgspec.Struct):
+    encoding: Encoding = "linear"
+
+
+class _Record(msgspec.Struct):
+    camera: _Camera
+
+
+def _encoding(image: Path) -> Encoding:
+    """Return the transfer function that the record beside an image names; linear if there is none."""
+    try:
+        return msgspec.json.decode(image.with_suffix(".json").read_bytes(), type=_Record).camera.encoding
+    except (OSError, msgspec.MsgspecError):
+        return "linear"
 
 
 def _outcome(program: ChildProgram, request: CaptureRequest, done: int) -> str:

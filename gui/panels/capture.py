@@ -113,7 +113,7 @@ class CapturePanel(Panel):
         for k, thumb in enumerate(reversed(job.thumbnails)):
             if k % columns:
                 imgui.same_line()
-            texture = w.window.show_picture(f"thumbnail/{k}", thumb, thumb.image, 8)
+            texture = w.window.show_picture(f"thumbnail/{k}", thumb, thumb.image)
             imgui.image(texture, w.vec(width, width * thumb.image.shape[0] / thumb.image.shape[1]))
             w.tip(thumb.name)
 

@@ -202,7 +202,7 @@ class EstimatorPanel(Panel):
 
     def _picture(self, name: str, width: float) -> None:
         w, picture = self._w, self._pictures[name]
-        texture = w.window.show_picture(f"stage/{name}", picture, picture, 8)
+        texture = w.window.show_picture(f"stage/{name}", picture, picture)
         w.imgui.image(texture, w.vec(width, width * picture.shape[0] / picture.shape[1]))
 
 

@@ -73,7 +73,7 @@ class ScenarioChooser(Panel):
     def _draw_card(self, console: Console, name: str, title: str, picture: ByteArray, width: float) -> None:
         w, imgui = self._w, self._w.imgui
         imgui.begin_group()
-        texture = w.window.show_picture(f"scenario/{name}", name, picture, 8)
+        texture = w.window.show_picture(f"scenario/{name}", name, picture)
         height = width * picture.shape[0] / picture.shape[1]
         if imgui.image_button(
             f"##{name}", texture, w.vec(width - 2 * imgui.get_style().frame_padding.x, height)

@@ -11,7 +11,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.picture.relative_map import nice_step
-from flyaround.gui.picture.video import eight_bits
+from flyaround.gui.picture.video import screen_picture
 from flyaround.simulator.labels.part_classes import PART_CLASSES, part_class
 from flyaround.simulator.labels.request import LabelRequest
 from flyaround.simulator.targets.model import PartClass
@@ -162,7 +162,7 @@ def close_up(frame: Frame) -> tuple[slice, slice]:
 
 def grey(frame: Frame) -> ByteArray:
     """(H, W) the picture in eight bits of one band."""
-    eight = eight_bits(frame.image, frame.scene.sensor.bits)
+    eight = screen_picture(frame)
     return eight if eight.ndim == 2 else np.asarray(cv2.cvtColor(eight, cv2.COLOR_RGB2GRAY), np.uint8)
 
 

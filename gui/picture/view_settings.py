@@ -45,6 +45,7 @@ OVERLAYS: tuple[tuple[str, str], ...] = (
     ("hud", "Figures"),
     ("docking", "Docking"),
     ("times", "Pass times"),
+    ("raw", "Raw numbers"),
 )
 
 
@@ -75,7 +76,7 @@ class ViewSettings:
 
 @dataclass
 class Overlays:
-    """What is written over the view."""
+    """What is written over the view; ``raw`` shows the image's numbers as they are, not as a photograph would."""
 
     keypoints: bool = False
     names: bool = False
@@ -87,6 +88,7 @@ class Overlays:
     hud: bool = True
     docking: bool = False
     times: bool = False
+    raw: bool = False
 
 
 @dataclass

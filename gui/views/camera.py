@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from flyaround.gui import hover_text, style
 from flyaround.gui.commands.timeline import clock
 from flyaround.gui.picture.truth_overlay import Pixel
+from flyaround.gui.picture.video import screen_picture
 from flyaround.gui.views.docking_hud import DockingHud
 from flyaround.gui.views.estimate_overlay import EstimateOverlay
 from flyaround.gui.views.letterbox import Letterbox
@@ -71,9 +73,11 @@ class CameraView(Panel):
             return
         image = picture.frame.image
         box = Letterbox.fit((image.shape[1], image.shape[0]), place)
-        bits = picture.frame.scene.sensor.bits
         size = (round(box.width), round(box.height))
-        texture = self._window.show_picture(self.name, picture, image, bits, size=size)
+        raw = options.overlays.raw
+        view = f"{self.name}, raw" if raw else self.name
+        screen = partial(screen_picture, picture.frame, raw=raw)
+        texture = self._window.show_picture(view, picture, screen, size=size)
         left, top = round(box.x), round(box.y)
         draw.add_image(texture, imgui.ImVec2(left, top), imgui.ImVec2(left + size[0], top + size[1]))
         self._mouse.take(box, console)

@@ -123,7 +123,7 @@ class EarthMap(Panel):
         if key != self._shade:
             self._shade, self._shaded = key, ground.lit(*sun)
         if self._shaded is not None:
-            canvas.picture(self.name, self._shade, self._shaded, 8, (box.x, box.y, box.width, box.height))
+            canvas.picture(self.name, self._shade, self._shaded, (box.x, box.y, box.width, box.height))
 
     @staticmethod
     def _subsolar(world: WorldState) -> tuple[float, float]:

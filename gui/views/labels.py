@@ -85,7 +85,7 @@ class _LabelView(Panel):
         rows, columns = self._part
         part = image[rows, columns]
         box = Letterbox.fit((part.shape[1], part.shape[0]), place)
-        canvas.picture(self.name, self._made_of, part, 8, (box.x, box.y, box.width, box.height))
+        canvas.picture(self.name, self._made_of, part, (box.x, box.y, box.width, box.height))
         if part.shape[1] < image.shape[1] and place[3] > 5 * canvas.line:
             text = f"x{image.shape[1] / part.shape[1]:.1f}"
             at = (place[0] + 8, place[1] + place[3] - 1.2 * canvas.line)

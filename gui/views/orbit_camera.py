@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from flyaround.gui.canvas import Canvas, point
 from flyaround.gui.picture.further import ORBIT_CAMERA
 from flyaround.gui.picture.orbit_camera import ABOUT
 from flyaround.gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chaser_marks
+from flyaround.gui.picture.video import screen_picture
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.widgets import Panel
 
@@ -58,9 +60,10 @@ class OrbitCameraView(Panel):
             return
         image = picture.frame.image
         box = Letterbox.fit((image.shape[1], image.shape[0]), place)
-        bits = picture.frame.scene.sensor.bits
         canvas.clip(place[:2], place[2:])
-        canvas.picture(self.name, picture, image, bits, (box.x, box.y, box.width, box.height))
+        canvas.picture(
+            self.name, picture, partial(screen_picture, picture.frame), (box.x, box.y, box.width, box.height)
+        )
         self._target(canvas, box, picture)
         self._chaser(canvas, box, self._marks_for(console, picture))
         canvas.text(

@@ -149,19 +149,26 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
     """
     import cv2  # noqa: PLC0415 - a board that only relays has none
 
+    from flyaround.hil.board.encoding import linear_picture  # noqa: PLC0415 - the same
     from flyaround.hil.board.hybrid.native.library import describe_library  # noqa: PLC0415 - the same
 
     if camera is None:
         raise LinkError("--image needs the camera it was taken with: name its file with --camera")
     make, _, _ = estimator_factory(model, method)
     try:
-        estimator = make(read_camera(camera))
+        intrinsics = read_camera(camera)
+        estimator = make(intrinsics)
     except ValueError as error:
         raise LinkError(
             f"camera {camera} cannot be used ({error}): give the camera object of a truth record"
         ) from error
     cv2.setNumThreads(1)
-    result = estimator.estimate(cv2.imread(image, cv2.IMREAD_UNCHANGED))
+    picture = cv2.imread(image, cv2.IMREAD_UNCHANGED)
+    encoding = str(intrinsics.get("encoding", "linear"))
+    try:
+        result = estimator.estimate(None if picture is None else linear_picture(picture, encoding))
+    except ValueError as error:
+        raise LinkError(f"picture {image} cannot be used: {error}") from error
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     return json.dumps(
         {

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, Optional, Protocol, Tuple
 
+from flyaround.hil.board.encoding import linear_picture
 from flyaround.hil.link.clock import now_ns
 from flyaround.hil.link.packets.messages import PoseMessage
 from flyaround.hil.link.packets.pixels import Image
@@ -86,10 +87,18 @@ class FrameContext:
     takes_fields: bool = False
 
 
-def estimated_pose(estimator: BoardEstimator, image: Image, context: FrameContext) -> PoseMessage:
-    """Return the answer to a picture; one that declines it where the estimator fails."""
+def estimated_pose(
+    estimator: BoardEstimator, image: Image, context: FrameContext, encoding: str = "linear"
+) -> PoseMessage:
+    """Return the answer to a picture; one that declines it where the estimator fails.
+
+    Parameters
+    ----------
+    encoding : str
+        Transfer function of the picture's numbers; the estimator is handed linear ones.
+    """
     try:
-        result = _estimate(estimator, image, context)
+        result = _estimate(estimator, linear_picture(image, encoding), context)
         end_ns = now_ns()
         pose = PoseMessage(
             context.frame_id,

@@ -27,7 +27,6 @@ from flyaround.hil.link.packets.messages import (
     PoseMessage,
     TimeSyncReply,
     TimeSyncRequest,
-    Transfer,
 )
 from flyaround.hil.link.packets.pixels import Image
 from flyaround.hil.link.session import Link
@@ -214,7 +213,7 @@ class FrameServer:
             header.sun_camera,
             self._terms.takes_fields,
         )
-        return estimated_pose(self._estimator, arrival.image, context)
+        return estimated_pose(self._estimator, arrival.image, context, header.transfer.name.lower())
 
     # --- receiving --------------------------------------------------------------------------
 
@@ -257,11 +256,6 @@ class FrameServer:
         """Handle one message; False ends the session. Truth, where it is sent along, is not looked at."""
         at_ns = now_ns()
         if isinstance(message, FrameHeader):
-            if message.transfer != Transfer.LINEAR:
-                raise ProtocolMistake(
-                    f"frame {message.frame_id} has {message.transfer.name} pixels: this board takes linear ones",
-                    message.frame_id,
-                )
             self._assembler.header(message)
         elif isinstance(message, FrameChunk):
             complete = self._assembler.chunk(message)

@@ -117,7 +117,7 @@ def _resumed(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
 
 def _metrics(folder: Path, labels: Sequence[str], rows: Sequence[EvaluatedFrame]) -> Metrics:
     """Metrics of all methods, with what computed them and what the images are."""
-    kind, colour = _pictures(folder, rows)
+    kind, colour = _pictures(folder, rows, read_card(folder).camera.pixel_encoding)
     return compose(
         [method_metrics(label, [r for r in rows if r.method == label]) for label in labels],
         describe_library(),
@@ -140,7 +140,7 @@ def _mean_predictor(folder: Path, rows: Sequence[EvaluatedFrame]) -> MeanPredict
     return mean_predictor(*zip(*poses, strict=True)) if poses else None
 
 
-def _pictures(folder: Path, rows: Sequence[EvaluatedFrame]) -> tuple[str, bool]:
+def _pictures(folder: Path, rows: Sequence[EvaluatedFrame], encoding: str) -> tuple[str, bool]:
     """What a data set's pictures are, by the first that was evaluated, and whether they are in colour."""
     for row in rows:
         try:
@@ -148,7 +148,7 @@ def _pictures(folder: Path, rows: Sequence[EvaluatedFrame]) -> tuple[str, bool]:
         except UserError:
             # a resumed run's rows outlive a picture that was lost since
             continue
-        return about_pictures(image), image.ndim == 3
+        return about_pictures(image, encoding), image.ndim == 3
     return "", False
 
 

@@ -83,7 +83,7 @@ def estimate(
 def checked_picture(
     image: NDArray[np.unsignedinteger], camera: Camera, where: str
 ) -> NDArray[np.unsignedinteger]:
-    """A picture as estimators take it, in grey.
+    """A picture as estimators take it, linear and in grey.
 
     Raises
     ------
@@ -96,12 +96,17 @@ def checked_picture(
         )
     if image.dtype not in (np.uint8, np.uint16):
         raise UserError(f"{where} holds {image.dtype} pixels: give uint8 or uint16")
+    if camera.pixel_encoding != "linear" and image.dtype != np.uint8:
+        raise UserError(
+            f"{where} has 16 bits, and the camera's encoding is {camera.pixel_encoding}, which has 8: "
+            "give 8-bit pixels, or the camera with encoding linear"
+        )
     if image.shape[:2] != (camera.height_px, camera.width_px):
         raise UserError(
             f"{where} is {image.shape[1]} x {image.shape[0]} pixels, the camera {camera.width_px} x "
             f"{camera.height_px}: give the camera that took it (--camera)"
         )
-    return grey(image)
+    return grey(image, camera.pixel_encoding)
 
 
 @dataclass(frozen=True)

@@ -283,7 +283,7 @@ def _tile(folder: Path, model: BoardModel, camera: CameraIntrinsics, r: Evaluate
     truth, image = read_label_record(paths.truth), read_png(paths.image)
     estimate = None if r.q_wxyz is None else (r.q_wxyz, r.t_m)
     true = (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
-    return failure_tile(grey(image), truth.box_px, model, camera, true, estimate)[..., ::-1]
+    return failure_tile(grey(image, camera.encoding), truth.box_px, model, camera, true, estimate)[..., ::-1]
 
 
 def _caption(r: EvaluatedFrame) -> str:

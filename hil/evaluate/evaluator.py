@@ -37,6 +37,7 @@ class Evaluator:
     ) -> None:
         self.folder = folder
         intrinsics = CameraIntrinsics.from_dict(camera)
+        self._encoding = intrinsics.encoding
         self.craft = PreparedTarget.prepare(model, intrinsics)
         self.estimators: dict[str, Estimator] = {
             c.label: any_estimator(model, intrinsics, c) for c in choices
@@ -44,10 +45,10 @@ class Evaluator:
         self._last: tuple[int, LabelRecord, NDArray[Any]] | None = None
 
     def _frame(self, k: int) -> tuple[LabelRecord, NDArray[Any]]:
-        """A frame's truth and image, in grey; the last one is kept, for the next method."""
+        """A frame's truth and image, linear and in grey; the last one is kept, for the next method."""
         if self._last is None or self._last[0] != k:
             paths = frame_paths(self.folder, k)
-            self._last = k, read_label_record(paths.truth), grey(read_png(paths.image))
+            self._last = k, read_label_record(paths.truth), grey(read_png(paths.image), self._encoding)
         return self._last[1:]
 
     def answer(self, k: int, label: str) -> EvaluatedFrame:

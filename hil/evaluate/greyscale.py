@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.hil.board.encoding import light_of, linear_picture
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -16,24 +18,34 @@ PLAIN = "mono, 8 bits"
 """A picture of which nothing need be said."""
 
 
-def grey(image: NDArray[np.unsignedinteger]) -> NDArray[np.unsignedinteger]:
-    """A colour picture in grey: the mean of its channels, which together are the panchromatic band.
+def grey(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> NDArray[np.unsignedinteger]:
+    """A picture as estimators take it: linear, and colour as the mean of its channels, the panchromatic band.
 
-    Digital numbers are linear in radiance, so no display weights: they would drop most of what blue and red have seen.
+    The mean is that of light, so no display weights: they would drop most of what blue and red have seen.
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3), whole numbers; the former comes back as it is, the latter as (H, W) of the same type.
+    image : (H, W) or (H, W, 3), whole numbers. encoding : transfer function of its numbers.
+
+    Returns
+    -------
+    (H, W) of the same type; a linear grey picture comes back as it is.
+
+    Raises
+    ------
+    ValueError
+        If the encoding is unknown, or the picture has other pixels than it is defined for.
     """
     if image.ndim == 2:
-        return image
-    mean = np.rint(image.mean(axis=2, dtype=np.float32))
+        return linear_picture(image, encoding)
+    mean = np.rint(light_of(image, encoding).mean(axis=2, dtype=np.float32))
     return np.ascontiguousarray(mean.astype(image.dtype))
 
 
-def about_pictures(image: NDArray[np.unsignedinteger]) -> str:
+def about_pictures(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> str:
     """What kind of picture it is, in words: bands, bits of the file, and what is done before it is looked at."""
     bits = 8 * image.dtype.itemsize
     kind = "mono" if image.ndim == 2 else GREY_NOTE
     scale = "" if bits == 8 else ", full scale is its brightest pixel"
-    return f"{kind}, {bits} bits{scale}"
+    curve = "" if encoding == "linear" else f", {encoding} numbers made linear"
+    return f"{kind}, {bits} bits{scale}{curve}"

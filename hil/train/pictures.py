@@ -122,7 +122,7 @@ def read_training_set(
         truth = read_truth(frame_paths(folder, k).truth)
         if not truth.feasible:
             continue
-        image = grey(read_png(frame_paths(folder, k).image))
+        image = grey(read_png(frame_paths(folder, k).image), camera.encoding)
         frames.append(k)
         signals.append(np.rint(255 * np.clip(reduce(image), 0, 1)).astype(np.uint8))
         q.append(truth.q_camera_from_target_wxyz)

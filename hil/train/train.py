@@ -197,7 +197,8 @@ def _judged(file: NetworkFile, folder: Path, known: TrainingSet) -> list[FrameSc
     estimator = NetworkEstimator(file, board_model(load_target(known.target[0])), known.camera)
     records = []
     for k, q, t in zip(known.held_out_frames, known.held_out.q_wxyz, known.held_out.t_m, strict=True):
-        result = estimator.estimate(grey(read_png(frame_paths(folder, k).image)))
+        image = grey(read_png(frame_paths(folder, k).image), known.camera.encoding)
+        result = estimator.estimate(image)
         records.append(
             frame_record(
                 q,

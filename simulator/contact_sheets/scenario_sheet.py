@@ -10,6 +10,7 @@ import numpy as np
 
 from flyaround.simulator.camera.detector.sensor import noiseless
 from flyaround.simulator.dataset.formats.native import encode_png
+from flyaround.simulator.imaging.display import display_picture
 from flyaround.simulator.labels.overlay import draw_axes
 from flyaround.simulator.loop import FrameRequest, open_frames, run_frames, whole_frame
 from flyaround.simulator.recipes.plan import RecipePlan, plan_recipe
@@ -53,8 +54,7 @@ def contact_sheet(scenario: Scenario, renderer: Renderer, width_px: int = WIDTH_
     tiles = []
     for frame in run_frames(plan, renderer, labels=False):
         scene = frame.scene
-        depth = scene.sensor.bits - 8
-        tile = np.ascontiguousarray(frame.image >> depth, dtype=np.uint8)
+        tile = display_picture(frame.image, scene.sensor, scene.camera.pixel_encoding)
         distance = float(np.linalg.norm(scene.t_camera_from_target_m))
         label = f"t = {scene.t_s:.0f} s   {distance:.1f} m"
         cv2.putText(tile, label, (9, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 3, cv2.LINE_AA)
@@ -116,7 +116,8 @@ def _clean(scene: SceneState) -> SceneState:
 
 
 def _tile(frame: Frame, plan: RecipePlan, *, axes: bool) -> ByteArray:
-    image = np.asarray(frame.image >> (frame.scene.sensor.bits - 8), np.uint8)
+    scene = frame.scene
+    image = display_picture(frame.image, scene.sensor, scene.camera.pixel_encoding)
     tile = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
     if not axes:
         return tile

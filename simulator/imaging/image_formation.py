@@ -16,6 +16,7 @@ from flyaround.simulator.camera.detector.psf import blur, defocus_px
 from flyaround.simulator.camera.detector.readout import detect, detector_sigma
 from flyaround.simulator.camera.detector.response import electrons_per_radiance, white_balance
 from flyaround.simulator.camera.detector.shading import glow, veiling_glare, vignetting
+from flyaround.simulator.camera.detector.transfer import converter, encode_numbers
 from flyaround.simulator.runtime.threads import pieces_of, share_out, threads
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2, sunlight_balance
 from flyaround.simulator.world.constants import SUN_RADIUS_M
@@ -162,7 +163,8 @@ def prefetch_scene_noise(scene: SceneState) -> Callable[[], ImageNoise]:
     """Draw the additive noise of a scene's picture on another thread; the result is for `digitise_scene`."""
     bands = len(bands_of(scene.bands))
     size = (scene.camera.height_px, scene.camera.width_px)
-    return start_noise(size if bands == 1 else (*size, bands), scene.sensor, scene.seed, scene.frame_index)
+    sensor = converter(scene.sensor, scene.camera.pixel_encoding)
+    return start_noise(size if bands == 1 else (*size, bands), sensor, scene.seed, scene.frame_index)
 
 
 def expose_scene(scene: SceneState, radiance_w_m2_sr: Float32Array) -> Float32Array:
@@ -189,24 +191,25 @@ def digitise_scene(
     sensor: Sensor | None = None,
     noise: Callable[[], ImageNoise] | None = None,
 ) -> NDArray[np.unsignedinteger]:
-    """Digital numbers of an exposed scene.
+    """Digital numbers of an exposed scene, encoded as its camera delivers them.
 
     Parameters
     ----------
     signal : what `expose_scene` gives. sensor : instead of the scene's, for example its noiseless twin.
     noise : what `prefetch_scene_noise` gave, of the scene's own sensor.
     """
-    sensor = sensor or scene.sensor
+    sensor, encoding = sensor or scene.sensor, scene.camera.pixel_encoding
     balance = sunlight_balance(scene.bands)
-    return digitise(
+    numbers = digitise(
         signal,
-        sensor,
+        converter(sensor, encoding),
         scene.seed,
         scene.frame_index,
         scene.exposure_s,
         balance if sensor.detector is None else white_balance(sensor, scene.optics, balance),
         noise,
     )
+    return encode_numbers(numbers, sensor, encoding)
 
 
 def _sun_at_the_lens(scene: SceneState, radiance: Float32Array) -> FloatArray:

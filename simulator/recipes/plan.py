@@ -258,7 +258,7 @@ def plan_recipe(
     plan = RecipePlan(
         recipe=recipe,
         target=craft,
-        camera=recipe.camera_model,
+        camera=recipe.camera_in(bands or recipe.output.bands),
         n_frames=_count(recipe, n),
         seed=recipe.seed if seed is None else seed,
         bands=bands or recipe.output.bands,

@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from msgspec import UNSET, UnsetType
+
 from flyaround.simulator.camera.detector.limits import DETECTOR, SENSOR
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor, with_bits
 from flyaround.simulator.camera.detector.shutter import EXPOSURE_S, READOUT_S, Shutter
+from flyaround.simulator.camera.detector.transfer import default_encoding, encoding_problem
+from flyaround.simulator.camera.encoding import Encoding
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.camera.lens.files import CameraFile, read_camera_file
 from flyaround.simulator.camera.lens.files_native import PitchUm
@@ -96,9 +100,14 @@ def _camera_pitch_um(camera: CameraFile, preset: Sensor, where: str) -> tuple[fl
 
 
 class Output(Section, frozen=True, kw_only=True):
-    """Bands and quality of the picture, and the label layers that a capture writes (``all`` for every one)."""
+    """Bands and quality of the picture, and the label layers that a capture writes (``all`` for every one).
+
+    ``encoding`` is the transfer function of the image: ``linear``, ``srgb`` or ``gamma`` (a power of 1 / 2.2). Without
+    it that of the camera's file is used; without both, colour of 8 bits is ``srgb`` and everything else linear.
+    """
 
     bands: Bands = "mono"
+    encoding: Encoding | UnsetType = UNSET
     quality: Quality = "default"
     labels: tuple[Layer, ...] = ()
 
@@ -114,6 +123,7 @@ class Document(Section, frozen=True, kw_only=True):
         name: str
         camera: str | CameraFile
         sensor: SensorSection
+        output: Output
 
     @property
     def where(self) -> str:
@@ -128,7 +138,22 @@ class Document(Section, frozen=True, kw_only=True):
     @property
     def camera_model(self) -> Camera:
         """The camera of the image: of the region that is read, with joined pixels."""
-        whole = self.camera_file.camera(f"camera of {self.where}")
+        return self.camera_in(self.output.bands)
+
+    def camera_in(self, bands: Bands) -> Camera:
+        """Return the camera of images in other bands than the document's, as they are encoded then.
+
+        Raises
+        ------
+        UserError
+            If the sensor's images cannot have the encoding that is asked for.
+        """
+        file, sensor = self.camera_file, self.sensor_model
+        encoding = self.output.encoding or file.encoding or default_encoding(sensor, bands)
+        problem = encoding_problem(encoding, sensor)
+        if problem is not None:
+            raise UserError(f"{self.where}: key {problem}")
+        whole = replace(file.camera(f"camera of {self.where}"), encoding=encoding)
         return read_part(whole, self.sensor.roi_px, self.sensor.binning, self.where)
 
     @property

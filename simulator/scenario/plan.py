@@ -244,7 +244,7 @@ def plan_flight(
         scenario=scenario,
         flight=fly(scenario, target),
         target=target,
-        camera=scenario.camera_model,
+        camera=scenario.camera_in(bands or scenario.output.bands),
         times_s=times,
         every_s=every_s,
         seed=scenario.seed if seed is None else seed,

@@ -165,6 +165,8 @@ def _kinds(type_: mi.Type) -> list[str]:
 
 
 def _default(field: mi.Field) -> Any:  # noqa: ANN401 - a TOML value is anything
+    if field.default is msgspec.UNSET:
+        return None
     if field.default is not msgspec.NODEFAULT:
         return msgspec.to_builtins(field.default)
     return field.default_factory() if callable(field.default_factory) else None

@@ -8,6 +8,7 @@ from typing import Any, Dict, Tuple
 
 import numpy as np
 
+from flyaround.hil.board.encoding import ENCODINGS
 from flyaround.hil.board.errors import BoardModelError
 
 Array = np.ndarray
@@ -26,6 +27,7 @@ class CameraIntrinsics:
     ----------
     distortion_model : ``none``, ``brown_conrady`` or ``kannala_brandt``.
     distortion : coefficients in OpenCV's order.
+    encoding : transfer function of the pictures as they are delivered; estimators are handed linear ones.
     """
 
     width_px: int
@@ -36,6 +38,7 @@ class CameraIntrinsics:
     cy_px: float
     distortion_model: str = "none"
     distortion: Tuple[float, ...] = field(default_factory=tuple)
+    encoding: str = "linear"
 
     def __post_init__(self) -> None:
         numbers = [self.fx_px, self.fy_px, self.cx_px, self.cy_px, *self.distortion]
@@ -43,6 +46,8 @@ class CameraIntrinsics:
             raise BoardModelError("camera: focal lengths must be positive and every number finite")
         if self.width_px < 1 or self.height_px < 1:
             raise BoardModelError("camera: width and height must be at least one pixel")
+        if self.encoding not in ENCODINGS:
+            raise BoardModelError(f"camera: unknown encoding {self.encoding!r}")
         counts = _COEFFICIENT_COUNTS.get(self.distortion_model)
         if counts is None:
             raise BoardModelError(f"camera: unknown distortion model {self.distortion_model!r}")
@@ -72,6 +77,7 @@ class CameraIntrinsics:
                 float(data["cy_px"]),
                 str(distortion.get("model", "none")),
                 tuple(float(c) for c in distortion.get("coefficients", ())),
+                str(data.get("encoding", "linear")),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             if isinstance(error, BoardModelError):

@@ -23,7 +23,7 @@ logger = logging.getLogger(__name__)
 # of a camera file: thousands of times what one takes
 MOST_CAMERA_BYTES = 10_000_000
 _CAMERA_KEYS = {
-    *("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "distortion"),
+    *("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "distortion", "encoding"),
     *("pixel_pitch_um", "name", "notes"),
 }
 # how often the answer line is looked at while no picture comes [s]
@@ -180,7 +180,8 @@ class _Session:
             now_ns(),
             takes_fields=self._line is not None and self._line.takes_fields,
         )
-        pose = estimated_pose(self._estimator, frame.image, context)
+        encoding = str(self._camera.get("encoding", "linear"))
+        pose = estimated_pose(self._estimator, frame.image, context, encoding)
         self._frames += 1
         self._accepted += pose.accepted
         if self._line is not None:

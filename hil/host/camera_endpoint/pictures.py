@@ -152,6 +152,11 @@ def check_one_channel(plan: Plan) -> None:
             f"scenario {plan.scenario_name} gives {plan.bands} pictures, but the camera endpoint sends one channel:"
             ' write bands = "mono" under [output] of a copy of the scenario'
         )
+    if plan.camera.pixel_encoding != "linear":
+        raise UserError(
+            f"scenario {plan.scenario_name} gives {plan.camera.pixel_encoding} pictures, but gain and exposure of the "
+            'camera endpoint work on linear ones: write encoding = "linear" under [output] of a copy of the scenario'
+        )
 
 
 def image_alone(frame: Frame) -> Image:

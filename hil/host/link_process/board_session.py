@@ -188,6 +188,15 @@ class BoardSession:
             wish = "zstd" if self._serial else "raw"
         formats = formats_of(terms.bits, terms.pixel_format.channels)
         repeated = self.ack is not None and link.last_sequence != 0
+        encoding = terms.camera.get("encoding", "linear")
+        if encoding != "linear" and not hello.takes_fields:
+            # without the field it would take them for linear ones
+            sentence = (
+                f'pixels are {encoding}, which this board cannot read: write [output] encoding = "linear"'
+            )
+            refuse(link, ErrorCode.FORMAT, sentence)
+            self.leave(sentence)
+            return
         try:
             ack = answer_hello(
                 hello,

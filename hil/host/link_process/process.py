@@ -36,6 +36,7 @@ from flyaround.hil.link.packets.messages import (
     ErrorCode,
     FrameHeader,
     HelloAck,
+    Transfer,
     TruthMessage,
 )
 from flyaround.hil.link.security import HostTransport
@@ -276,6 +277,7 @@ class LinkServer:
                     job.camera_frame,
                     *self._in_utc(record.exposure_ns),
                     job.sun_camera if ack.takes_fields else None,
+                    Transfer[str(ack.camera.get("encoding", "linear")).upper()],
                 )
             )
             for chunk in chunks(record.frame_id, data, ack.chunk_bytes):

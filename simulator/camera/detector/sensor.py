@@ -131,6 +131,14 @@ class Sensor:
         converter = (2**self.bits - 1 - d.black_level_dn) * d.gain_e_per_dn
         return min(d.full_well_e * d.pixels_per_bin, converter)
 
+    @property
+    def scale_dn(self) -> tuple[float, float]:
+        """Digital numbers of saturation above the black level, and the black level."""
+        d = self.detector
+        if d is None:
+            return 2.0**self.bits - 1, 0.0
+        return self.saturation_e / d.gain_e_per_dn, d.black_level_dn
+
 
 def with_bits(sensor: Sensor, bits: int) -> Sensor:
     """Return the sensor with images of another depth and the same full scale.

@@ -10,7 +10,9 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import UNSET, UnsetType
 
+from flyaround.simulator.camera.encoding import Encoding
 from flyaround.simulator.camera.lens.distortion import (
     COEFFICIENT_COUNTS,
     Distortion,
@@ -37,7 +39,10 @@ _NODES, _STEP_RAD = 25, 1e-3  # where a lens's bending is looked at, and over wh
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """Intrinsics of one camera; this object as JSON is the CAMERA.json of the command line."""
+    """Intrinsics of one camera; this object as JSON is the CAMERA.json of the command line.
+
+    ``encoding`` is the transfer function of its images, absent where they are linear: see `pixel_encoding`.
+    """
 
     width_px: int
     height_px: int
@@ -46,6 +51,17 @@ class Camera:
     cx_px: float
     cy_px: float
     distortion: Distortion = _NO_DISTORTION
+    encoding: Encoding | UnsetType = UNSET
+
+    def __post_init__(self) -> None:
+        # one form for one camera: "linear" and absent are the same
+        if self.encoding == "linear":
+            object.__setattr__(self, "encoding", UNSET)
+
+    @property
+    def pixel_encoding(self) -> Encoding:
+        """Transfer function of the images: ``linear``, ``srgb`` or ``gamma``."""
+        return "linear" if isinstance(self.encoding, UnsetType) else self.encoding
 
     @property
     def K(self) -> FloatArray:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import msgspec
-from msgspec import Meta
+from msgspec import UNSET, Meta, UnsetType
 
+from flyaround.simulator.camera.encoding import Encoding
 from flyaround.simulator.camera.lens.camera_model import (
     CENTRE_PX,
     FOCAL_PX,
@@ -35,7 +36,8 @@ class DistortionSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
 class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The camera object of CAMERA.json; pixel (0, 0) is the centre of the top-left pixel.
 
-    ``pixel_pitch_um``, across and down, is the sensor's where the scenario does not say another.
+    ``pixel_pitch_um``, across and down, is the sensor's where the scenario does not say another. ``encoding`` is the
+    transfer function of the images; absent, they are linear, or as the scenario's ``output.encoding`` has it.
     """
 
     width_px: SizePx
@@ -45,6 +47,7 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     cx_px: CentrePx
     cy_px: CentrePx
     distortion: DistortionSection = DistortionSection()
+    encoding: Encoding | UnsetType = UNSET
     pixel_pitch_um: tuple[PitchUm, PitchUm] | None = None
     name: str = ""
     notes: str = ""
@@ -65,6 +68,7 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
             cx_px=self.cx_px,
             cy_px=self.cy_px,
             distortion=Distortion(self.distortion.model, self.distortion.coefficients),
+            encoding=self.encoding,
         )
         problem = camera_problem(camera)
         if problem is not None:

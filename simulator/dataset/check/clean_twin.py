@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.camera.detector.response import white_balance
+from flyaround.simulator.camera.detector.transfer import decode_numbers
+from flyaround.simulator.camera.encoding import step_share
 from flyaround.simulator.imaging.image_formation import noise_sigma
 from flyaround.simulator.scene.illumination.bands import sunlight_balance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from flyaround.simulator.camera.detector.sensor import Sensor
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray
 
@@ -21,8 +24,8 @@ NOISE_SPREAD = (0.55, 1.1)  # mean |x| of a normal law is 0.80 of its sigma, of 
 DEMOSAICED_SPREAD = (0.2, 1.5)  # neighbours are averaged
 SHIFT = 0.5
 """Sigmas by which the median of the noise may be off zero."""
-QUIET_DN = 1.2
-"""Noise so small [DN] that rounding, not the law of the noise, decides by how much the image differs from its twin."""
+QUIET_STEPS = 1.2
+"""Noise of so few steps of the image's numbers that rounding decides by how much the image differs from its twin."""
 FEWEST, ENOUGH = 200, 500_000
 """Pixels that make a statistic, and that suffice for one of a whole picture."""
 
@@ -42,16 +45,20 @@ def check_clean(
     if clean.shape != image.shape or clean.dtype != image.dtype:
         return [f"the clean twin is {clean.shape} {clean.dtype}, the image {image.shape} {image.dtype}"]
     factors = balance_factors(truth) if image.ndim == 3 else np.ones(1)
-    bands = (image.reshape(*mask.shape, -1), clean.reshape(*mask.shape, -1))
+    encoding = truth.camera.pixel_encoding
+    (image, sensor), (clean, _) = (
+        decode_numbers(x.reshape(*mask.shape, -1), truth.scene.sensor, encoding) for x in (image, clean)
+    )
     for k, factor in enumerate(factors.tolist()):
-        wrong = _check_band(truth, bands[0][..., k], bands[1][..., k], mask > 0, factor)
+        wrong = _check_band(truth, sensor, image[..., k], clean[..., k], mask > 0, factor)
         if wrong:
-            return [wrong if image.ndim == 2 else f"{wrong} ({('red', 'green', 'blue')[k]})"]
+            return [wrong if len(factors) == 1 else f"{wrong} ({('red', 'green', 'blue')[k]})"]
     return []
 
 
 def _check_band(
     truth: Truth,
+    sensor: Sensor,
     image: NDArray[np.unsignedinteger],
     clean: NDArray[np.unsignedinteger],
     on_craft: BoolArray,
@@ -61,13 +68,13 @@ def _check_band(
 
     Parameters
     ----------
+    sensor : that both are linear numbers of.
     factor : by which white balance multiplied the band, its noise and its dark current.
     """
-    sensor, detector = truth.scene.sensor, truth.scene.sensor.detector
-    full, black, heat, spread_limits = 2.0**sensor.bits - 1, 0.0, 0.0, NOISE_SPREAD
+    detector, encoding = sensor.detector, truth.camera.pixel_encoding
+    full, black = sensor.scale_dn  # a detector saturates where its well does, above its black level
+    heat, spread_limits = 0.0, NOISE_SPREAD
     if detector is not None:
-        # a detector saturates where its well does, above its black level
-        full, black = sensor.saturation_e / detector.gain_e_per_dn, detector.black_level_dn
         # the twin has no dark current, the image has its mean too
         dark_e = detector.dark_e_s * truth.scene.exposure_s * detector.pixels_per_bin
         heat = factor * dark_e / sensor.saturation_e
@@ -81,16 +88,21 @@ def _check_band(
         signal_of < 1 - 4 * sigma_of
     )  # the ends of the scale cut the noise off
     # digital numbers were rounded, multiplied, and rounded again: of the twin, which no noise dithers, by half of that
-    rounding = (factor if factor == 1 else factor + 1) / 2 / full
+    step_of = np.full(signal_of.shape, factor / full)
+    rounding_of = np.full(signal_of.shape, (factor if factor == 1 else factor + 1) / 2 / full)
+    if encoding != "linear":
+        top = 2**sensor.bits - 1 - black
+        step_of = step_share(signal_of * full / top, encoding) * top / full
+        rounding_of = step_of / 2
     rows = np.s_[:: clean.size // ENOUGH | 1]  # odd: rows of both colours of a mosaic
     for where, what in ((on_craft, "on the craft"), (rows, "in the picture")):
         twin = clean[where].ravel()
-        sigma, inside = sigma_of[twin], inside_of[twin]
+        sigma, inside, rounding = sigma_of[twin], inside_of[twin], rounding_of[twin]
         residual = (image[where].ravel().astype(float) - twin) / full - heat
-        quiet = sigma * full < QUIET_DN * factor
+        quiet = sigma < QUIET_STEPS * step_of[twin]
         still, noisy = inside & quiet, inside & ~quiet
         if np.count_nonzero(still) >= FEWEST:
-            beyond = np.abs(residual[still]) > 2 * rounding + 4 * sigma[still]
+            beyond = np.abs(residual[still]) > 2 * rounding[still] + 4 * sigma[still]
             if beyond.mean() > 0.01:
                 return f"{what} the image is not its clean twin, but for rounding and a noise of less than one step"
         if np.count_nonzero(noisy) < FEWEST:
@@ -105,8 +117,8 @@ def _check_band(
     return ""
 
 
-def _is_off(residual: FloatArray, sigma: FloatArray, where: BoolArray, rounding: float) -> bool:
+def _is_off(residual: FloatArray, sigma: FloatArray, where: BoolArray, rounding: FloatArray) -> bool:
     """Return True if the median of the noise is off zero by more than its law and rounding allow."""
     # the image's own median is a whole number, too
-    allowed = SHIFT + 2 * rounding / float(np.median(sigma[where]))
+    allowed = SHIFT + 2 * float(np.median(rounding[where])) / float(np.median(sigma[where]))
     return abs(float(np.median(residual[where] / sigma[where]))) > allowed

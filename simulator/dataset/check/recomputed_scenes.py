@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
+from msgspec import UNSET
 
 from flyaround.simulator.dataset.stereo import SecondCameraPlan
 from flyaround.simulator.errors import UserError
@@ -136,14 +137,15 @@ def _wrong_fields(
 
     reasons = []
     if isinstance(document, Scenario):
-        if document.camera_model != card.camera:
+        camera = document.camera_in(_usual(scenes, "bands"))
+        if card.camera not in (camera, replace(camera, encoding=UNSET)):  # colour was linear in older sets
             reasons.append("the camera is not the scenario's")
         if not _has_usual_times(card, document, scenes):
             reasons.append("the frames' times are not those that the scenario's duration gives")
     wrong = differences(None)
     if isinstance(document, Recipe) and is_other(wrong):
         reasons.append("the environment is not the recipe's, as --environment replaces it")
-        wrong = differences(Counter(scene.environment for scene in scenes.values()).most_common(1)[0][0])
+        wrong = differences(_usual(scenes, "environment"))
         if is_other(wrong):
             left_out.add("environment")
             wrong = differences(None)
@@ -158,10 +160,7 @@ def _plan_again(
 ) -> DocumentPlan:
     is_second = card.stereo is not None and card.stereo.camera == "second"
     first_seed = card.seed - (SECOND_SEED if is_second else 0)
-    options: dict[str, Any] = {
-        name: Counter(getattr(scene, name) for scene in scenes.values()).most_common(1)[0][0]
-        for name in ("bands", "quality")
-    }
+    options: dict[str, Any] = {name: _usual(scenes, name) for name in ("bands", "quality")}
     plan: Any
     if isinstance(document, Recipe):
         target = card.target.name
@@ -176,6 +175,11 @@ def _plan_again(
         vary = card.scenario.get("vary")
         plan = plan if vary is None else varied_plan(plan, msgspec.convert(vary, Vary))
     return SecondCameraPlan.of(plan, plan.second_camera) if is_second else plan
+
+
+def _usual(scenes: Mapping[int, SceneState], name: str) -> Any:  # noqa: ANN401 - the type of the field
+    """Return the value that a field has in most of the scenes."""
+    return Counter(getattr(scene, name) for scene in scenes.values()).most_common(1)[0][0]
 
 
 def _has_usual_times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int, SceneState]) -> bool:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
+from flyaround.simulator.camera.detector.transfer import decode_numbers
 from flyaround.simulator.dataset.check.clean_twin import balance_factors
 from flyaround.simulator.dataset.check.feasibility import check_step_share
 from flyaround.simulator.dataset.formats.native import frame_paths, read_layer, read_png
@@ -156,13 +157,11 @@ def check_same_picture(
         return [f"the image is {image.shape} {image.dtype}, drawn again {again.shape} {again.dtype}"]
     if np.array_equal(image, again):
         return []
-    sensor = truth.scene.sensor
-    full, black = 2.0**sensor.bits - 1, 0.0
-    if sensor.detector is not None:
-        # a detector saturates where its well does, above its black level
-        full, black = sensor.saturation_e / sensor.detector.gain_e_per_dn, sensor.detector.black_level_dn
+    encoding = truth.camera.pixel_encoding
+    (one, sensor), (two, _) = (decode_numbers(x, truth.scene.sensor, encoding) for x in (image, again))
+    full, black = sensor.scale_dn  # a detector saturates where its well does, above its black level
     mine, other = (
-        cv2.GaussianBlur((x.astype(np.float32) - black) / full, (0, 0), BLUR_PX) for x in (image, again)
+        cv2.GaussianBlur((x.astype(np.float32) - black) / full, (0, 0), BLUR_PX) for x in (one, two)
     )
     off = np.abs(mine - other)
     levels = np.linspace(0, 1, 33)

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.camera.detector.transfer import decode_numbers
+from flyaround.simulator.camera.encoding import step_share
 from flyaround.simulator.dataset.check.feasibility import check_step_share
 from flyaround.simulator.imaging.image_formation import noise_sigma
 from flyaround.simulator.labels.keypoints import CONTRAST_RADIUS_PX
@@ -27,18 +29,17 @@ def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> 
     Its digital numbers give the signal to half a step; where that leaves two answers, either is right. A colour that
     reaches full scale in one band alone, and a detector that blooms or mixes its pixels' colours, are not judged.
     """
-    scale = _scale(truth, clean)
-    if scale is None:
+    signal = _signal(truth, clean)
+    if signal is None:
         return []
-    full, black = scale
     wrong = []
     for k in truth.keypoints:
         if k.state not in BY_SIGNAL or k.pixel_px is None:
             continue
         u, v = (int(x) for x in np.rint(k.pixel_px))
         r = CONTRAST_RADIUS_PX
-        patch = clean[max(v - r, 0) : v + r + 1, max(u - r, 0) : u + r + 1]
-        possible = _possible_states(truth, (patch.astype(float) - black) / full, 1.0 / full)
+        patch = signal[max(v - r, 0) : v + r + 1, max(u - r, 0) : u + r + 1]
+        possible = _possible_states(truth, patch, _step(truth, patch))
         if k.state not in possible:
             wrong.append(
                 f"keypoint {k.name} is labelled {k.state}, the clean twin says {' or '.join(possible)}"
@@ -48,23 +49,29 @@ def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> 
 
 def check_steps_by_signal(truth: Truth, target: Target, clean: NDArray[np.unsignedinteger]) -> list[str]:
     """The share of the wireframe that stands out of the noise, from the clean twin where it tells the signal."""
-    scale = _scale(truth, clean)
-    if scale is None:
+    signal = _signal(truth, clean)
+    if signal is None:
         return []
-    full, black = scale
-    signal = (clean.astype(float) - black) / full
-    return check_step_share(truth, target, signal if signal.ndim == 2 else signal.mean(axis=2), 0.51 / full)
+    mono = signal if signal.ndim == 2 else signal.mean(axis=2)
+    return check_step_share(truth, target, mono, 0.51 * _step(truth, mono))
 
 
-def _scale(truth: Truth, clean: NDArray[np.unsignedinteger]) -> tuple[float, float] | None:
-    """Digital numbers of full scale above black, and of black; ``None`` where a number is not one pixel's signal."""
-    sensor = truth.scene.sensor
-    detector = sensor.detector
-    if detector is None:
-        return 2.0**sensor.bits - 1, 0.0
-    if detector.blooming > 0 or clean.ndim == 3 or truth.scene.bands == "rgb":
+def _signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> NDArray[np.float64] | None:
+    """Light of the clean twin's pixels, 1 at full scale; ``None`` where a number is not one pixel's signal."""
+    detector = truth.scene.sensor.detector
+    if detector is not None and (detector.blooming > 0 or clean.ndim == 3 or truth.scene.bands == "rgb"):
         return None
-    return sensor.saturation_e / detector.gain_e_per_dn, float(detector.black_level_dn)
+    numbers, sensor = decode_numbers(clean, truth.scene.sensor, truth.camera.pixel_encoding)
+    full, black = sensor.scale_dn
+    return (numbers.astype(float) - black) / full
+
+
+def _step(truth: Truth, signal: NDArray[np.float64]) -> float:
+    """Largest step of the image's numbers where it has a signal, over full scale."""
+    encoding = truth.camera.pixel_encoding
+    if encoding == "linear":
+        return 1.0 / truth.scene.sensor.scale_dn[0]
+    return float(step_share(signal.max(initial=0), encoding))
 
 
 def _possible_states(truth: Truth, signal: NDArray[np.float64], step: float) -> tuple[str, ...]:

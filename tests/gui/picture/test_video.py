@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from flyaround.gui.picture import video
-from flyaround.gui.picture.video import Film, eight_bits
+from flyaround.gui.picture.video import Film
 from flyaround.simulator.errors import UserError
 from tests.harness.small_disk import small_disk
 
@@ -130,7 +130,3 @@ def test_an_encoder_that_does_not_end_is_said(tmp_path: Path, monkeypatch: pytes
     go_on.set()
     film._thread.join()
     assert film.path.exists()
-
-
-def test_digital_numbers_become_bytes() -> None:
-    assert eight_bits(np.array([[4095]], np.uint16), 12)[0, 0] == 255

@@ -1,0 +1,103 @@
+"""What a camera delivers of its detector's numbers: these, or eight bits encoded by a curve.
+
+Colour cameras mostly deliver 8 bits encoded by a curve, after a converter of more bits and with the black level taken
+off. A raw mosaic is always linear.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.camera.detector.sensor import Sensor, with_bits
+from flyaround.simulator.camera.encoding import decode, encode
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flyaround.simulator.camera.encoding import Encoding
+
+ENCODED_BITS = 8
+"""Depth of an encoded image."""
+CONVERTER_BITS = 14
+"""Depth before a curve is applied: one step of 14 bits is a fifth of sRGB's first step of 8."""
+
+
+def default_encoding(sensor: Sensor, bands: str) -> Encoding:
+    """Return the encoding of images that name none: sRGB for 8 bits in colour, else linear."""
+    return "srgb" if bands == "rgb" and encoding_problem("srgb", sensor) is None else "linear"
+
+
+def encoding_problem(encoding: Encoding, sensor: Sensor) -> str | None:
+    """Return why a sensor's images cannot have an encoding, or None if they can."""
+    if encoding == "linear":
+        return None
+    if sensor.bits != ENCODED_BITS:
+        return (
+            f"output.encoding is {encoding} and sensor.bits {sensor.bits}, allowed: {ENCODED_BITS} bits, or linear; "
+            "a curve is defined for 8 bits alone"
+        )
+    detector = sensor.detector
+    if detector is not None and detector.colour_filter != "none" and not detector.demosaic:
+        return f"output.encoding is {encoding}, allowed: linear, because the mosaic of a colour filter is raw"
+    return None
+
+
+def converter(sensor: Sensor, encoding: Encoding) -> Sensor:
+    """Return the sensor whose numbers a curve is applied to: itself for linear images, else one of 14 bits."""
+    return sensor if encoding == "linear" else with_bits(sensor, CONVERTER_BITS)
+
+
+def encode_numbers(
+    numbers: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding
+) -> NDArray[np.unsignedinteger]:
+    """Return the image that a camera delivers of its converter's numbers.
+
+    Parameters
+    ----------
+    numbers : array
+        Digital numbers of `converter`.
+    sensor : Sensor
+        The camera's own.
+    encoding : str
+        The numbers themselves are returned if it is linear.
+    """
+    if encoding == "linear":
+        return numbers
+    return np.asarray(_curve(encoding, _black_dn(converter(sensor, encoding)))[numbers])
+
+
+def decode_numbers(
+    image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding
+) -> tuple[NDArray[np.unsignedinteger], Sensor]:
+    """Return linear digital numbers of a delivered image, and the sensor that they are numbers of.
+
+    Parameters
+    ----------
+    image : array
+        As the camera delivered it.
+    sensor : Sensor
+        The camera's own.
+    encoding : str
+        Image and sensor themselves are returned if it is linear.
+    """
+    if encoding == "linear":
+        return image, sensor
+    linear = converter(sensor, encoding)
+    black = _black_dn(linear)
+    numbers = black + decode(np.arange(256) / 255, encoding) * (2**CONVERTER_BITS - 1 - black)
+    return np.rint(numbers).astype(np.uint16)[image], linear
+
+
+def _black_dn(sensor: Sensor) -> float:
+    return sensor.scale_dn[1]
+
+
+@lru_cache(maxsize=16)
+def _curve(encoding: Encoding, black_dn: float) -> NDArray[np.uint8]:
+    """Return the delivered number (16384,) of each of the converter's."""
+    full = 2**CONVERTER_BITS - 1
+    light = np.clip((np.arange(full + 1) - black_dn) / (full - black_dn), 0, 1)
+    return np.rint(encode(light, encoding) * 255).astype(np.uint8)

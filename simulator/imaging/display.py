@@ -1,0 +1,60 @@
+"""Pictures for a screen: digital numbers become light, and light is shown as a photograph would.
+
+A screen takes sRGB numbers. Linear ones sent there as they are look too dark and too contrasty, colours too saturated.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.camera.detector.transfer import decode_numbers
+from flyaround.simulator.camera.encoding import encode
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.camera.encoding import Encoding
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
+
+SHOULDER = 4.0
+"""Light x of full scale is shown as (1 + s) x / (s + x): a third of a stop brighter, with highlights that roll off."""
+
+
+def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding) -> ByteArray:
+    """Return an image as a screen shows it to people: sRGB, with a filmic shoulder.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) array
+        Numbers as the camera delivered them.
+    sensor, encoding : Sensor, str
+        Of that camera.
+
+    Returns
+    -------
+    (H, W) or (H, W, 3) uint8 array
+    """
+    return np.asarray(_table(sensor, encoding)[image])
+
+
+def shown_light(light: FloatArray) -> FloatArray:
+    """Return sRGB numbers, 0 to 1, that show linear light, 1 at full scale."""
+    x = np.clip(light, 0.0, 1.0)
+    return encode((1 + SHOULDER) * x / (SHOULDER + x), "srgb")
+
+
+def raw_picture(image: NDArray[np.unsignedinteger], bits: int) -> ByteArray:
+    """Return the upper eight bits of an image's numbers, as they are."""
+    return np.asarray(image >> max(bits - 8, 0), np.uint8)
+
+
+@lru_cache(maxsize=32)
+def _table(sensor: Sensor, encoding: Encoding) -> ByteArray:
+    """Return the number shown for each of an image's numbers."""
+    numbers, linear = decode_numbers(np.arange(1 << sensor.bits, dtype=np.uint16), sensor, encoding)
+    full, black = linear.scale_dn
+    return np.rint(255 * shown_light((numbers.astype(float) - black) / full)).astype(np.uint8)
