@@ -28,6 +28,7 @@ from flyaround.simulator.dataset.split import parse_split
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.request import parse_labels
 from flyaround.simulator.recipes.plan import RecipePlan, plan_recipe
+from flyaround.simulator.scenario.document import with_choices
 from flyaround.simulator.scenario.load import is_recipe, list_scenarios, load_recipe, load_scenario, load_vary
 from flyaround.simulator.scenario.plan import Plan, plan_flight, varied_plan
 from flyaround.simulator.scene.environments import environment_preset, environment_section
@@ -114,7 +115,9 @@ def _some(frames: tuple[int, ...], most: int = 10) -> str:
 def _tell_clipping(clipping: ClippingSummary) -> None:
     """How much of the target fills the scale (before noise, which hides half of it), and what to do about it."""
     shares = f"{100 * clipping.share:.1f} % of the target's pixels are burnt out"
-    if clipping.advice:
+    if clipping.advice and clipping.dark_frames:
+        say(Text(f"the target is dark in {clipping.dark_frames} frames: {clipping.advice}", "yellow"))
+    elif clipping.advice:
         worst = f"{100 * clipping.worst_share:.0f} % in the worst frame"
         say(Text(f"{shares} ({worst}): {clipping.advice}", "yellow"))
     else:
@@ -234,8 +237,9 @@ def _choose_plan(name: str, pictures: CapturedPictures) -> Plan | RecipePlan:
         if pictures.every_s is not None:
             raise UserError(f"recipe {name} has no time, so --every means nothing; use -n")
         layers = None if pictures.environment is None else environment_preset(pictures.environment)
+        recipe = load_recipe(name)
         return plan_recipe(
-            name,
+            with_choices(recipe, pictures.encoding, auto_exposure=pictures.auto_exposure),
             pictures.n,
             seed=pictures.seed,
             target=pictures.target,
@@ -251,6 +255,7 @@ def _choose_plan(name: str, pictures: CapturedPictures) -> Plan | RecipePlan:
         scenario = msgspec.structs.replace(scenario, target=pictures.target)
     if pictures.environment is not None:
         scenario = msgspec.structs.replace(scenario, environment=environment_section(pictures.environment))
+    scenario = with_choices(scenario, pictures.encoding, auto_exposure=pictures.auto_exposure)
     return plan_flight(
         scenario,
         n=None if pictures.every_s is not None else pictures.n or 20,

@@ -8,11 +8,12 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from flyaround.cli.run_options import with_run_options
 from flyaround.cli.scenario_argument import load_flown
@@ -23,6 +24,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.request import LabelRequest, parse_labels
 from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.render.earth.map_textures import EarthMaps, prefetch_earth_maps, prefetch_maps_of
+from flyaround.simulator.scenario.document import with_choices
 from flyaround.simulator.scenario.poses import PosePlan, read_poses
 from flyaround.simulator.scene.environments import environment_section
 from flyaround.simulator.scene.illumination.bands import Bands
@@ -47,6 +49,7 @@ def render(
     if run.poses is not None:
         _render_poses(run, view, as_json=as_json)
         return
+    from flyaround.simulator.dataset.clipping import measure_clipping, summarise_clipping  # noqa: PLC0415 - as below
     from flyaround.simulator.dataset.single_frames import (  # noqa: PLC0415 - slow to import: maps are read before
         check_picture_path,
         render_scene,
@@ -66,18 +69,25 @@ def render(
         typer.echo(json.dumps({**json.loads(text), "stage_ms": stage_ms}) if run.timings else text)
     else:
         say(f"{output} and {truth_path} ({frame.stage_ms['render'] + frame.stage_ms['sensor']:.0f} ms)")
+        clipping = summarise_clipping([measure_clipping(frame)], view.document) if view.document else None
+        if clipping is not None and clipping.advice:
+            what = (
+                "dark" if clipping.dark_frames else f"burnt out in {100 * clipping.share:.0f} % of its pixels"
+            )
+            say(Text(f"the target is {what}: {clipping.advice}", "yellow"))
         if run.timings:
             terminal().print(_times_table(stage_ms))
 
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """What is drawn, and the Earth's maps that are being read for it."""
+    """What is drawn, the Earth's maps that are being read for it, and the scenario, empty for a record."""
 
     scene: SceneState
     target: Target
     labels: LabelRequest
     prefetched: dict[Bands, EarthMaps]
+    document: dict[str, Any]
 
 
 def _recorded_view(path: Path) -> _View:
@@ -85,7 +95,7 @@ def _recorded_view(path: Path) -> _View:
     record = read_truth(path)
     prefetched = prefetch_maps_of(record.scene)
     request = LabelRequest(layers=record.layers, flow=record.flow)
-    return _View(record.scene, load_target(record.scene.target.name), request, prefetched)
+    return _View(record.scene, load_target(record.scene.target.name), request, prefetched, {})
 
 
 def _flown_view(run: RenderRun) -> _View:
@@ -94,6 +104,7 @@ def _flown_view(run: RenderRun) -> _View:
     flown = load_flown(run.scenario or "", "render")
     if run.environment is not None:
         flown = msgspec.structs.replace(flown, environment=environment_section(run.environment))
+    flown = with_choices(flown, run.encoding, auto_exposure=run.auto_exposure)
     prefetched: dict[Bands, EarthMaps] = {}
     if flown.environment.layers().earth:
         # two at a time: an empty cache is filled while the target is built and flown
@@ -102,7 +113,7 @@ def _flown_view(run: RenderRun) -> _View:
     from flyaround.simulator.scenario.plan import plan_flight  # noqa: PLC0415 - slow to import: maps are read before
 
     plan = plan_flight(flown, times=(run.time_s,), seed=run.seed, bands=bands, quality=run.quality)
-    return _View(plan.scene(0), plan.target, LabelRequest(), prefetched)
+    return _View(plan.scene(0), plan.target, LabelRequest(), prefetched, plan.scenario_document)
 
 
 def _times_table(stage_ms: dict[str, float]) -> Table:

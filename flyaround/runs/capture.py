@@ -8,7 +8,7 @@ import typer
 from msgspec import Meta
 
 from flyaround.runs.document import HOW, Only, Run
-from flyaround.runs.fields import Count, File, Gpu, Labels, Preset, Seed, World
+from flyaround.runs.fields import AutoExposed, Count, Curve, File, Gpu, Labels, Preset, Seed, World
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.runtime.sections import Section
 
@@ -26,6 +26,8 @@ class CapturedPictures(Section, frozen=True, kw_only=True):
         float | None, typer.Option("--every", help="Seconds between frames, instead of -n.")
     ] = None
     rgb: Annotated[bool, typer.Option("--rgb", help="Colour images instead of the scenario's bands.")] = False
+    encoding: Curve = None
+    auto_exposure: AutoExposed = False
     quality: Preset = None
     environment: World = None
     camera: Annotated[

@@ -8,6 +8,7 @@ import typer
 from msgspec import Meta
 
 from flyaround.runs.document import HOW, PATH
+from flyaround.simulator.camera.encoding import Encoding
 from flyaround.simulator.labels.request import LAYERS
 from flyaround.simulator.scene.environments import ENVIRONMENTS
 from flyaround.simulator.scene.state import Quality
@@ -27,6 +28,19 @@ Labels = Annotated[
 World = Annotated[
     str | None,
     typer.Option(help=f"Layers of the world instead of the scenario's: {', '.join(ENVIRONMENTS)}."),
+]
+Curve = Annotated[
+    Encoding | None,
+    typer.Option(
+        help="Transfer function of the image: linear, srgb or gamma (default: the scenario's; colour of 8 bits: srgb)."
+    ),
+]
+AutoExposed = Annotated[
+    bool,
+    typer.Option(
+        "--auto-exposure",
+        help="Expose by a meter that follows the light, where the scenario does not already.",
+    ),
 ]
 Preset = Annotated[Quality | None, typer.Option(help="draft, default or high.")]
 Gpu = Annotated[int | None, typer.Option(help="EGL device to draw on (default: the driver's choice)."), HOW]

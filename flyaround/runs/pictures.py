@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import typer
 
 from flyaround.runs.document import HOW, Only, Run
-from flyaround.runs.fields import File, Gpu, Labels, Preset, Seed, World
+from flyaround.runs.fields import AutoExposed, Curve, File, Gpu, Labels, Preset, Seed, World
 
 
 class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
@@ -19,6 +19,18 @@ class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
             "from_truth",
             (None,),
             "--from-truth draws the record's environment; leave out --environment",
+        ),
+        Only(
+            "encoding",
+            "from_truth",
+            (None,),
+            "--from-truth draws the picture that was recorded; leave out --encoding",
+        ),
+        Only(
+            "auto_exposure",
+            "from_truth",
+            (None,),
+            "--from-truth exposes as the record says; leave out --auto-exposure",
         ),
         Only(
             "poses",
@@ -50,6 +62,8 @@ class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
         ),
     ] = None
     rgb: Annotated[bool, typer.Option("--rgb", help="Colour image instead of the scenario's bands.")] = False
+    encoding: Curve = None
+    auto_exposure: AutoExposed = False
     quality: Preset = None
     environment: World = None
     labels: Labels = None

@@ -6,9 +6,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
 
 from flyaround.gui.command_table import STATE, Argument, Command, number
 from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
+from flyaround.simulator.imaging.auto_exposure import AutoExposure
+from flyaround.simulator.imaging.metering import wanted_exposure_s
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -45,6 +48,15 @@ def _layer_is_on(name: str, console: Console) -> bool:
 
 def _exposure(console: Console, stops: float) -> None:
     console.options.settings.exposure_stops = stops
+
+
+def _meter(console: Console) -> None:
+    """Expose as the meter wants this moment's scene."""
+    session, settings = console.session, console.options.settings
+    scene = session.scene()
+    wanted_s = wanted_exposure_s(AutoExposure(), scene, session.plan.target)
+    stops = float(np.log2(wanted_s / scene.exposure_s))
+    settings.exposure_stops = round(min(max(stops, -MOST_STOPS), MOST_STOPS), 2)
 
 
 def _detail(console: Console, detail: str) -> None:
@@ -98,6 +110,12 @@ COMMANDS = (
                 "stops", "1 exposes twice as long, -1 half as long", -MOST_STOPS, MOST_STOPS, "powers of two"
             ),
         ),
+    ),
+    Command(
+        "picture.meter",
+        "Expose by the meter",
+        "the exposure that suits what the camera sees now",
+        _meter,
     ),
     Command(
         "picture.detail",

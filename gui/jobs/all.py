@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from flyaround.gui.jobs.capture_job import CaptureJob
 from flyaround.gui.jobs.estimates import Estimates
 from flyaround.gui.jobs.hil_session import HilSession
-from flyaround.gui.picture.video import screen_picture
+from flyaround.gui.picture.screen import screen_picture
 
 if TYPE_CHECKING:
     from collections.abc import Callable

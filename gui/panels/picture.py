@@ -39,6 +39,7 @@ class PicturePanel(Panel):
             changed, stops = True, 0.0
         if changed:
             console.do("picture.exposure", min(max(round(stops, 2), -MOST_STOPS), MOST_STOPS))
+        w.button(console, "picture.meter", width=w.width)
         imgui.set_next_item_width(min(10 * imgui.get_font_size(), w.width))
         changed, k = imgui.combo("##detail", DETAILS.index(settings.detail), [f"{d} detail" for d in DETAILS])
         w.about(console, "picture.detail")

@@ -11,7 +11,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.picture.relative_map import nice_step
-from flyaround.gui.picture.video import screen_picture
+from flyaround.gui.picture.screen import screen_picture
 from flyaround.simulator.labels.part_classes import PART_CLASSES, part_class
 from flyaround.simulator.labels.request import LabelRequest
 from flyaround.simulator.targets.model import PartClass

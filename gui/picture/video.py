@@ -16,12 +16,10 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.errors import UserError, missing_extra, write_error
-from flyaround.simulator.imaging.display import display_picture, raw_picture
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flyaround.simulator.frame import Frame
     from flyaround.simulator.runtime.arrays import ByteArray
 
 WAITING = 8
@@ -137,11 +135,3 @@ class Film:
         stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
         stream.codec_context.time_base = CLOCK
         return stream
-
-
-def screen_picture(frame: Frame, *, raw: bool = False) -> ByteArray:
-    """Return a frame's image as a screen shows it, or the upper eight bits of its numbers as they are."""
-    sensor = frame.scene.sensor
-    if raw:
-        return raw_picture(frame.image, sensor.bits)
-    return display_picture(frame.image, sensor, frame.scene.camera.pixel_encoding)

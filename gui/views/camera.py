@@ -9,8 +9,8 @@ import numpy as np
 
 from flyaround.gui import hover_text, style
 from flyaround.gui.commands.timeline import clock
+from flyaround.gui.picture.screen import exposure_fault, screen_picture
 from flyaround.gui.picture.truth_overlay import Pixel
-from flyaround.gui.picture.video import screen_picture
 from flyaround.gui.views.docking_hud import DockingHud
 from flyaround.gui.views.estimate_overlay import EstimateOverlay
 from flyaround.gui.views.letterbox import Letterbox
@@ -55,6 +55,8 @@ class CameraView(Panel):
         self._truth = TruthMarks(window)
         self._plates: list[tuple[float, float, float, float]] = []
         self._estimate = EstimateOverlay(window)
+        self._judged_of: Picture | None = None
+        self._judged = ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current view."""
@@ -99,6 +101,10 @@ class CameraView(Panel):
             self._hud(draw, place, session, feed, picture)
         if options.overlays.times:
             self._times(draw, place, feed)
+        if picture is not self._judged_of:
+            self._judged_of, self._judged = picture, exposure_fault(picture.frame)
+        if self._judged and not feed.late_s:
+            self._notice(draw, place, self._judged)
         if feed.late_s:
             self._veil(draw, place, f"picture of {feed.late_s:.0f} s ago; the next is being prepared")
 
@@ -107,6 +113,13 @@ class CameraView(Panel):
         corner = self._vec((place[0] + place[2], place[1] + place[3]))
         draw.add_rect_filled(self._vec((place[0], place[1])), corner, self._color(style.PLATE))
         self._centred(draw, place, text)
+
+    def _notice(self, draw: Any, place: tuple[float, float, float, float], text: str) -> None:  # noqa: ANN401
+        """Say something at the top of the view, between the corners' figures."""
+        width = self._imgui.calc_text_size(text).x
+        at = (place[0] + (place[2] - width) / 2, place[1] + 14 + 2 * self._line)
+        self._plate(draw, at, width, 1)
+        self._text(draw, at, text, style.WARN)
 
     def _hud(
         self,

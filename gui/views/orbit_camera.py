@@ -12,7 +12,7 @@ from flyaround.gui.canvas import Canvas, point
 from flyaround.gui.picture.further import ORBIT_CAMERA
 from flyaround.gui.picture.orbit_camera import ABOUT
 from flyaround.gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chaser_marks
-from flyaround.gui.picture.video import screen_picture
+from flyaround.gui.picture.screen import screen_picture
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.widgets import Panel
 

@@ -1,4 +1,4 @@
-"""How much of the target is burnt out in the frames of a capture, and the exposure that would keep it."""
+"""How much of the target is burnt out or dark in the frames of a capture, and the exposure that would suit it."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 NOTABLE_SHARE = 0.05
 """More of the target's pixels than this at the top of the scale: an exposure is proposed."""
+
+# Of a dark frame the fitting exposure is longer than so many times its own: four fifths of its scale are not used.
+_DARK = 5.0
 
 # Highlights may burn out: of the target's pixels the brightest fiftieth; the rest is brought below this signal.
 _KEPT, _BELOW = 0.98, 0.9
@@ -41,6 +44,11 @@ class Clipping:
     exposure_s: float
     fitting_s: float
 
+    @property
+    def is_dark(self) -> bool:
+        """True if a longer exposure would show more; an unlit target is dark by any."""
+        return self.fitting_s > _DARK * self.exposure_s
+
 
 @dataclass(frozen=True)
 class ClippingSummary:
@@ -49,12 +57,14 @@ class ClippingSummary:
     Parameters
     ----------
     share, worst_share : of the target's pixels, over all frames and in the worst one.
-    advice : what to do about it; empty where it is not notable.
+    advice : what to do about it, or about dark frames; empty where neither is notable.
+    dark_frames : frames in which the target is lit and uses little of the scale.
     """
 
     share: float
     worst_share: float
     advice: str
+    dark_frames: int = 0
 
 
 def measure_clipping(frame: Frame) -> Clipping:
@@ -86,16 +96,24 @@ def summarise_clipping(frames: Sequence[Clipping], document: dict[str, Any]) -> 
         return None
     share = sum(f.clipped_px for f in seen) / sum(f.target_px for f in seen)
     worst = max(f.clipped_px / f.target_px for f in seen)
-    return ClippingSummary(share, worst, _advice(seen, document) if share > NOTABLE_SHARE else "")
+    dark = [f for f in seen if f.is_dark]
+    advice = ""
+    if share > NOTABLE_SHARE:
+        advice = _advice(seen, document)
+    elif 2 * len(dark) > len(seen):
+        advice = _advice(dark, document)
+    return ClippingSummary(share, worst, advice, len(dark))
 
 
 def _advice(frames: Sequence[Clipping], document: dict[str, Any]) -> str:
     if document.get("schema") != "flyaround.scenario":
-        return "the recipe sets the exposure: it suits the target it was made for"
+        return (
+            "the recipe sets the exposure, for the target it was made for; --auto-exposure follows the light"
+        )
     sensor = document.get("sensor") or {}
     if sensor.get("auto_exposure") is not None:
         level = sensor["auto_exposure"].get("level", 0.5)
-        return f"set level below {level:g} in [sensor.auto_exposure], or its lag_s shorter"
+        return f"set another level than {level:g} in [sensor.auto_exposure], or its lag_s shorter"
     fitting = [f.fitting_s for f in frames if f.fitting_s > 0]
     best, longest = min(fitting), max(fitting)
     number = f"exposure_s = {_two_digits(best)} in [sensor] (here {frames[0].exposure_s:g})"
@@ -104,7 +122,7 @@ def _advice(frames: Sequence[Clipping], document: dict[str, Any]) -> str:
             f"add [sensor.auto_exposure], for frames want {_two_digits(best)} to {_two_digits(longest)} s; or, for the "
             f"brightest, {number}"
         )
-    return f"set {number}, or add [sensor.auto_exposure], which follows the light"
+    return f"set {number}, or add [sensor.auto_exposure] (--auto-exposure), which follows the light"
 
 
 def _two_digits(x: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,7 +70,8 @@ def camera_of(found: PosedPictures, given: str | None) -> Camera:
                 f"picture {picture.path} is {size[0]} x {size[1]} pixels, {name} {camera.width_px} x "
                 f"{camera.height_px}; give the camera that took it with --camera"
             )
-    return camera
+    says_nothing = found.camera is None and camera.pixel_encoding == "linear"
+    return replace(camera, encoding=found.encoding) if says_nothing else camera
 
 
 def is_coloured(image: NDArray[np.unsignedinteger]) -> bool:

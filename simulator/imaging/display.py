@@ -12,6 +12,7 @@ import numpy as np
 
 from flyaround.simulator.camera.detector.transfer import decode_numbers
 from flyaround.simulator.camera.encoding import encode
+from flyaround.simulator.imaging.image_formation import noise_sigma
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,9 +24,12 @@ if TYPE_CHECKING:
 SHOULDER = 4.0
 """Light x of full scale is shown as (1 + s) x / (s + x): a third of a stop brighter, with highlights that roll off."""
 
+TOE_SIGMAS = 1.5
+"""Toe of the curve, in standard deviations of the noise without light: sRGB would show nothing as a grey grain."""
+
 
 def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding) -> ByteArray:
-    """Return an image as a screen shows it to people: sRGB, with a filmic shoulder.
+    """Return an image as a screen shows it to people: sRGB, with a filmic toe and shoulder.
 
     Parameters
     ----------
@@ -57,4 +61,6 @@ def _table(sensor: Sensor, encoding: Encoding) -> ByteArray:
     """Return the number shown for each of an image's numbers."""
     numbers, linear = decode_numbers(np.arange(1 << sensor.bits, dtype=np.uint16), sensor, encoding)
     full, black = linear.scale_dn
-    return np.rint(255 * shown_light((numbers.astype(float) - black) / full)).astype(np.uint8)
+    light = np.clip((numbers.astype(float) - black) / full, 0.0, 1.0)
+    toe = TOE_SIGMAS * noise_sigma(sensor)
+    return np.rint(255 * shown_light(light * light * (1 + toe) / np.maximum(light + toe, 1e-9))).astype(np.uint8)

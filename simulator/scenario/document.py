@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
+import msgspec
 from msgspec import UNSET, UnsetType
 
 from flyaround.simulator.camera.detector.limits import DETECTOR, SENSOR
@@ -112,6 +113,9 @@ class Output(Section, frozen=True, kw_only=True):
     labels: tuple[Layer, ...] = ()
 
 
+D = TypeVar("D", bound="Document")
+
+
 class Document(Section, frozen=True, kw_only=True):
     """Base of a scenario file and a recipe file.
 
@@ -177,3 +181,19 @@ class Document(Section, frozen=True, kw_only=True):
                 f"longest_s {auto.longest_s:g}; exchange them"
             )
         return auto
+
+
+def with_choices(document: D, encoding: Encoding | None, *, auto_exposure: bool) -> D:
+    """Return a document with other images.
+
+    Parameters
+    ----------
+    encoding : instead of its own, or None for that.
+    auto_exposure : expose by the meter where the document does not already.
+    """
+    output, sensor = document.output, document.sensor
+    if encoding is not None:
+        output = msgspec.structs.replace(output, encoding=encoding)
+    if auto_exposure and sensor.auto_exposure is None:
+        sensor = msgspec.structs.replace(sensor, auto_exposure=AutoExposure())
+    return msgspec.structs.replace(document, output=output, sensor=sensor)

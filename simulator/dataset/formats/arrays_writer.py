@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from flyaround.simulator.dataset.formats.base import ArraysOutput, DatasetFormat, FormatOutput, FormatWriter
+from flyaround.simulator.dataset.formats.base import (
+    ArraysOutput,
+    DatasetFormat,
+    FormatOutput,
+    FormatWriter,
+    encoding_key,
+)
 from flyaround.simulator.dataset.formats.eight_bits import image_bits
 from flyaround.simulator.dataset.formats.exr import encode_channels
 from flyaround.simulator.dataset.formats.native import EXR_CHANNELS
@@ -70,6 +76,7 @@ def arrays_of(frame: LabelledFrame) -> Arrays:
         "camera_matrix": camera.K,
         "distortion": np.array(camera.distortion.coefficients, float),
         "distortion_model": camera.distortion.model,
+        **encoding_key(camera),
         "box_px": np.array(truth.box_px or (np.nan,) * 4),
         "feasible": truth.feasible,
         "keypoints_name": np.array([k.name for k in truth.keypoints], "U"),

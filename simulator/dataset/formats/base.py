@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.dataset.card import DatasetCard
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
     from flyaround.simulator.dataset.formats.posed_pictures import PosedPictures
@@ -86,6 +87,12 @@ class EightBitWriter:
         self._writer.finish()
 
 
+def encoding_key(camera: Camera) -> dict[str, str]:
+    """Return the key that names the transfer function of a camera's images; nothing if they are linear."""
+    encoding = camera.pixel_encoding
+    return {} if encoding == "linear" else {"encoding": encoding}
+
+
 @dataclass(frozen=True, kw_only=True)
 class DatasetFormat:
     """One format.
@@ -117,7 +124,9 @@ class DatasetFormat:
         without = f", without {self.lacks}" if self.lacks else ""
         bits = card.image_bits or 8
         scaled = f"; its {scale_sentence(bits)}" if bits > 8 and not self.deep_images else ""
-        return f"{self.name} holds {self.carries}{without}{scaled}"
+        encoding = card.camera.pixel_encoding
+        encoded = "" if encoding == "linear" else f"; its numbers are {encoding}-encoded"
+        return f"{self.name} holds {self.carries}{without}{scaled}{encoded}"
 
     def open_writer(self, output: FormatOutput, card: DatasetCard) -> FormatWriter:
         """What writes a data set.

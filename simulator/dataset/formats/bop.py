@@ -19,7 +19,13 @@ import msgspec
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, lens_problem
+from flyaround.simulator.dataset.formats.base import (
+    DatasetFormat,
+    FormatOutput,
+    FormatWriter,
+    encoding_key,
+    lens_problem,
+)
 from flyaround.simulator.dataset.formats.native import encode_png
 from flyaround.simulator.dataset.formats.speed_writer import json_bytes
 from flyaround.simulator.errors import UserError
@@ -116,6 +122,7 @@ class BopWriter:
             "width": camera.width_px,
             "height": camera.height_px,
             "depth_scale": 1.0,
+            **encoding_key(camera),
         }
         self._output.write("camera.json", json_bytes(table))
         self._output.write("models/models_info.json", json_bytes(self._infos))

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter
+from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, encoding_key
 from flyaround.simulator.dataset.formats.speed_writer import json_bytes
 from flyaround.simulator.labels.boxes import craft_window
 from flyaround.simulator.labels.part_classes import PART_CLASSES
@@ -106,6 +106,7 @@ class CocoWriter:
                 "height": camera.height_px,
                 "camera_matrix": camera.K.tolist(),
                 "distortion": list(camera.distortion.coefficients),
+                **encoding_key(camera),
                 "q_camera_from_target_wxyz": list(frame.truth.q_camera_from_target_wxyz),
                 "t_camera_from_target_m": list(frame.truth.t_camera_from_target_m),
             }

@@ -24,6 +24,7 @@ from flyaround.simulator.world.frames.pose import Pose
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from flyaround.simulator.camera.encoding import Encoding
     from flyaround.simulator.camera.lens.camera_model import Camera
 
 MOST_BYTES = 500_000_000  # of a list of labels: a million pictures
@@ -55,6 +56,7 @@ class PosedPictures:
     ----------
     labels : the list that they were read from. camera : of the set itself; None where it holds none.
     usual_camera, usual_target : names of built-in ones that such a set was made with; empty where that differs.
+    encoding : transfer function of the pictures of a set without a camera's file.
     """
 
     labels: Path
@@ -62,6 +64,7 @@ class PosedPictures:
     camera: Camera | None
     usual_camera: str = ""
     usual_target: str = ""
+    encoding: Encoding = "linear"
 
 
 def read_json(path: Path, *, most_bytes: int = MOST_BYTES) -> Any:  # noqa: ANN401 - any JSON value

@@ -98,7 +98,7 @@ def read_spark(place: Path) -> PosedPictures | None:
             places = [*(place / row["sequence"] for place in places if _plain(row["sequence"])), *places]
         name = row["filename"]
         pictures.append(PosedPicture(name, find_picture(labels, places, name), pose))
-    return PosedPictures(labels, tuple(pictures), find_camera(beside, levels=1))
+    return PosedPictures(labels, tuple(pictures), find_camera(beside, levels=1), encoding="srgb")
 
 
 def _plain(name: str) -> bool:

@@ -119,7 +119,7 @@ def read_urso(place: Path) -> PosedPictures | None:
         t = (there.t_m[0], -there.t_m[1], there.t_m[2])
         pose = checked_pose(quat_from_matrix(R), t, where)
         pictures.append(PosedPicture(name, find_picture(labels, [labels.parent], name), pose))
-    return PosedPictures(labels, tuple(pictures), find_camera(labels.parent, levels=0))
+    return PosedPictures(labels, tuple(pictures), find_camera(labels.parent, levels=0), encoding="srgb")
 
 
 def _urso(output: FormatOutput, card: DatasetCard) -> FormatWriter:

@@ -15,7 +15,7 @@ from flyaround.hil.board import agent
 from flyaround.hil.board.agent import describe_board, run_board
 from flyaround.hil.host.ledger.run_terms import read_terms
 from flyaround.hil.link.packets.enums import Transfer
-from flyaround.hil.link.packets.messages import ErrorCode, ErrorMessage
+from flyaround.simulator.errors import UserError
 
 
 class SunReader:
@@ -89,15 +89,45 @@ def test_covariance_goes_back_only_to_hosts_that_take_it(takes):
         assert np.array_equal(full, np.diag([2.0**-10] * 3 + [0.25] * 3))
 
 
-def test_a_board_refuses_pixels_that_are_not_linear_and_goes_on():
+class LevelReader(SunReader):
+    """Says the level of a picture as a place."""
+
+    def estimate(self, image, sun_camera=None):
+        result = super().estimate(image, sun_camera)
+        result.accepted, result.t_camera_from_target_m = True, (0.0, 0.0, float(image[0, 0]))
+        return result
+
+
+@pytest.mark.parametrize("transfer", list(Transfer))
+def test_an_estimator_is_handed_linear_pixels(transfer):
+    board = partial(run_board, make_estimator=LevelReader, silence_s=PATIENCE_S)
     with hand_made_host() as host:
-        thread, _ = in_thread(sun_board, host.url)
+        thread, _ = in_thread(board, host.url)
         host.meet(takes_fields=True)
-        host.send_frame(0, transfer=Transfer.SRGB)
-        error = host.hear(ErrorMessage)
-        assert (error.code, error.frame_id) == (ErrorCode.FORMAT, 0)
-        assert "SRGB pixels: this board takes linear ones" in error.text
-        host.send_frame(1, sun_camera=(0.0, 0.6, -0.8))
-        assert host.pose().t_camera_from_target_m == (0.0, 0.6, -0.8)
+        host.send_frame(0, level=188, transfer=transfer)
+        level = host.pose().t_camera_from_target_m[2]
         host.link.close("the run is over")
         thread.join(PATIENCE_S)
+    # 188 of sRGB is half of the light (IEC 61966-2-1)
+    assert level == {Transfer.LINEAR: 188, Transfer.SRGB: 128, Transfer.GAMMA: 130}[transfer]
+
+
+def encoded(count):
+    for frame in frames(count):
+        yield replace(frame, scene=replace(frame.scene, camera=replace(frame.scene.camera, encoding="srgb")))
+
+
+@pytest.mark.filterwarnings(
+    "ignore::pytest.PytestUnhandledThreadExceptionWarning"
+)  # the board says why it ends
+def test_encoded_pictures_go_only_to_boards_that_are_told_so(monkeypatch):
+    board, rows = partial(run_board, make_estimator=LevelReader, silence_s=PATIENCE_S), []
+    summary = Loop(board).run(encoded(2), on_row=rows.append)
+    assert (summary.sent, summary.dropped_total) == (2, 0)
+
+    def old(*words, **options):
+        return replace(describe_board(*words, **options), takes_fields=False)
+
+    monkeypatch.setattr(agent, "describe_board", old)
+    with pytest.raises(UserError, match="pixels are srgb, which this board cannot read"):
+        Loop(board).run(encoded(2), connect_timeout_s=3.0)

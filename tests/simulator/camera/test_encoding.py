@@ -42,7 +42,7 @@ def test_a_delivered_image_gives_its_light_back_to_half_a_step(encoding, preset)
         detector = replace(sensor.detector, black_level_dn=4.0, gain_e_per_dn=8.16 * 16)
         sensor = replace(sensor, detector=detector)
     linear = converter(sensor, encoding)
-    full, black = linear.scale_dn
+    black = linear.scale_dn[1]
     numbers = np.arange(round(black), 2**linear.bits, dtype=np.uint16)
     image = encode_numbers(numbers, sensor, encoding)
     assert image.dtype == np.uint8
@@ -74,7 +74,14 @@ def test_colour_of_eight_bits_is_srgb_and_all_else_linear():
 
 
 def test_a_camera_that_says_linear_is_one_that_says_nothing():
-    plain = dict(width_px=640, height_px=480, fx_px=800.0, fy_px=800.0, cx_px=319.5, cy_px=239.5)
+    plain = {
+        "width_px": 640,
+        "height_px": 480,
+        "fx_px": 800.0,
+        "fy_px": 800.0,
+        "cx_px": 319.5,
+        "cy_px": 239.5,
+    }
     assert Camera(**plain, encoding="linear") == Camera(**plain)
     assert Camera(**plain, encoding="srgb") != Camera(**plain)
 

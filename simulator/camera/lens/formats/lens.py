@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import msgspec
+from msgspec import UNSET
 
 from flyaround.simulator.camera.lens.distortion import COEFFICIENT_COUNTS, DistortionModel
 from flyaround.simulator.camera.lens.files_native import CameraFile
@@ -84,6 +85,7 @@ def camera_file(
     name: str = "",
     notes: Iterable[str] = (),
     pixel_pitch_um: tuple[float, float] | None = None,
+    encoding: object = UNSET,
 ) -> CameraFile:
     """Return the camera of a file whose keys have all been read or named.
 
@@ -115,6 +117,7 @@ def camera_file(
         "cx_px": cx,
         "cy_px": cy,
         "distortion": _distortion(model, coefficients, where),
+        "encoding": encoding,
         "pixel_pitch_um": pixel_pitch_um,
         "name": "".join(c for c in name[:200] if c.isprintable()),
         "notes": "; ".join(notes),

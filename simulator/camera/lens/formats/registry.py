@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from msgspec import UNSET
+
 from flyaround.simulator.camera.lens.formats import (
     kalibr,
     matlab,
@@ -80,6 +82,8 @@ CAMERA_FORMATS = (
     ),
 )
 """All formats, the more specific first: the first that recognises a document reads it, and refuses keys of another."""
+WITH_ENCODING = ("native", "speed")
+"""Formats that name the transfer function of the images."""
 WRITTEN = tuple(form.name for form in CAMERA_FORMATS if form.write is not None)
 
 
@@ -111,7 +115,7 @@ def camera_text(camera: CameraFile, form: str, where: str) -> str:
     Raises
     ------
     UserError
-        If there is no such format, it is only read, or it has no such lens.
+        If there is no such format, it is only read, or it has no such lens or no place for the encoding.
     """
     writers = {entry.name: entry.write for entry in CAMERA_FORMATS if entry.write is not None}
     if form not in writers:
@@ -119,5 +123,10 @@ def camera_text(camera: CameraFile, form: str, where: str) -> str:
         hint = f"did you mean {near[0]}? " if near else ""
         raise UserError(
             f"there is no camera format {form!r} to write: {hint}choose one of {', '.join(WRITTEN)}"
+        )
+    if camera.encoding is not UNSET and camera.encoding != "linear" and form not in WITH_ENCODING:
+        raise UserError(
+            f"{where}: {form} files do not say that images are {camera.encoding}-encoded; "
+            f"write {', '.join(WITH_ENCODING)}"
         )
     return writers[form](camera, where)

@@ -9,6 +9,7 @@ import json
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import UNSET
 
 from flyaround.simulator.camera.lens.formats.keys import Keys, Matrix
 from flyaround.simulator.camera.lens.formats.lens import camera_file
@@ -48,7 +49,7 @@ def read_speed(document: Document, where: str) -> CameraFile:
     if keys.find("ppx") and keys.find("ppy"):
         across, down = (round(keys.number(name) * 1e6, 6) for name in ("ppx", "ppy"))
         pitch = (across, down)
-    found = keys.numbers("distCoeffs")
+    found, encoding = keys.numbers("distCoeffs"), keys.get("encoding")
     keys.ignore(
         "fx_px",
         "fy_px",
@@ -70,6 +71,7 @@ def read_speed(document: Document, where: str) -> CameraFile:
         found,
         pixel_pitch_um=pitch,
         notes=notes,
+        encoding=UNSET if encoding is None else encoding,
     )
 
 
@@ -129,5 +131,6 @@ def write_speed(camera: CameraFile, where: str) -> str:
         "ccy": camera.cy_px,
         "cameraMatrix": [K[:3], K[3:6], K[6:]],
         "distCoeffs": list(camera.distortion.coefficients) or [0.0] * 5,
+        **({} if camera.encoding in (UNSET, "linear") else {"encoding": camera.encoding}),
     }
     return json.dumps(table, indent=1) + "\n"
