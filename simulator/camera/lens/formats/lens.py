@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import msgspec
-from msgspec import UNSET
 
 from flyaround.simulator.camera.lens.distortion import COEFFICIENT_COUNTS, DistortionModel
 from flyaround.simulator.camera.lens.files_native import CameraFile
@@ -85,7 +84,7 @@ def camera_file(
     name: str = "",
     notes: Iterable[str] = (),
     pixel_pitch_um: tuple[float, float] | None = None,
-    encoding: object = UNSET,
+    encoding: object = None,
 ) -> CameraFile:
     """Return the camera of a file whose keys have all been read or named.
 
@@ -96,6 +95,7 @@ def camera_file(
     intrinsics : fx, fy, cx, cy; pixel (0, 0) is the centre of the top-left pixel.
     coefficients : of the model in OpenCV's order, None if the file has none.
     notes : what the file says beyond this camera.
+    encoding : of the images, as the file has it; None if it says nothing.
 
     Raises
     ------
@@ -117,11 +117,12 @@ def camera_file(
         "cx_px": cx,
         "cy_px": cy,
         "distortion": _distortion(model, coefficients, where),
-        "encoding": encoding,
         "pixel_pitch_um": pixel_pitch_um,
         "name": "".join(c for c in name[:200] if c.isprintable()),
         "notes": "; ".join(notes),
     }
+    if encoding is not None:
+        table["encoding"] = encoding
     try:
         return msgspec.convert(table, CameraFile)
     except msgspec.ValidationError as error:

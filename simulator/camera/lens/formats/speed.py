@@ -71,7 +71,7 @@ def read_speed(document: Document, where: str) -> CameraFile:
         found,
         pixel_pitch_um=pitch,
         notes=notes,
-        encoding=UNSET if encoding is None else encoding,
+        encoding=encoding,
     )
 
 
