@@ -15,7 +15,7 @@ from flyaround.simulator.dataset.capture import CaptureSummary
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.check.verify import CheckReport
 from flyaround.simulator.dataset.formats.native import frame_paths, read_png
-from flyaround.simulator.labels.overlay import draw_pose, draw_truth
+from flyaround.simulator.labels.overlay import draw_pose, draw_truth, screen_rgb
 from flyaround.simulator.labels.truth import Truth, read_truth
 from flyaround.simulator.reports.markup import Content, Markup, element, markup
 from flyaround.simulator.reports.page import Page, gallery, key_figures, link, note, plot
@@ -79,7 +79,7 @@ def _image(results: DemoResults, place: Path, k: int) -> Markup:
     paths = frame_paths(results.folder / "dataset", k)
     truth, image = read_truth(paths.truth), np.asarray(read_png(paths.image), np.uint8)
     drawn = draw_truth(image, truth, results.plan.target)
-    plain = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+    plain = screen_rgb(image, truth.scene.sensor, truth.camera.pixel_encoding)
     names = {"truth": f"truth_{k:02d}.jpg", "plain": f"plain_{k:02d}.jpg"}
     _write_small(place / names["truth"], with_inset(drawn, truth), THUMB)
     _write_small(place / names["plain"], with_inset(plain, truth), THUMB)
@@ -124,7 +124,7 @@ def _answer(results: DemoResults, place: Path, row: FrameRecord) -> Markup:
     truth = frame.truth
     if truth is None:
         raise RuntimeError("the demo's frames have their truth")
-    canvas = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_GRAY2RGB), np.uint8)
+    canvas = screen_rgb(frame.image, truth.scene.sensor, truth.camera.pixel_encoding)
     if row.q_wxyz is not None and row.t_m is not None:
         canvas = draw_pose(canvas, truth, results.plan.target, row.q_wxyz, row.t_m)
     source = f"{TILE_FOLDER}/answer_{row.frame_id:02d}.jpg"

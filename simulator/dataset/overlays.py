@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.dataset.formats.native import encode_png
 from flyaround.simulator.dataset.labelled_dataset import open_dataset
 from flyaround.simulator.errors import UserError
@@ -15,7 +17,7 @@ from flyaround.simulator.labels.overlay import (
     draw_keypoints,
     draw_outline,
     draw_wireframe,
-    rgb_8bit,
+    screen_rgb,
 )
 from flyaround.simulator.labels.truth import Truth
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
@@ -95,10 +97,13 @@ def overlay(frame: LabelledFrame, target: Target, marks: tuple[str, ...]) -> Byt
     target : the model that its data set names. marks : out of `MARKS`.
     """
     truth, camera, pose = frame.truth, frame.camera, frame.pose
-    bits = truth.scene.sensor.bits if isinstance(truth, Truth) else 8 * frame.image.itemsize
+    if isinstance(truth, Truth):
+        sensor = truth.scene.sensor
+    else:
+        sensor = replace(sensor_preset("ideal"), bits=8 * frame.image.itemsize)
     drawn = target if not isinstance(truth, Truth) else truth.scene.target.drawn(target)
     radius_m = float(np.linalg.norm(mesh_of(drawn).positions_m, axis=1).max())
-    canvas = rgb_8bit(frame.image, bits)
+    canvas = screen_rgb(frame.image, sensor, camera.pixel_encoding)
     for mark in marks:
         if mark == "axes":
             canvas = draw_axes(canvas, camera, pose, _AXIS * radius_m)

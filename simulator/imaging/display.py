@@ -63,4 +63,6 @@ def _table(sensor: Sensor, encoding: Encoding) -> ByteArray:
     full, black = linear.scale_dn
     light = np.clip((numbers.astype(float) - black) / full, 0.0, 1.0)
     toe = TOE_SIGMAS * noise_sigma(sensor)
-    return np.rint(255 * shown_light(light * light * (1 + toe) / np.maximum(light + toe, 1e-9))).astype(np.uint8)
+    return np.rint(255 * shown_light(light * light * (1 + toe) / np.maximum(light + toe, 1e-9))).astype(
+        np.uint8
+    )

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from flyaround.simulator.imaging.display import display_picture
 from flyaround.simulator.labels.wireframe import view_edges
 from flyaround.simulator.targets.joined_mesh import mesh_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from flyaround.simulator.camera.detector.sensor import Sensor
+    from flyaround.simulator.camera.encoding import Encoding
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.labels.truth import Box, KeypointLabel, Truth
     from flyaround.simulator.runtime.arrays import ByteArray
@@ -26,25 +29,25 @@ AXIS_LENGTH_M = 0.5
 _FARTHEST_PX = 1e5
 
 
-def rgb_8bit(image: NDArray[np.unsignedinteger], bits: int) -> ByteArray:
-    """An RGB copy of an image (H, W) or (H, W, 3) of so many bits a pixel, in 8 bits."""
-    least = np.asarray(image >> max(bits - 8, 0), np.uint8)
-    return np.repeat(least[..., None], 3, axis=2) if least.ndim == 2 else least.copy()
+def screen_rgb(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding) -> ByteArray:
+    """Return an RGB copy of an image (H, W) or (H, W, 3) as a screen shows it: see `display_picture`."""
+    shown = display_picture(image, sensor, encoding)
+    return np.repeat(shown[..., None], 3, axis=2) if shown.ndim == 2 else shown
 
 
 def draw_truth(
     image: NDArray[np.unsignedinteger], truth: Truth, target: Target, *, wireframe: bool = True
 ) -> ByteArray:
-    """An RGB copy of an image with its labels drawn on it.
+    """An RGB copy of an image, as a screen shows it, with its labels drawn on it.
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3), 8 bits.
+    image : (H, W) or (H, W, 3), as the record's camera delivered it.
     truth, target : the record and the model it names.
     wireframe : draw what the camera sees of the edges.
     """
-    canvas = rgb_8bit(image, 8)
     pose, camera = truth.scene.camera_from_target, truth.camera
+    canvas = screen_rgb(image, truth.scene.sensor, camera.pixel_encoding)
     weight = _weight(camera)
     if wireframe:
         canvas = draw_wireframe(canvas, camera, pose, target)

@@ -131,7 +131,17 @@ def run_host(scenario: str, images: Path, n: int, url: str, log: Path, wait_s: f
         If the run fails.
     """
     options = ["--from", str(images), "-n", str(n), "--truth", "off", "--timeout", f"{ANSWER_S:g}"]
-    more = ["--silence", f"{SILENT_S:g}", "--wait", f"{wait_s:g}", "--listen", url, "--log", str(log), "--send-sun"]
+    more = [
+        "--silence",
+        f"{SILENT_S:g}",
+        "--wait",
+        f"{wait_s:g}",
+        "--listen",
+        url,
+        "--log",
+        str(log),
+        "--send-sun",
+    ]
     _flyaround(["hil", "host", scenario, *options, *more], log.with_suffix(".log"))
 
 

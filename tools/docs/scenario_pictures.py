@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import cv2
-import numpy as np
 
 from flyaround.simulator.contact_sheets.scenario_sheet import smaller
+from flyaround.simulator.imaging.display import display_picture
 from flyaround.simulator.loop import run_frames
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.files import write_atomic
@@ -33,7 +33,8 @@ def main() -> None:
             )
             plan = replace(plan, camera=smaller(plan.camera, 2 * WIDTH_PX))
             frame = next(iter(run_frames(plan, renderer, labels=False)))
-            image = np.ascontiguousarray(frame.image >> (frame.scene.sensor.bits - 8), dtype=np.uint8)
+            scene = frame.scene
+            image = display_picture(frame.image, scene.sensor, scene.camera.pixel_encoding)
             height = round(image.shape[0] * WIDTH_PX / image.shape[1])
             small = cv2.resize(image, (WIDTH_PX, height), interpolation=cv2.INTER_AREA)
             ok, data = cv2.imencode(
