@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from flyaround.simulator.camera.encoding import decode
 from flyaround.simulator.dataset.formats.posed_pictures import checked_pose, read_json
 from flyaround.simulator.dataset.formats.speed_reader import POSITION, QUATERNION
 from flyaround.simulator.errors import UserError
@@ -36,7 +37,7 @@ class Reference:
 
     Parameters
     ----------
-    path : its file. image : (H, W) uint8, shrunk to at most 2048 pixels a side.
+    path : its file. image : (H, W) uint8, linear, shrunk to at most 2048 pixels a side.
     camera : the camera that is assumed to have taken it, at that size.
     pose : camera from target, where a record tells it.
     """
@@ -83,6 +84,9 @@ def _read(path: Path, camera: Camera, pose: Pose | None) -> Reference:
         truth = read_truth(record)
         camera = truth.camera
         pose = Pose("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
+    if camera.pixel_encoding != "linear":
+        image = np.rint(255 * decode(np.arange(256) / 255, camera.pixel_encoding)).astype(np.uint8)[image]
+        camera = replace(camera, encoding="linear")
     shrink = min(LARGEST_PX / max(image.shape), 1.0)
     if shrink < 1:
         image = cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
