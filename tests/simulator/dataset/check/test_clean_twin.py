@@ -16,6 +16,8 @@ from flyaround.simulator.scene.illumination.bands import sunlight_balance
 
 EXPOSURE_S = 0.1
 
+LINEAR = SimpleNamespace(pixel_encoding="linear")
+
 
 def taken(sensor, level, exposure_s=EXPOSURE_S):
     """A smooth picture about a level: record, image, mask, clean twin."""
@@ -24,7 +26,12 @@ def taken(sensor, level, exposure_s=EXPOSURE_S):
     clean = digitise(signal, noiseless(sensor), 1, 2, exposure_s)
     mask = np.zeros((96, 128), np.uint8)
     mask[20:70, 20:100] = 255
-    return SimpleNamespace(scene=SimpleNamespace(sensor=sensor, exposure_s=exposure_s)), image, mask, clean
+    return (
+        SimpleNamespace(camera=LINEAR, scene=SimpleNamespace(sensor=sensor, exposure_s=exposure_s)),
+        image,
+        mask,
+        clean,
+    )
 
 
 def warm(dark_e_s=2500.0, **options):
@@ -55,7 +62,9 @@ def test_a_picture_without_the_heat_that_its_record_has_is_caught(level):
 
 def test_heat_is_of_the_exposure():
     truth, image, mask, clean = taken(warm(), 0.25)
-    longer = SimpleNamespace(scene=SimpleNamespace(sensor=truth.scene.sensor, exposure_s=2 * EXPOSURE_S))
+    longer = SimpleNamespace(
+        camera=LINEAR, scene=SimpleNamespace(sensor=truth.scene.sensor, exposure_s=2 * EXPOSURE_S)
+    )
     assert check_clean(longer, image, mask, clean)
 
 
@@ -81,7 +90,7 @@ def sky_and_craft(sensor, level, exposure_s, colours=None):
     scene = SimpleNamespace(
         sensor=sensor, exposure_s=exposure_s, optics=Optics(), bands="mono" if colours is None else "rgb"
     )
-    return SimpleNamespace(scene=scene), image, mask, clean
+    return SimpleNamespace(camera=LINEAR, scene=scene), image, mask, clean
 
 
 def detector_of(preset, bits, colour_filter="none", noise=1.0):

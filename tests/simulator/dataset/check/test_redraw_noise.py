@@ -15,9 +15,13 @@ from flyaround.simulator.scene.illumination.bands import sunlight_balance
 
 EXPOSURE_S = 0.1
 
+LINEAR = SimpleNamespace(pixel_encoding="linear")
+
 
 def scene_of(sensor):
-    return SimpleNamespace(scene=SimpleNamespace(sensor=sensor, optics=Optics(), exposure_s=EXPOSURE_S))
+    return SimpleNamespace(
+        camera=LINEAR, scene=SimpleNamespace(sensor=sensor, optics=Optics(), exposure_s=EXPOSURE_S)
+    )
 
 
 def taken(sensor, seed, level):
