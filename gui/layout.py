@@ -16,14 +16,14 @@ import msgspec
 import platformdirs
 
 from flyaround.gui.command_table import STATE, Command
+from flyaround.gui.menus import MenuBar
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.status_line import StatusLine, note_window
+from flyaround.gui.transport import TransportStrip
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
     from flyaround.gui.widgets import Panel
@@ -35,7 +35,6 @@ NARROW = 900.0
 """Screen units of width at scale 1 below which panels go under the view."""
 VERSION = 1
 LARGEST_BYTES = 400_000
-FIRST_MENUS = ("Panel", "Help", "Window")
 RIGHT, LEFT, BOTTOM = 0.27, 0.3, 0.26
 
 
@@ -113,11 +112,16 @@ class Layout:
     def __init__(self, window: Surface, saved: SavedLayout) -> None:
         self._window = window
         self._w = Widgets(window)
-        self._status = StatusLine(window)
+        self._menus, self._status, self._transport = (
+            MenuBar(window),
+            StatusLine(window),
+            TransportStrip(window),
+        )
         self.panels: tuple[Panel, ...] = tuple(p(window) for p in PANELS)
         self._saved = saved
         self._form: Form | None = None
         self._build = False
+        self._to_raise: list[str] = []
         self._was_shown: dict[str, bool] = {}
         self._dockspace = 0
         self._docked: set[str] = set()
@@ -161,8 +165,12 @@ class Layout:
         """Everything, into the current frame."""
         imgui = self._window.imgui
         self._close_menus()
-        self._menu(console)
+        if imgui.begin_main_menu_bar():
+            note_window(imgui, console, "menu")
+            self._menus.draw(console)
+            imgui.end_main_menu_bar()
         self._status.draw(console)
+        self._strip(console)
         self._dockspace = imgui.get_id("panels of the console")
         if self._build:
             self._build_docks()
@@ -174,15 +182,34 @@ class Layout:
             if console.shown.get(panel.name) and (console.options.panel or panel.place in {"centre", "over"}):
                 hovered = panel.name if self._panel(console, panel) else hovered
         if self._build:
-            # the first of each place is the tab that is up
-            self._build = False
-            for place in {p.place for p in self.panels} - {"over"}:
-                first = next((p for p in self.panels if p.place == place and console.shown.get(p.name)), None)
-                if first is not None:
-                    imgui.set_window_focus(_window_name(first))
+            # tabs that are new come up by themselves for some frames; one window a frame takes the focus
+            self._build, self._to_raise = False, [""] * 4 + self._first_tabs(console)
+        elif self._to_raise and (name := self._to_raise.pop(0)):
+            imgui.set_window_focus(name)
         console.help.hovered = hovered
         self._saved.tour_seen |= bool(self._was_shown.get("tour")) and not console.shown.get("tour")
         self._was_shown = dict(console.shown)
+
+    def _strip(self, console: Console) -> None:
+        """The transport strip, above the status line."""
+        imgui = self._window.imgui
+        flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_saved_settings
+        height = imgui.get_frame_height() + 2 * imgui.get_style().window_padding.y
+        down = imgui.Dir.down
+        if imgui.internal.begin_viewport_side_bar(
+            "transport", imgui.get_main_viewport(), down, height, flags
+        ):
+            note_window(imgui, console, "transport")
+            self._transport.draw(console)
+        imgui.end()
+
+    def _first_tabs(self, console: Console) -> list[str]:
+        """Windows of the first open panel of each place, the middle's last."""
+        first: dict[str, str] = {}
+        for panel in self.panels:
+            if console.shown.get(panel.name) and panel.place != "over":
+                first.setdefault(panel.place, _window_name(panel))
+        return sorted(first.values(), key=lambda name: name == first.get("centre"))
 
     def _close_menus(self) -> None:
         """Close an open menu or list on Escape, which Dear ImGui does by itself only with keyboard navigation."""
@@ -286,47 +313,6 @@ class Layout:
                     _window_name(panel), nodes.get(panel.place, nodes["centre"])
                 )
         internal.dock_builder_finish(self._dockspace)
-
-    def _menu(self, console: Console) -> None:
-        """A menu for each group of commands; those for which a narrow window has no room are in one at the end."""
-        imgui = self._window.imgui
-        if not imgui.begin_main_menu_bar():
-            return
-        note_window(imgui, console, "menu")
-        menus = [
-            (group.replace("-", " ").capitalize(), rows)
-            for group, commands in console.table.groups()
-            if (rows := [c for c in commands if not c.held and c.at_once])
-        ]
-        gap = 2 * imgui.get_style().item_spacing.x
-        widths = [imgui.calc_text_size(title).x + gap for title, _ in menus]
-        room = imgui.get_window_size().x - imgui.calc_text_size("More").x - 2 * gap
-        if sum(widths) > room:
-            # the panels' and the help's menus stay in sight; the last of the others fold into one
-            first = [k for k, (title, _) in enumerate(menus) if title in FIRST_MENUS]
-            room -= sum(widths[k] for k in first)
-            for k in range(len(menus)):
-                if k not in first and (room := room - widths[k]) >= 0:
-                    first.append(k)
-            self._menus(console, [menus[k] for k in sorted(first)])
-            if imgui.begin_menu("More"):
-                self._menus(console, [m for k, m in enumerate(menus) if k not in first])
-                imgui.end_menu()
-        else:
-            self._menus(console, menus)
-        imgui.end_main_menu_bar()
-
-    def _menus(self, console: Console, menus: Iterable[tuple[str, list[Command]]]) -> None:
-        imgui = self._window.imgui
-        for title, commands in menus:
-            if not imgui.begin_menu(title):
-                continue
-            for c in commands:
-                on = c.state is not None and c.state(console)
-                if imgui.menu_item_simple(c.title, c.shown, on):
-                    console.do(c.name)
-                self._w.about(console, c.name)
-            imgui.end_menu()
 
 
 def _description(panel: type[Panel]) -> str:

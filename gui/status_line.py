@@ -1,4 +1,4 @@
-"""The line at the bottom of the window: master caution, hand control, newest message, rates."""
+"""The line at the bottom of the window: master caution, newest message, rates."""
 
 from __future__ import annotations
 
@@ -40,7 +40,6 @@ class StatusLine:
         ):
             note_window(imgui, console, "status")
             self._master_caution(console)
-            self._hand_control(console)
             rates = rates_text(console)
             free = w.width - imgui.calc_text_size(rates).x - 32 * self._w.window.scale
             text, colour = self._message(console)
@@ -54,17 +53,6 @@ class StatusLine:
             w.tip(f"how often the window and the pictures are drawn a second; window by {console.window_gl}")
             imgui.end_menu_bar()
         imgui.end()
-
-    def _hand_control(self, console: Console) -> None:
-        """Show whether keys fly the chaser; a click arms or disarms them."""
-        imgui, w = self._w.window.imgui, self._w
-        on = console.hand.armed
-        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(style.WARN if on else style.EDGE)))
-        w.coloured(style.GROUND if on else style.QUIET)
-        if imgui.small_button("HAND ON##hand" if on else "HAND OFF##hand"):
-            console.do("steer.arm")
-        imgui.pop_style_color(2)
-        w.about(console, "steer.arm")
 
     def _master_caution(self, console: Console) -> None:
         """The light of what nobody has acknowledged yet; a click, or F9, does so. It blinks until then."""

@@ -87,7 +87,7 @@ def apply_style(imgui: Any, scale: float) -> None:  # noqa: ANN401 - the binding
         (col.text_disabled, QUIET),
         (col.window_bg, GROUND),
         (col.child_bg, GROUND),
-        (col.popup_bg, (*GROUND[:3], 0.97)),
+        (col.popup_bg, (*GROUND[:3], 1.0)),
         (col.border, EDGE),
         (col.frame_bg, RAISED),
         (col.frame_bg_hovered, EDGE),

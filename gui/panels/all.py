@@ -18,7 +18,6 @@ from flyaround.gui.panels.scenarios import ScenarioChooser
 from flyaround.gui.panels.sensor import SensorPanel
 from flyaround.gui.panels.steering import SteeringPanel
 from flyaround.gui.panels.target import TargetPanel
-from flyaround.gui.panels.time import TimePanel
 from flyaround.gui.panels.timeline import TimelinePanel
 from flyaround.gui.panels.tour import TourPanel
 from flyaround.gui.views.camera import CameraView
@@ -35,7 +34,6 @@ PANELS: tuple[type[Panel], ...] = (
     EstimatorPanel,
     BoardLinkPanel,
     CapturePanel,
-    TimePanel,
     ChaserPanel,
     LvlhMap,
     EarthMap,

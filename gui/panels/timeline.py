@@ -1,4 +1,4 @@
-"""The timeline: a slider over all that was flown, bookmarks with notes, and what can be made of the flight."""
+"""The timeline: steps along what was flown, bookmarks with notes, and what can be made of the flight."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class TimelinePanel(Panel):
-    """Drag the slider to look back; Space plays what was flown, steering or Ctrl+Enter flies on from there."""
+    """Drag the strip's slider to look back; Space plays what was flown, steering or Ctrl+Enter flies on from there."""
 
     name, title, place, shown = "timeline", "Timeline", "bottom", False
     keys = ("ctrl+t",)
@@ -36,19 +36,9 @@ class TimelinePanel(Panel):
             style.WARN if back else style.INK,
             "where one is, and the end of what was flown [h:min:s since the start]",
         )
-        self._slider(console, timeline, end_s)
-        names = ("back", "step-back", "play", "step", "forward", "end")
-        labels = {
-            "back": "- 10 s",
-            "step-back": "- 0.1 s",
-            "play": "Play" if session.clock.paused else "Pause",
-            "step": "+ 0.1 s",
-            "forward": "+ 10 s",
-            "end": "End",
-        }
-        for k, name in enumerate(names):
-            command = {"play": "time.pause", "step": "time.step"}.get(name, f"timeline.{name}")
-            self._button(console, command, labels[name], first=k == 0)
+        labels = {"back": "- 10 s", "step-back": "- 0.1 s", "forward": "+ 10 s", "end": "End"}
+        for k, (name, label) in enumerate(labels.items()):
+            self._button(console, f"timeline.{name}", label, first=k == 0)
         if back:
             self._button(console, "timeline.fly-on", "Fly on from here")
         if timeline.left_s is not None:
@@ -63,27 +53,6 @@ class TimelinePanel(Panel):
         width = w.imgui.calc_text_size(label).x + 2 * w.imgui.get_style().frame_padding.x
         w.flow(width, first=first)
         w.button(console, name, label=label)
-
-    def _slider(self, console: Console, timeline: Timeline, end_s: float) -> None:
-        imgui, w = self._w.imgui, self._w
-        imgui.set_next_item_width(-1)
-        flags = imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.no_round_to_format
-        changed, t_s = imgui.slider_float("##t", console.session.t_s, 0.0, max(end_s, 0.1), "%.1f s", flags)
-        w.tip(f"{console.table['timeline.seek'].about()}\ndrag to look back, Ctrl and click types a time")
-        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-        draw, pad = imgui.get_window_draw_list(), 6.0 * w.window.scale
-        span = max(high.x - low.x - 2 * pad, 1.0)
-
-        def tick(at_s: float, colour: style.Rgba) -> None:
-            x = low.x + pad + span * min(at_s / max(end_s, 0.1), 1.0)
-            draw.add_line(w.vec(x, low.y), w.vec(x, high.y), w.color(colour), 2.0)
-
-        for mark in timeline.bookmarks:
-            tick(mark.t_s, style.GOOD)
-        if timeline.left_s is not None:
-            tick(timeline.left_s[0], style.WARN)
-        if changed:
-            console.do("timeline.seek", max(round(t_s, 3), 0.0))
 
     def _bookmarks(self, console: Console, timeline: Timeline) -> None:
         imgui, w = self._w.imgui, self._w

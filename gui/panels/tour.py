@@ -17,7 +17,7 @@ CARDS = (
         "This is what the sensor sees, live. W A S D R F push, I K J L U O turn.",
     ),
     (
-        "time",
+        "transport",
         "Time",
         "Space pauses, + and - change the rate. Ctrl+T opens the timeline: any place of the flight again.",
     ),

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from flyaround.gui.layout import Layout, SavedLayout
+from flyaround.gui.menus import MENUS, commands_of, named
+from flyaround.gui.transport import GUARD_MS
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
 
@@ -60,6 +62,10 @@ class Screen:
             io.add_key_event(escape, down)
             self.turn()
 
+    def place(self, label: str) -> tuple[float, float]:
+        """The middle of a control."""
+        return next(n.middle for n in self.window.noted if n.what == "control" and n.label.startswith(label))
+
     def texts(self) -> list[str]:
         return [n.label for n in self.window.noted if n.what == "text"]
 
@@ -76,8 +82,8 @@ def screen() -> Iterator[Screen]:
 
 def test_escape_closes_a_menu_and_the_next_click_opens_it_again(screen: Screen) -> None:
     for _ in range(4):
-        screen.click(screen.menus["Overlay"])
-        assert "Overlay" in screen.opened
+        screen.click(screen.menus["View"])
+        assert "View" in screen.opened
         screen.escape()
         assert not screen.opened
         screen.window.plain.get_io().add_mouse_pos_event(*FAR)
@@ -95,3 +101,29 @@ def test_the_status_line_shows_the_newest_message(screen: Screen) -> None:
     screen.console.acknowledge()
     screen.turn()
     assert "saved a picture" in screen.texts()
+
+
+def test_seven_menus_hold_every_command_once(screen: Screen) -> None:
+    offered = [c.name for c in screen.console.table if not c.held and c.at_once]
+    held = [
+        name
+        for _, entries in MENUS
+        for entry in named(entries)
+        for name in commands_of(screen.console.table, entry)
+    ]
+    assert len(MENUS) == 7
+    assert sorted(held) == sorted(offered)
+
+
+def test_abort_takes_two_clicks_and_its_guard_closes_by_itself(screen: Screen) -> None:
+    done: list[str] = []
+    screen.console.do = lambda name, *_: done.append(name)  # type: ignore[method-assign]
+    assert screen.place("HAND OFF")
+    abort = screen.place("ABORT")
+    screen.click(abort)
+    assert done == []
+    screen.console.clock_ms += GUARD_MS
+    screen.click(abort)
+    assert done == []
+    screen.click(abort)
+    assert done == ["docking.abort"]

@@ -12,7 +12,16 @@ from flyaround.gui.surface import import_parts
 
 CONTROLS = frozenset(
     {
-        *("button", "small_button", "image_button", "checkbox", "selectable", "combo", "slider_float"),
+        *(
+            "button",
+            "small_button",
+            "image_button",
+            "checkbox",
+            "selectable",
+            "combo",
+            "slider_float",
+            "slider_int",
+        ),
         *("input_text", "input_text_with_hint", "input_text_multiline", "input_int", "input_double"),
         *("progress_bar", "image", "end_plot"),
     }

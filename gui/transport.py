@@ -1,0 +1,116 @@
+"""The strip above the status line: clock, rate, scrubber with marks, hand control and a guarded abort."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from flyaround.gui import style
+from flyaround.gui.commands.timeline import clock
+from flyaround.gui.widgets import Widgets
+from flyaround.simulator.piloting.clock import RATES
+
+if TYPE_CHECKING:
+    from flyaround.gui.console import Console
+    from flyaround.gui.surface import Surface
+    from flyaround.simulator.piloting.flight_history import Timeline
+
+GUARD_MS = 3000
+"""How long an opened guard of the abort button waits for the second click."""
+
+
+class TransportStrip:
+    """Buttons that never move, the same in every layout.
+
+    Parameters
+    ----------
+    window : drawn in.
+    """
+
+    def __init__(self, window: Surface) -> None:
+        self._w = Widgets(window)
+        self._opened_ms = -GUARD_MS
+
+    def draw(self, console: Console) -> None:
+        """Draw into the current side bar."""
+        w, imgui = self._w, self._w.imgui
+        em, session = imgui.get_font_size(), console.session
+        w.button(console, "time.pause", label="Play" if session.clock.paused else "Pause", width=4 * em)
+        imgui.same_line()
+        w.button(console, "time.step", label="Step", width=3.5 * em)
+        imgui.same_line()
+        self._rate(console, 7 * em)
+        imgui.same_line()
+        timeline = session.look_back.timeline
+        end_s = max(timeline.end_s, session.t_s, 0.1)
+        text = f"{clock(session.t_s)} of {clock(end_s)[2:]}"
+        imgui.align_text_to_frame_padding()
+        w.one_line(text, style.WARN if session.look_back.active else style.INK)
+        w.tip(
+            "where one is, and the end of what was flown [h:min:s since the start]; orange while looking back"
+        )
+        imgui.same_line()
+        right = 17 * em
+        if w.width > right + 6 * em:
+            self.scrubber(console, timeline, end_s, w.width - right)
+            imgui.same_line()
+        imgui.set_cursor_pos_x(imgui.get_window_width() - right + 0.5 * em)
+        self._hand_control(console, 8 * em)
+        imgui.same_line()
+        self._abort(console, 7 * em)
+
+    def _rate(self, console: Console, width: float) -> None:
+        """How fast time runs, on a slider of equal factors."""
+        w, imgui, flight = self._w, self._w.imgui, console.session.clock
+        k = min(range(len(RATES)), key=lambda i: abs(math.log(RATES[i] / flight.rate)))
+        imgui.set_next_item_width(width)
+        changed, wanted = imgui.slider_int("##rate", k, 0, len(RATES) - 1, f"{flight.rate:g}x")
+        w.about(console, "time.rate")
+        if changed and wanted != k:
+            console.do("time.rate", f"{RATES[wanted]:g}")
+
+    def scrubber(self, console: Console, timeline: Timeline, end_s: float, width: float) -> None:
+        """A slider over all that was flown, with marks of bookmarks and of where another future was left."""
+        w, imgui = self._w, self._w.imgui
+        imgui.set_next_item_width(width)
+        flags = imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.no_round_to_format
+        changed, t_s = imgui.slider_float("##t", console.session.t_s, 0.0, end_s, "", flags)
+        w.tip(f"{console.table['timeline.seek'].about()}\ndrag to look back, Ctrl and click types a time")
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        draw, pad = imgui.get_window_draw_list(), 6.0 * w.window.scale
+        span = max(high.x - low.x - 2 * pad, 1.0)
+        marks = [(mark.t_s, style.GOOD) for mark in timeline.bookmarks]
+        marks += [(timeline.left_s[0], style.WARN)] if timeline.left_s is not None else []
+        marks += [(burn.start_s, style.ACCENT) for burn in console.session.craft.steering.burns.burns]
+        for at_s, colour in marks:
+            if at_s <= end_s:
+                x = low.x + pad + span * at_s / end_s
+                draw.add_line(w.vec(x, low.y), w.vec(x, high.y), w.color(colour), 2.0)
+        if changed:
+            console.do("timeline.seek", max(round(t_s, 3), 0.0))
+
+    def _hand_control(self, console: Console, width: float) -> None:
+        """Show whether keys fly the chaser; a click arms or disarms them."""
+        imgui, w = self._w.imgui, self._w
+        on = console.hand.armed
+        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(style.WARN if on else style.EDGE)))
+        w.coloured(style.GROUND if on else style.INK)
+        if imgui.button("HAND ON##hand" if on else "HAND OFF##hand", w.vec(width, 0)):
+            console.do("steer.arm")
+        imgui.pop_style_color(2)
+        w.about(console, "steer.arm")
+
+    def _abort(self, console: Console, width: float) -> None:
+        """Abort by two clicks: the first opens the guard for three seconds. The key needs one."""
+        imgui, w = self._w.imgui, self._w
+        opened = console.clock_ms - self._opened_ms < GUARD_MS
+        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(style.BAD if opened else style.EDGE)))
+        w.coloured(style.GROUND if opened else style.BAD)
+        if imgui.button("ABORT NOW##abort" if opened else "ABORT##abort", w.vec(width, 0)):
+            if opened:
+                console.do("docking.abort")
+            self._opened_ms = -GUARD_MS if opened else console.clock_ms
+        imgui.pop_style_color(2)
+        w.tip(
+            f"{console.table['docking.abort'].about()}\ntwo clicks within three seconds; the key needs one press"
+        )
