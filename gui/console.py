@@ -105,7 +105,7 @@ class WindowRequests:
 
     close: bool = False
     full_screen: bool = False
-    first_layout: bool = False
+    preset: str = ""
     screenshot: Path | None = None
     clipboard: str = ""
     front: str = ""

@@ -38,6 +38,17 @@ LARGEST_BYTES = 400_000
 RIGHT, LEFT, BOTTOM = 0.27, 0.3, 0.26
 
 
+PRESETS: dict[str, frozenset[str]] = {
+    "first": frozenset(p.name for p in PANELS if p.shown),
+    "fly": frozenset({"camera", "chaser", "lvlh-map", "earth-map", "orbit-camera", "picture", "world"}),
+    "dock": frozenset({"camera", "docking", "chaser", "lvlh-map", "orbit-camera"}),
+    "capture": frozenset({"camera", "capture", "picture", "world", "sensor", "target"}),
+    "estimate": frozenset({"camera", "estimator", "keypoints", "picture"}),
+    "link": frozenset({"camera", "board-link", "chaser", "log"}),
+}
+"""Panels that are open in each layout."""
+
+
 class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
     """What is kept of a layout.
 
@@ -79,7 +90,7 @@ def read_layout(path: Path) -> SavedLayout:
 
 
 def panel_commands() -> tuple[Command, ...]:
-    """A command for each panel that opens and closes it."""
+    """A command for each panel that opens and closes it, and one for each layout."""
 
     def toggle(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
         console.open_panel(name, shown=state)
@@ -87,7 +98,19 @@ def panel_commands() -> tuple[Command, ...]:
     def shown(name: str, console: Console) -> bool:
         return console.shown.get(name, False)
 
-    return tuple(
+    def preset(name: str, console: Console) -> None:
+        console.window.preset = name
+
+    layouts = tuple(
+        Command(
+            f"layout.{name}",
+            name.capitalize(),
+            f"panels for: {', '.join(sorted(opened))}",
+            partial(preset, name),
+        )
+        for name, opened in PRESETS.items()
+    )
+    return layouts + tuple(
         Command(
             f"panel.{p.name}",
             p.title,
@@ -134,10 +157,11 @@ class Layout:
     def before_frame(self, console: Console, size: tuple[float, float]) -> None:
         """What cannot be done while a frame is laid out: another form's docking is loaded."""
         form: Form = "narrow" if size[0] < NARROW * self._window.scale else "wide"
-        if console.window.first_layout:
-            console.window.first_layout = False
+        if console.window.preset:
+            open_ = PRESETS[console.window.preset]
+            console.window.preset = ""
             self._saved.docking.clear()
-            console.shown.update({p.name: p.shown for p in self.panels if p.place != "over"})
+            console.shown.update({p.name: p.name in open_ for p in self.panels if p.place != "over"})
             self._form = None
         elif self._form is not None and form != self._form:
             self._saved.docking[self._form] = self._window.imgui.save_ini_settings_to_memory()

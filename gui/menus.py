@@ -78,7 +78,7 @@ MENUS: tuple[tuple[str, Entries], ...] = (
             ("Label images", ("panel.depth", "panel.parts", "panel.keypoints")),
             "panel.camera",
             "window.panels",
-            "window.first-layout",
+            ("Layout", ("layout.*",)),
             "window.full-screen",
             "window.larger-text",
             "window.smaller-text",

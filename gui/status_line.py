@@ -45,7 +45,9 @@ class StatusLine:
             text, colour = self._message(console)
             if free > 40:
                 w.one_line(w.elided(text, free), colour)
-                w.tip(text)
+                if imgui.is_item_clicked():
+                    console.do("panel.log", True)
+                w.tip(f"{text}\na click opens the log of all messages")
             imgui.same_line(
                 imgui.get_window_width() - imgui.calc_text_size(rates).x - 16 * self._w.window.scale
             )

@@ -154,12 +154,6 @@ COMMANDS = (
     Command(
         "window.panels", "Side panels", "the panels beside the view, or the view alone", _focus, ("tab",)
     ),
-    Command(
-        "window.first-layout",
-        "First layout",
-        "all panels back to where they were at first",
-        partial(_request, "first_layout"),
-    ),
     Command("window.full-screen", "Full screen", "full screen", partial(_request, "full_screen"), ("f11",)),
     Command(
         "window.acknowledge",

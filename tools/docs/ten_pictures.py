@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,11 @@ PLACE = (20.0, -30.0, 420.0)
 
 
 def craft_before(
-    renderer: fa.Renderer, name: str, turn: tuple[float, float, float], distance_m: float, **sky: float
+    renderer: fa.Renderer,
+    name: str,
+    turn: tuple[float, float, float],
+    distance_m: float,
+    **sky: Any,  # noqa: ANN401 - handed on
 ) -> np.ndarray:
     """A craft in the afternoon Sun before the sky or the ground that ``sky`` looks at."""
     target = fa.load_target(name)
