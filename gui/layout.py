@@ -19,7 +19,7 @@ from flyaround.gui.command_table import STATE, Command
 from flyaround.gui.menus import MenuBar
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.status_line import StatusLine, note_window
-from flyaround.gui.transport import TransportStrip
+from flyaround.gui.transport import JobStrip, TransportStrip, running_jobs
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.runtime.files import write_atomic
 
@@ -135,11 +135,8 @@ class Layout:
     def __init__(self, window: Surface, saved: SavedLayout) -> None:
         self._window = window
         self._w = Widgets(window)
-        self._menus, self._status, self._transport = (
-            MenuBar(window),
-            StatusLine(window),
-            TransportStrip(window),
-        )
+        self._menus, self._status = MenuBar(window), StatusLine(window)
+        self._transport, self._jobs = TransportStrip(window), JobStrip(window)
         self.panels: tuple[Panel, ...] = tuple(p(window) for p in PANELS)
         self._saved = saved
         self._form: Form | None = None
@@ -215,17 +212,20 @@ class Layout:
         self._was_shown = dict(console.shown)
 
     def _strip(self, console: Console) -> None:
-        """The transport strip, above the status line."""
+        """The transport strip, above the status line, and above it the jobs, if there are any."""
         imgui = self._window.imgui
         flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_saved_settings
         height = imgui.get_frame_height() + 2 * imgui.get_style().window_padding.y
-        down = imgui.Dir.down
-        if imgui.internal.begin_viewport_side_bar(
-            "transport", imgui.get_main_viewport(), down, height, flags
-        ):
-            note_window(imgui, console, "transport")
-            self._transport.draw(console)
-        imgui.end()
+        strips: list[tuple[str, TransportStrip | JobStrip]] = [("transport", self._transport)]
+        if running_jobs(console.jobs):
+            strips.append(("jobs", self._jobs))
+        for name, strip in strips:
+            if imgui.internal.begin_viewport_side_bar(
+                name, imgui.get_main_viewport(), imgui.Dir.down, height, flags
+            ):
+                note_window(imgui, console, name)
+                strip.draw(console)
+            imgui.end()
 
     def _first_tabs(self, console: Console) -> list[str]:
         """Windows of the first open panel of each place, the middle's last."""

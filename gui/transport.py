@@ -1,8 +1,9 @@
-"""The strip above the status line: clock, rate, scrubber with marks, hand control and a guarded abort."""
+"""Strips above the status line: clock, rate, scrubber, hand control and a guarded abort; and what runs beside."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
@@ -12,6 +13,7 @@ from flyaround.simulator.piloting.clock import RATES
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
+    from flyaround.gui.jobs.all import Jobs
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.flight_history import Timeline
 
@@ -114,3 +116,67 @@ class TransportStrip:
         w.tip(
             f"{console.table['docking.abort'].about()}\ntwo clicks within three seconds; the key needs one press"
         )
+
+
+class JobStrip:
+    """A line for what runs beside the flight, each job with its progress and a button that ends it.
+
+    Parameters
+    ----------
+    window : drawn in.
+    """
+
+    def __init__(self, window: Surface) -> None:
+        self._w = Widgets(window)
+
+    def draw(self, console: Console) -> None:
+        """Draw into the current side bar."""
+        w, imgui = self._w, self._w.imgui
+        for k, job in enumerate(running_jobs(console.jobs)):
+            if k:
+                imgui.same_line(0, imgui.get_font_size())
+            imgui.align_text_to_frame_padding()
+            w.one_line(job.text, style.ACCENT)
+            if job.share is not None:
+                imgui.same_line()
+                imgui.progress_bar(job.share, w.vec(6 * imgui.get_font_size(), 0), f"{100 * job.share:.0f} %")
+            if job.end:
+                imgui.same_line()
+                w.button(console, job.end, label="End")
+
+
+@dataclass(frozen=True)
+class RunningJob:
+    """What the strip says of a job.
+
+    Parameters
+    ----------
+    text : what it is, and how far. share : of what is to be done; None where that is not known.
+    end : command that ends it; empty where it cannot be ended.
+    """
+
+    text: str
+    share: float | None = None
+    end: str = ""
+
+
+def running_jobs(jobs: Jobs) -> list[RunningJob]:
+    """Return the jobs that are under way."""
+    found = []
+    capture = jobs.capture
+    if capture.running and capture.request is not None:
+        left = "" if capture.left_s is None else f", {capture.left_s:.0f} s left"
+        text = f"capture {capture.done} of {capture.request.frames}{left}"
+        found.append(
+            RunningJob(text, min(capture.done / max(capture.request.frames, 1), 1.0), "capture.stop")
+        )
+    if jobs.film is not None:
+        found.append(RunningJob(f"film {jobs.film.pictures} pictures", None, "film.stop"))
+    if jobs.hil.on:
+        text = f"board session {jobs.hil.state}, {jobs.hil.sent} pictures sent"
+        found.append(RunningJob(text, None, "hil.stop"))
+    if jobs.mesh is not None:
+        found.append(RunningJob(f"importing {jobs.mesh.name}"))
+    if jobs.keeping:
+        found.append(RunningJob("writing the flight"))
+    return found
