@@ -36,7 +36,9 @@ def exposure_fault(frame: Frame) -> str:
     # means of squares of eight pixels: noise goes, a craft of a few squares stays
     size = (max(image.shape[1] // SQUARE_PX, 1), max(image.shape[0] // SQUARE_PX, 1))
     means = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    numbers, sensor = decode_numbers(means, scene.sensor, scene.camera.pixel_encoding)
+    numbers, sensor = decode_numbers(
+        means.astype(image.dtype, copy=False), scene.sensor, scene.camera.pixel_encoding
+    )
     full, black = sensor.scale_dn
     light = (numbers.reshape(size[1], size[0], -1).max(axis=2).astype(float) - black) / full
     exposure = f"{1e3 * scene.exposure_s:.3g} ms"
