@@ -40,7 +40,7 @@ RIGHT, LEFT, BOTTOM = 0.27, 0.3, 0.26
 
 PRESETS: dict[str, frozenset[str]] = {
     "first": frozenset(p.name for p in PANELS if p.shown),
-    "fly": frozenset({"camera", "chaser", "lvlh-map", "earth-map", "orbit-camera", "picture", "world"}),
+    "fly": frozenset({"camera", "chaser", "lvlh-map", "earth-map", "orbit-camera", "steering"}),
     "dock": frozenset({"camera", "docking", "chaser", "lvlh-map", "orbit-camera"}),
     "capture": frozenset({"camera", "capture", "picture", "world", "sensor", "target"}),
     "estimate": frozenset({"camera", "estimator", "keypoints", "picture"}),

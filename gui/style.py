@@ -96,6 +96,7 @@ def apply_style(imgui: Any, scale: float) -> None:  # noqa: ANN401 - the binding
         (col.button_hovered, EDGE),
         (col.button_active, (*accent, 0.45)),
         (col.header, RAISED),
+        (col.table_header_bg, RAISED),
         (col.header_hovered, EDGE),
         (col.header_active, EDGE),
         (col.check_mark, ACCENT),
