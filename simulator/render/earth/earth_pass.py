@@ -132,7 +132,7 @@ class Earth:
         self._precompiles = precompiles
         self._context, self._programs = context, programs
         self.bands = 1 if bands == "mono" else 3
-        self._airs: dict[float, Air] = {}
+        self._airs: dict[tuple[float, float], Air] = {}
         self._names: Bands = bands
         # in the order in which they are ready where one thread makes them all
         # one at a time: what is uploaded need not stay in memory until the next is
@@ -150,11 +150,12 @@ class Earth:
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
         self._kept: dict[tuple[object, ...], Program] = {}
 
-    def air(self, thickness_km: float) -> Air:
-        """The air up to a height, made at first use."""
-        if thickness_km * 1e3 not in self._airs:
-            self._keep_air(air_tables(self._names, thickness_km * 1e3))
-        return self._airs[thickness_km * 1e3]
+    def air(self, environment: Environment) -> Air:
+        """The air of an environment, made at first use."""
+        given = environment.atmosphere_thickness_km * 1e3, environment.aerosol_optical_depth
+        if given not in self._airs:
+            self._keep_air(air_tables(self._names, given[0], aerosol_depth=given[1]))
+        return self._airs[given]
 
     def release(self) -> None:
         """Free maps, tables and vertices; the programs are the library's."""
@@ -174,7 +175,7 @@ class Earth:
 
     def _keep_air(self, tables: AirTables) -> None:
         frame = FrameAir(self._context, self._programs, self.bands, tables)
-        self._airs[tables.air.thickness_m] = Air(tables, frame)
+        self._airs[tables.air.thickness_m, tables.air.aerosol_depth] = Air(tables, frame)
 
     def _mapped(self, levels: MipmapChain) -> moderngl.Texture:
         texture = mipmapped_texture(self._context, levels)
@@ -252,7 +253,7 @@ class Earth:
         scene, environment = frame.scene, frame.scene.environment
         self._context.blend_func = self._context.ONE, self._context.ONE
         month = season(scene.epoch_utc) if environment.seasons else AUGUST
-        textures = self._textures(frame.images, self.air(environment.atmosphere_thickness_km).frame) | {
+        textures = self._textures(frame.images, self.air(environment).frame) | {
             "t_ground_slopes": self._ground_slopes,
             "t_month_before": self._month(month.before),
             "t_month_after": self._month(month.after),

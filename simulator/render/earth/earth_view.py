@@ -120,7 +120,7 @@ class GlobeViewPass(Pass):
             return
         if shows_earth(scene):
             r[EARTH] = earth = self._earths.get(scene.bands)
-            air = earth.air(environment.atmosphere_thickness_km).tables.air
+            air = earth.air(environment).tables.air
         else:
             key = body.name, scene.bands
             if key not in self._globes:
@@ -129,7 +129,8 @@ class GlobeViewPass(Pass):
             air = self._globes[key].air.tables.air
         r[AIR] = seen = air if environment.atmosphere and body.air is not None else None
         r[GLOBE] = globe = globe_view(r[VIEW], scene.camera, seen)
-        self._device.blocks.globe.write(globe_values(r[VIEW], globe, air))
+        values = globe_values(r[VIEW], globe, air, airglow=environment.airglow)
+        self._device.blocks.globe.write(values)
 
     def release(self) -> None:
         """Free the globes."""
@@ -159,7 +160,7 @@ class EarthAirPass(Pass):
 
     def run(self, r: PassResources) -> None:
         """Fill the tables."""
-        air = r[EARTH].air(r[SCENE].environment.atmosphere_thickness_km).frame
+        air = r[EARTH].air(r[SCENE].environment).frame
         air.run(r[GLOBE])
         r[AIR_TABLES] = air.tables
 
