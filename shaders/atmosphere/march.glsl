@@ -2,6 +2,7 @@
 #include "atmosphere/air.glsl"
 
 uniform sampler2D t_transmittance;
+#define MARCH
 uniform sampler2D t_ground;
 uniform sampler2D t_multiple; // simulator/scene/illumination/multiple_scattering.py
 

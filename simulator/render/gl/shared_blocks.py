@@ -68,7 +68,9 @@ GLOBE = (
     # lower edge of the airglow [m]; one over the aerosol's scale height [m-1]; asymmetry g; upper edge
     Field("vec4", "u_air_shape"),
     Field("vec4", "u_air_layers", 3),  # of the density: lowest heights [m]
-    Field("vec4", "u_air_falls", 3),  # by how much more of its logarithm is lost to a metre from there on [m-1]
+    Field(
+        "vec4", "u_air_falls", 3
+    ),  # by how much more of its logarithm is lost to a metre from there on [m-1]
     Field("vec4", "u_airglow"),  # straight up over the Sun's irradiance, per band [sr-1]
     Field("vec4", "u_air_rayleigh"),  # per band, at sea level [m-1]
     Field("vec4", "u_air_mie_scattering"),

@@ -94,8 +94,8 @@ def body_atmosphere(
 ) -> Atmosphere:
     """Return the air of a body per band of the camera; one that scatters nothing where it has none.
 
-    Depths are means over a band's wavelengths. Weighted by the Sun's energy, the panchromatic Rayleigh depth would be 7 %
-    more, by its photons 2 % less.
+    Depths are means over a band's wavelengths. Weighted by the Sun's energy, the panchromatic Rayleigh depth would be
+    7 % more, by its photons 2 % less.
 
     Parameters
     ----------

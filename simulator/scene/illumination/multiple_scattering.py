@@ -1,8 +1,8 @@
 """Light scattered twice or more, in double precision, as a table of two numbers: height and the Sun's zenith angle.
 
-What arrives at a point after the first scattering is scattered on evenly, as in Hillaire (2020), A scalable and production
-ready sky and atmosphere rendering technique, Computer Graphics Forum 39(4), section 5.5; but order by order along the
-rays and with the sky's light on the ground, where he takes the orders as a geometric series at one place.
+What arrives at a point after the first scattering is scattered on evenly, as in Hillaire (2020), A scalable and
+production ready sky and atmosphere rendering technique, Computer Graphics Forum 39(4), section 5.5; but order by order
+along the rays and with the sky's light on the ground, where he takes the orders as a geometric series at one place.
 """
 
 from __future__ import annotations

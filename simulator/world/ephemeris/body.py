@@ -43,9 +43,9 @@ class BodyAir:
     rayleigh_m_um4 : Rayleigh scattering at the ground times wavelength^4 [m-1 um^4].
     rayleigh_dispersion_um : factors of wavelength^-2 [um^2] and wavelength^-4 [um^4] that are added to its 1.
     rayleigh_height_m, aerosol_height_m : scale heights [m].
-    density : heights, increasing from 0, and densities there, in place of ``rayleigh_height_m``; exponential between and
-        beyond them. At most `MOST_LAYERS` of them.
-    aerosol_m, aerosol_albedo : extinction of the aerosol at the ground at 550 nm [m-1] and its single-scattering albedo.
+    density : heights, increasing from 0, and densities there, in place of ``rayleigh_height_m``; exponential between
+        and beyond them. At most `MOST_LAYERS` of them.
+    aerosol_m, aerosol_albedo : extinction of the aerosol at the ground at 550 nm [m-1], its single-scattering albedo.
     aerosol_exponent : Angstrom's, of its fall with wavelength. aerosol_g : asymmetry of its phase function.
     ozone_m : absorption [m-1] at the peak, 25 km high, of a layer from 10 to 40 km, by the name of the band.
     airglow_w_m2_sr : radiance of the night's glow straight up [W m-2 sr-1], by the name of the band. airglow_m : height
