@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.scene.state import SceneState
 
-GROUND_RAYS, LIMB_RAYS = 384, 48
+GROUND_RAYS, LIMB_RAYS = 768, 48
 LIMB_KM = 60.0  # height up to which the air's light matters to a craft
 STEPS = 12  # along a ray through the air
-LARGEST_KM = 60.0  # footprint of a sample; maps averaged over more would lose the clouds' contrast
+FOOTPRINT = 0.2  # of a sample over its share of the disc: clouds averaged over more reflect otherwise
 _KIND = TileKind(
     air=False, fine=False, smooth=False, covered=False, night=True, icy=True, bright_water=False, level=0.0
 )
@@ -114,5 +114,5 @@ def _rays(globe: GlobeView, radius_m: float) -> tuple[FloatArray, FloatArray, fl
     axes[2] *= -1
     rays = np.empty((GROUND_RAYS + LIMB_RAYS, 4))
     rays[:, :3] = np.concatenate([ground, limb]) @ axes
-    rays[:, 3] = min(0.5 * float(share[0]) ** 0.5, LARGEST_KM * 1e3 / ((above - 1) * radius_m))
+    rays[:, 3] = FOOTPRINT * float(share[0]) ** 0.5
     return rays, share, rim
