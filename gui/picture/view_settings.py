@@ -29,6 +29,7 @@ LAYERS: tuple[tuple[str, str], ...] = (
     ("sea_ice", "Sea ice"),
     ("night_lights", "Night lights"),
     ("atmosphere", "Atmosphere"),
+    ("airglow", "Airglow"),
     ("stars", "Stars"),
     ("sun", "Sun"),
     ("moon", "Moon"),

@@ -5,7 +5,9 @@
 // Density relative to sea level of Rayleigh scatterers and aerosol, and of ozone relative to its peak [1].
 vec3 density(float height_m) {
     float h = max(height_m, 0.0);
-    return vec3(exp(-h * u_air_shape.x), exp(-h * u_air_shape.y), max(1.0 - abs(h - OZONE_HEIGHT_M) / OZONE_HALF_WIDTH_M, 0.0));
+    vec4 fall = u_air_falls[0] * max(h - u_air_layers[0], 0.0);
+    fall += u_air_falls[1] * max(h - u_air_layers[1], 0.0) + u_air_falls[2] * max(h - u_air_layers[2], 0.0);
+    return vec3(exp(-dot(fall, vec4(1.0))), exp(-h * u_air_shape.y), max(1.0 - abs(h - OZONE_HEIGHT_M) / OZONE_HALF_WIDTH_M, 0.0));
 }
 
 // Extinction [m-1] of a density triple.
@@ -21,4 +23,16 @@ float mie_phase(float c, float g) {
     float k = 3.0 / (8.0 * PI) * (1.0 - g * g) / (2.0 + g * g);
     float x = max(1.0 + g * g - 2.0 * g * c, 1e-4); // 1e-4: rounding at c = 1
     return k * (1.0 + c * c) / (x * sqrt(x));
+}
+
+// Path through the airglow over that straight up [1], of a ray from space; perigee2: square of its smallest radius [m2].
+// Emission (r^2 - low^2) (high^2 - r^2), which has an integral in closed form. Twin: airglow_path.
+float airglow_path(bool ground_ray, float perigee2) {
+    float low = u_air_shape.x, high = u_air_shape.w, middle = 0.5 * (low + high);
+    if (ground_ray) return middle * inversesqrt(middle * middle - perigee2); // thin; differences would lose all digits
+    float a = low * low - perigee2, b = high * high - perigee2;
+    vec2 t = sqrt(max(vec2(a, b), 0.0));
+    vec2 whole = t * (t * t * ((a + b) / 3.0 - 0.2 * t * t) - a * b);
+    float thick = high - low;
+    return 3.0 * (whole.y - whole.x) / (middle * middle * thick * thick * thick);
 }

@@ -2,6 +2,7 @@
 #include "atmosphere/air.glsl"
 
 uniform sampler2D t_transmittance;
+#define MARCH
 uniform sampler2D t_ground;
 uniform sampler2D t_multiple; // simulator/scene/illumination/multiple_scattering.py
 
@@ -41,7 +42,7 @@ color multiple_scattering(float height_m, float mu_sun) {
 
 // What the air adds and takes along a ray.
 struct AirLight {
-    color rayleigh;   // in-scatter over the Sun's irradiance and Rayleigh's phase: single, and all higher orders [1]
+    color rayleigh;   // over the Sun's irradiance and Rayleigh's phase: its in-scatter, all higher orders, airglow [1]
     color mie;        // the same over Mie's phase, single only [1]
     color through;    // transmittance
     vec3 foot;        // end of the ray [m], the camera above the pole
@@ -75,13 +76,16 @@ AirLight air_light(bool ground_ray, float v, float azimuth) {
         vec3 d = density(r - ground);
         color step_depth = extinction_m(d) * dt;
         float mu_sun = dot(p, sun) / r;
-        color arrives = exp(-(depth + 0.5 * step_depth)) * dt;
+        color half2 = 0.25 * step_depth * step_depth;
+        // the mean over the step, whose light falls off exponentially: series of sinh(x) / x
+        color arrives = exp(-(depth + 0.5 * step_depth)) * (1.0 + half2 * (1.0 / 6.0 + half2 / 120.0)) * dt;
         color light = transmittance_to_sun(r, mu_sun) * arrives;
         rayleigh += d.x * light;
         mie += d.y * light;
         more += (d.x * BAND(u_air_rayleigh) + d.y * BAND(u_air_mie_scattering)) * arrives * multiple_scattering(r - ground, mu_sun);
         depth += step_depth;
     }
+    more += BAND(u_airglow) * airglow_path(ground_ray, perigee2);
     // every reader multiplies by Rayleigh's phase, which is smooth: what has none of its own is divided by it here
     rayleigh = rayleigh * BAND(u_air_rayleigh) + more / rayleigh_phase(dot(ray, sun));
     mie *= BAND(u_air_mie_scattering);

@@ -11,20 +11,25 @@ struct GlobeRay {
     bool away;
 };
 
-// The ray of a pixel past or onto the ellipsoid.
-GlobeRay globe_ray(vec2 pixel) {
+// The ray along a unit vector.
+GlobeRay ray_along(vec3 direction, float pixel_rad) {
     GlobeRay ray;
-    vec3 d = mat3(u_globe_from_camera) * camera_ray(pixel);
-    float scale = inversesqrt(dot(d, d));
-    ray.direction = d * scale;
+    ray.direction = direction;
     ray.along = dot(u_globe_camera.xyz, ray.direction);
     // the cross product keeps its digits near the limb, where b^2 - c would lose them
     vec3 moment = cross(u_globe_camera.xyz, ray.direction);
     ray.perigee2 = dot(moment, moment);
     ray.disc = 1.0 - ray.perigee2;
-    ray.pixel_rad = ray_pixel_rad(pixel, scale);
+    ray.pixel_rad = pixel_rad;
     ray.away = ray.along >= 0.0;
     return ray;
+}
+
+// The ray of a pixel past or onto the ellipsoid.
+GlobeRay globe_ray(vec2 pixel) {
+    vec3 d = mat3(u_globe_from_camera) * camera_ray(pixel);
+    float scale = inversesqrt(dot(d, d));
+    return ray_along(d * scale, ray_pixel_rad(pixel, scale));
 }
 
 // Share of the pixel inside the limb, 0..1: distance from the limb in pixels, by the slope of `disc`.

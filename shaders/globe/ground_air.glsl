@@ -1,5 +1,5 @@
 // Light on the ground, and the air between it and the camera.
-#if AIR && (BANDS == 3 || MOONLIT)
+#if AIR && (BANDS == 3 || MOONLIT) && !defined(MARCH)
 uniform sampler2D t_ground; // irradiance on level ground over the Sun's, by the cosine of its zenith angle
 #endif
 

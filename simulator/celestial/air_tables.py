@@ -47,14 +47,18 @@ class AirTables:
     multiple: Float32Array
 
 
-def air_tables(bands: Bands, thickness_m: float | None = None, body: Body = EARTH) -> AirTables:
-    """Return a body's tables for the camera's bands and a height of the air's top, the body's own unless given."""
-    air = body_atmosphere(body, bands, thickness_m)
+def air_tables(
+    bands: Bands, thickness_m: float | None = None, body: Body = EARTH, aerosol_depth: float | None = None
+) -> AirTables:
+    """Return a body's tables for the camera's bands; parameters as of `body_atmosphere`."""
+    air = body_atmosphere(body, bands, thickness_m, aerosol_depth)
     makers = (transmittance_table, multiple_scattering, body_atmosphere, bands_of)
 
     def key(table: str) -> str:
         own = repr(body.air), body.radius_m, body.albedo
-        return entry_name(f"air-{table}-{bands}", makers, bands, float(air.thickness_m), *own)
+        return entry_name(
+            f"air-{table}-{bands}", makers, bands, float(air.thickness_m), air.aerosol_depth, *own
+        )
 
     multiple = cached_array(
         key("multiple"), lambda: multiple_scattering(air, body.albedo).psi.astype(np.float32)

@@ -86,20 +86,30 @@ def globe_and_moon_shine(scene: SceneState) -> IrradianceField:
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     globe, r_target = scene.globe, np.asarray(scene.r_target_eci_m)
     R_ge, centre = globe.R_fixed_from_eci, np.asarray(globe.r_eci_m)
-    to_sun = np.asarray(scene.r_sun_eci_m) - centre
-    sun_eci = to_sun / np.linalg.norm(to_sun)
-    sun_w_m2 = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(to_sun)))
-    albedo = _ALBEDOS[globe.body.surface](scene)
-    moon = moon_plate_irradiance(np.asarray(scene.body("moon").r_eci_m) - r_target, sun_eci, R_ce, sun_w_m2)
+    sun_eci, sun_w_m2 = _sun_at_globe(scene)
     return globe_shine(
         R_ge @ (r_target - centre),
         R_ge @ sun_eci,
         R_ce @ R_ge.T,
         sun_w_m2,
-        albedo,
+        _ALBEDOS[globe.body.surface](scene),
         globe.body.mean_radius_m,
-        moon,
+        moon_on_plates(scene),
     )
+
+
+def moon_on_plates(scene: SceneState) -> FloatArray:
+    """Return the Moon's `moon_plate_irradiance` at the target."""
+    to_moon = np.subtract(scene.body("moon").r_eci_m, scene.r_target_eci_m)
+    sun_eci, sun_w_m2 = _sun_at_globe(scene)
+    return moon_plate_irradiance(to_moon, sun_eci, matrix_from_quat(scene.q_camera_from_eci_wxyz), sun_w_m2)
+
+
+def _sun_at_globe(scene: SceneState) -> tuple[FloatArray, FloatArray]:
+    """Unit vector to the Sun, and its irradiance per band [W m-2]."""
+    to_sun = np.subtract(scene.r_sun_eci_m, scene.globe.r_eci_m)
+    distance = float(np.linalg.norm(to_sun))
+    return to_sun / distance, sun_irradiance_w_m2(scene.bands, distance)
 
 
 def _earth_albedo(scene: SceneState) -> Float32Array:

@@ -44,7 +44,7 @@ class FramePasses:
     ----------
     culling : which of the target's triangles and tiles are drawn.
     clear : empties the images of a whole frame.
-    views : where Moon and globe are in the image, and this frame's air.
+    globe : where the globe is in the image. views : where the Moon is, the globe's tiles, and this frame's air.
     sky : all behind the target: each pass adds its light times the share that the target leaves open.
     earth_programs : passes that prepare and draw the Earth, to compile its programs ahead.
     """
@@ -56,6 +56,7 @@ class FramePasses:
         culling: Culling,
         *,
         clear: ClearPass,
+        globe: GlobeViewPass,
         views: Sequence[Pass],
         sky: Sequence[Pass],
         earth_programs: Sequence[Pass],
@@ -66,7 +67,7 @@ class FramePasses:
         self._set_up, self._shine = SetUpPass(device.blocks.frame), ShinePass(device, earths)
         self._clear, self._clear_all = clear, ClearPass(device.images_for)
         self._first = (
-            EarthProgramsPass(device, earths, earth_programs),
+            EarthProgramsPass(device, earths, (globe, self._shine, *earth_programs)),
             ClearPass(device.images_for, "clear.again"),
         )
         self._sampling = (
@@ -76,7 +77,7 @@ class FramePasses:
             EdgePass(device),
         )
         self._shading = (LightPass(), ShadePass(device))
-        self._views, self._sky, self._read_back = views, sky, read_back
+        self._globe, self._views, self._sky, self._read_back = globe, views, sky, read_back
 
     def frame(self, *, target: bool = True, first: bool = False) -> list[Pass]:
         """Return the passes from a scene to its picture.
@@ -94,16 +95,18 @@ class FramePasses:
             self._clear,
             *(self._sampling if target else ()),
             *(self._first if first else ()),
-            self._shine,
+            self._globe,
             *self._views,
+            self._shine,
             *(self._shading if target else ()),
             *self._sky,
             self._read_back,
         ]
 
-    def craft(self) -> list[Pass]:
-        """Return the passes that draw the target alone, in the scene's light."""
-        return [self._set_up, *self._sampling, self._shine, self._clear_all, *self._shading]
+    def craft(self, *, lit: bool = False) -> list[Pass]:
+        """Return the passes that draw the target alone, in the scene's light; ``lit``: the sky's light is given."""
+        globe = () if lit else (self._globe,)
+        return [self._set_up, *self._sampling, *globe, self._shine, self._clear_all, *self._shading]
 
     def release(self) -> None:
         """Free what the passes keep on the GPU."""
@@ -116,12 +119,13 @@ class FramePasses:
 def plain_passes(device: Device, earths: Earths) -> FramePasses:
     """Return the passes that a GPU runs: whole meshes, uniform tiles, every pixel shaded."""
     earth = EarthPass(device.context)
-    find = (MoonViewPass(device.blocks.moon), GlobeViewPass(device, earths), EarthTilesPass(), EarthAirPass())
+    find = (MoonViewPass(device.blocks.moon), EarthTilesPass(), EarthAirPass())
     return FramePasses(
         device,
         earths,
         NoCulling(),
         clear=ClearPass(device.images_for),
+        globe=GlobeViewPass(device, earths),
         views=(*find, GlobeAirPass()),
         sky=(earth, GlobePass(device), StarPass(device), MoonPass(device), SunPass(device)),
         earth_programs=(*find, earth),

@@ -211,7 +211,8 @@ class Renderer:
         frame = self._begin(scene, target, sky)
         if sky is None:
             self._earths.prefetch(scene)
-        stage_ms = self._run("craft", self._passes.craft, frame)
+        lit = sky is not None
+        stage_ms = self._run("craft lit" if lit else "craft", lambda: self._passes.craft(lit=lit), frame)
         clock = StageClock(self.device.context, finish=self.timed)
         drawn = frame.find(TARGET)
         part = PixelRect(0, 0, 0, 0) if drawn is None else drawn.rect

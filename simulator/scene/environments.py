@@ -24,7 +24,9 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
     sunlight : the Sun shines on the target; without it, it lights what is behind alone, as a screen in a laboratory is.
     seasons : land and ice of the date, August's otherwise. relief : shading of mountains. sea_ice : as in most years.
     undifferentiated : land, sea and clouds reflect alike, as a plain globe does.
+    airglow : light of the air itself at 85 to 100 km, seen at night.
     atmosphere_thickness_km : height of the air's top.
+    aerosol_optical_depth : vertical, at 550 nm: 0.05 over clear seas, 0.1 to 0.3 over most land.
     """
 
     earth: bool = True
@@ -32,6 +34,7 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
     ocean_glint: bool = True
     night_lights: bool = True
     atmosphere: bool = True
+    airglow: bool = True
     stars: bool = True
     sun: bool = True
     sunlight: bool = True
@@ -43,6 +46,7 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
     sea_ice: bool = True
     undifferentiated: bool = False
     atmosphere_thickness_km: Annotated[float, Meta(ge=5, le=200)] = 100.0
+    aerosol_optical_depth: Annotated[float, Meta(ge=0, le=1)] = 0.05
 
     def draws(self, body: Body) -> bool:
         """Return True if the switch of a body is on."""
@@ -66,6 +70,7 @@ NOTHING = Environment(
     ocean_glint=False,
     night_lights=False,
     atmosphere=False,
+    airglow=False,
     stars=False,
     sun=False,
     earthshine=False,

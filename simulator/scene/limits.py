@@ -62,6 +62,7 @@ def scene_problem(scene: SceneState) -> str | None:
         ("|scene.omega_camera_rad_s|", _norm(scene.omega_camera_rad_s), 0.0, FASTEST_RAD_S),
         ("|scene.omega_target_rad_s|", _norm(scene.omega_target_rad_s), 0.0, FASTEST_RAD_S),
         ("scene.environment.atmosphere_thickness_km", scene.environment.atmosphere_thickness_km, 5.0, 200.0),
+        ("scene.environment.aerosol_optical_depth", scene.environment.aerosol_optical_depth, 0.0, 1.0),
         ("|scene.q_camera_from_target_wxyz|", _norm(scene.q_camera_from_target_wxyz), 1 - 1e-6, 1 + 1e-6),
         ("|scene.q_camera_from_eci_wxyz|", _norm(scene.q_camera_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
         ("|scene.q_itrs_from_eci_wxyz|", _norm(earth.q_fixed_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET, Meta, UnsetType
 
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.sensor import Sensor
 from flyaround.simulator.camera.detector.shutter import Shutter
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.runtime.arrays import Quat, Vec3
-from flyaround.simulator.scene.environments import ENVIRONMENTS, Environment
+from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.area_light import AreaLight
 from flyaround.simulator.scene.illumination.bands import Bands
 from flyaround.simulator.scene.illumination.lamp import Lamp
 from flyaround.simulator.scene.sample import Sample
 from flyaround.simulator.scene.state import Quality, SceneState, TargetRef
 from flyaround.simulator.world.ephemeris.body import BodyState, earth_and_moon
+
+
+class RecordedEnvironment(Environment, frozen=True, kw_only=True):
+    """An environment as records have it: older ones know neither aerosol nor airglow, and were drawn with these."""
+
+    airglow: bool = False
+    aerosol_optical_depth: Annotated[float, Meta(ge=0, le=1)] = 0.0053
 
 
 class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,7 +51,7 @@ class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
     shutter: Shutter = msgspec.field(default_factory=Shutter)
     quality: Quality = "default"
     bands: Bands = "mono"
-    environment: Environment = ENVIRONMENTS["full"]
+    environment: RecordedEnvironment = RecordedEnvironment()
     target: TargetRef
     q_camera_from_target_wxyz: Quat
     t_camera_from_target_m: Vec3
@@ -71,8 +78,9 @@ class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
     def of(scene: SceneState) -> SceneRecord:
         """Return the record of a scene."""
         earth, moon, *others = scene.bodies
+        environment = RecordedEnvironment(**msgspec.structs.asdict(scene.environment))
         return SceneRecord(
-            **_common(scene),
+            **_common(scene) | {"environment": environment},
             r_moon_eci_m=moon.r_eci_m,
             q_itrs_from_eci_wxyz=earth.q_fixed_from_eci_wxyz,
             q_moon_from_eci_wxyz=moon.q_fixed_from_eci_wxyz,
@@ -82,8 +90,9 @@ class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
     def scene(self) -> SceneState:
         """Return the scene that was recorded."""
         others = () if isinstance(self.bodies, UnsetType) else self.bodies
+        environment = Environment(**msgspec.structs.asdict(self.environment))
         return SceneState(
-            **_common(self),
+            **_common(self) | {"environment": environment},
             bodies=(
                 *earth_and_moon(self.r_moon_eci_m, self.q_itrs_from_eci_wxyz, self.q_moon_from_eci_wxyz),
                 *others,

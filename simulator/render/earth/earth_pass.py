@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
 
     from flyaround.simulator.celestial.air_tables import AirTables
+    from flyaround.simulator.celestial.seasons import Season
     from flyaround.simulator.render.earth.map_textures import EarthMaps
     from flyaround.simulator.render.earth.screen_tiles import ScreenTiles, TileKind
     from flyaround.simulator.render.frame_graph import PassResources
@@ -63,6 +64,11 @@ _SAMPLERS = {
     1: (*_OWN, *_RARE, "t_air", "t_ground"),
     3: (*_OWN, *_RARE, "t_colour", "t_ground", *AIR_SAMPLERS[3]),
 }
+
+
+def season_of(scene: SceneState) -> Season:
+    """The months that are mixed."""
+    return season(scene.epoch_utc) if scene.environment.seasons else AUGUST
 
 
 def ice_day(scene: SceneState) -> str:
@@ -132,7 +138,7 @@ class Earth:
         self._precompiles = precompiles
         self._context, self._programs = context, programs
         self.bands = 1 if bands == "mono" else 3
-        self._airs: dict[float, Air] = {}
+        self._airs: dict[tuple[float, float], Air] = {}
         self._names: Bands = bands
         # in the order in which they are ready where one thread makes them all
         # one at a time: what is uploaded need not stay in memory until the next is
@@ -150,11 +156,12 @@ class Earth:
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
         self._kept: dict[tuple[object, ...], Program] = {}
 
-    def air(self, thickness_km: float) -> Air:
-        """The air up to a height, made at first use."""
-        if thickness_km * 1e3 not in self._airs:
-            self._keep_air(air_tables(self._names, thickness_km * 1e3))
-        return self._airs[thickness_km * 1e3]
+    def air(self, environment: Environment) -> Air:
+        """The air of an environment, made at first use."""
+        given = environment.atmosphere_thickness_km * 1e3, environment.aerosol_optical_depth
+        if given not in self._airs:
+            self._keep_air(air_tables(self._names, given[0], aerosol_depth=given[1]))
+        return self._airs[given]
 
     def release(self) -> None:
         """Free maps, tables and vertices; the programs are the library's."""
@@ -174,7 +181,7 @@ class Earth:
 
     def _keep_air(self, tables: AirTables) -> None:
         frame = FrameAir(self._context, self._programs, self.bands, tables)
-        self._airs[tables.air.thickness_m] = Air(tables, frame)
+        self._airs[tables.air.thickness_m, tables.air.aerosol_depth] = Air(tables, frame)
 
     def _mapped(self, levels: MipmapChain) -> moderngl.Texture:
         texture = mipmapped_texture(self._context, levels)
@@ -193,7 +200,7 @@ class Earth:
         high, dark = frame.scene.quality == "high", frame.tiles.dark and kind.night
         key = (environment, kind, behind, high, quads, dark, self._programs.lens)
         if key not in self._kept:
-            defines = self._defines(environment, kind, behind=behind, high=high, quads=quads, dark=dark)
+            defines = self.defines(environment, kind, behind=behind, high=high, quads=quads, dark=dark)
             self._kept[key] = self._programs.get(
                 "earth/earth.vert",
                 "earth/earth.frag",
@@ -202,9 +209,10 @@ class Earth:
             )
         return self._kept[key]
 
-    def _defines(
+    def defines(
         self, environment: Environment, kind: TileKind, *, behind: bool, high: bool, quads: bool, dark: bool
     ) -> dict[str, object]:
+        """Return the switches and constants of the shaders that draw ground and air."""
         one = environment.undifferentiated
         return {
             "BANDS": self.bands,
@@ -251,12 +259,8 @@ class Earth:
         """
         scene, environment = frame.scene, frame.scene.environment
         self._context.blend_func = self._context.ONE, self._context.ONE
-        month = season(scene.epoch_utc) if environment.seasons else AUGUST
-        textures = self._textures(frame.images, self.air(environment.atmosphere_thickness_km).frame) | {
-            "t_ground_slopes": self._ground_slopes,
-            "t_month_before": self._month(month.before),
-            "t_month_after": self._month(month.after),
-        }
+        month = season_of(scene)
+        textures = self._textures(frame.images, self.air(environment).frame) | self.ground_textures(month)
         if scene.quality == "high":
             textures["t_terrain"] = self._terrain_of_high()
         if any(kind.icy or kind.bright_water for kind in frame.tiles.centers_px):
@@ -331,24 +335,31 @@ class Earth:
         """The sea's ice of a day, and its shallows: uploaded when such water is first in view."""
         if not isinstance(self._ocean_colour, moderngl.Texture):
             self._ocean_colour = self._mapped(self._ocean_colour.result())
+        return {"t_ice": self.ice_texture(day), "t_ocean_colour": self._ocean_colour}
+
+    def ice_texture(self, day: str) -> moderngl.Texture:
+        """The sea's ice of a day."""
         if self._ice is None or self._ice[0] != day:
             if self._ice is not None:
                 past, self._ice = self._ice[1], None
                 release_mipmapped(past)
             self._ice = (day, self._mapped(mipmap_chain(sea_ice(day), globe=True)))
-        return {"t_ice": self._ice[1], "t_ocean_colour": self._ocean_colour}
+        return self._ice[1]
+
+    def ground_textures(self, month: Season) -> dict[str, moderngl.Texture]:
+        """The land's maps, by their samplers."""
+        maps = dict(zip(("t_map", "t_colour"), self._maps, strict=False))
+        return maps | {
+            "t_ground_slopes": self._ground_slopes,
+            "t_month_before": self._month(month.before),
+            "t_month_after": self._month(month.after),
+        }
 
     def _textures(self, images: FrameImages, air: FrameAir) -> dict[str, moderngl.Texture]:
-        textures = {
-            "t_coverage": images.coverage,
-            "t_radiance": images.radiance,
-            "t_map": self._maps[0],
-        }
+        textures = {"t_coverage": images.coverage, "t_radiance": images.radiance, "t_ground": air.ground}
         if self.bands == 1:
-            return textures | {"t_air": air.tables[0], "t_ground": air.ground}
+            return textures | {"t_air": air.tables[0]}
         return textures | {
-            "t_colour": self._maps[1],
-            "t_ground": air.ground,
             "t_air_rayleigh": air.tables[0],
             "t_air_mie": air.tables[1],
             "t_air_transmittance": air.tables[2],

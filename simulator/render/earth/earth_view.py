@@ -6,11 +6,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from flyaround.simulator.celestial.earth_albedo import globe_and_moon_shine
+from flyaround.simulator.celestial.earth_albedo import globe_and_moon_shine, moon_on_plates
 from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.earth.earth_pass import EARTH, Earth
 from flyaround.simulator.render.earth.map_textures import prefetch_earth_maps, shows_earth, stand_ins
 from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES, uniform_tiles
+from flyaround.simulator.render.earth.shine import ShineSampler
 from flyaround.simulator.render.frame_graph import FrameGraph, FrameResources, Pass, Resource
 from flyaround.simulator.render.frame_images import COVERAGE, IMAGES, RADIANCE
 from flyaround.simulator.render.globe.frame_air import AIR, AIR_TABLES
@@ -79,29 +80,6 @@ class Earths:
             earth.release()
 
 
-class ShinePass(Pass):
-    """Works out the light of globe and Moon on the target, from maps that a first frame waits for here."""
-
-    name = "earth_and_moon_shine"
-    reads = (SCENE, VIEW, TARGET)
-    optional = (GIVEN_IRRADIANCE,)
-    writes = (VIEW,)
-
-    def __init__(self, device: Device, earths: Earths) -> None:
-        self._block, self._earths = device.blocks.frame, earths
-
-    def run(self, r: PassResources) -> None:
-        """Complete the view and write its uniforms."""
-        scene, view = r[SCENE], r[VIEW]
-        if r.find(GIVEN_IRRADIANCE) is None:
-            pending = self._earths.pending(scene.bands)
-            if pending is not None:
-                pending.albedo.result()
-            view = replace(view, sky=globe_and_moon_shine(scene))
-        r[VIEW] = view
-        self._block.write(frame_values(scene, view))
-
-
 class GlobeViewPass(Pass):
     """Finds the globe in the image and the air about it; uploads what draws it when it is first in a scene."""
 
@@ -120,7 +98,7 @@ class GlobeViewPass(Pass):
             return
         if shows_earth(scene):
             r[EARTH] = earth = self._earths.get(scene.bands)
-            air = earth.air(environment.atmosphere_thickness_km).tables.air
+            air = earth.air(environment).tables.air
         else:
             key = body.name, scene.bands
             if key not in self._globes:
@@ -129,12 +107,45 @@ class GlobeViewPass(Pass):
             air = self._globes[key].air.tables.air
         r[AIR] = seen = air if environment.atmosphere and body.air is not None else None
         r[GLOBE] = globe = globe_view(r[VIEW], scene.camera, seen)
-        self._device.blocks.globe.write(globe_values(r[VIEW], globe, air))
+        values = globe_values(r[VIEW], globe, air, airglow=environment.airglow)
+        self._device.blocks.globe.write(values)
 
     def release(self) -> None:
         """Free the globes."""
         for globe in self._globes.values():
             globe.release()
+
+
+class ShinePass(Pass):
+    """Works out the light of globe and Moon on the target: where the Earth is drawn, as it is drawn."""
+
+    name = "earth_and_moon_shine"
+    reads = (SCENE, VIEW, TARGET)
+    optional = (GIVEN_IRRADIANCE, EARTH, GLOBE)
+    writes = (VIEW,)
+
+    def __init__(self, device: Device, earths: Earths) -> None:
+        self._block, self._earths = device.blocks.frame, earths
+        self._sampler = ShineSampler(device)
+
+    def run(self, r: PassResources) -> None:
+        """Complete the view and write its uniforms."""
+        scene, view, earth, globe = r[SCENE], r[VIEW], r.find(EARTH), r.find(GLOBE)
+        if r.find(GIVEN_IRRADIANCE) is None:
+            if earth is not None and globe is not None and scene.environment.earthshine:
+                sky = self._sampler.field(scene, view, globe, earth, moon_on_plates(scene))
+            else:
+                pending = self._earths.pending(scene.bands)
+                if pending is not None:
+                    pending.albedo.result()
+                sky = globe_and_moon_shine(scene)
+            view = replace(view, sky=sky)
+        r[VIEW] = view
+        self._block.write(frame_values(scene, view))
+
+    def release(self) -> None:
+        """Free the sampler's buffers."""
+        self._sampler.release()
 
 
 class EarthTilesPass(Pass):
@@ -159,7 +170,7 @@ class EarthAirPass(Pass):
 
     def run(self, r: PassResources) -> None:
         """Fill the tables."""
-        air = r[EARTH].air(r[SCENE].environment.atmosphere_thickness_km).frame
+        air = r[EARTH].air(r[SCENE].environment).frame
         air.run(r[GLOBE])
         r[AIR_TABLES] = air.tables
 
@@ -184,6 +195,6 @@ class EarthProgramsPass(Pass):
         """Draw one tile of each kind."""
         frame = FrameResources()
         frame[SCENE], frame[VIEW], frame[TARGET] = r[SCENE], r[VIEW], r.find(TARGET)
-        frame[RADIANCE], frame[COVERAGE] = r[RADIANCE], r[COVERAGE]
+        frame[RADIANCE], frame[COVERAGE], frame[GIVEN_IRRADIANCE] = r[RADIANCE], r[COVERAGE], None
         with self._earths.standing_in(r[SCENE]):
             FrameGraph(self._passes, frame).run(self._context, frame)

@@ -72,7 +72,12 @@ def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: st
         others.submit(lambda: mipmap_chain(ground_slopes(), globe=True)),
         months,
         water,
-        others.submit(air_tables, of_bands, environment.atmosphere_thickness_km * 1e3),
+        others.submit(
+            air_tables,
+            of_bands,
+            environment.atmosphere_thickness_km * 1e3,
+            aerosol_depth=environment.aerosol_optical_depth,
+        ),
     )
     for pool in pools:
         pool.shutdown(wait=False)
@@ -101,7 +106,9 @@ def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> Eart
     dates = season(epoch_utc) if environment.seasons else AUGUST
     many, one = _black(_ODD, 4), _black(_ODD, 1)
     month = _black(_EVEN, bands)
-    air = earth_atmosphere(of_bands, environment.atmosphere_thickness_km * 1e3)
+    air = earth_atmosphere(
+        of_bands, environment.atmosphere_thickness_km * 1e3, environment.aerosol_optical_depth
+    )
     tables = [
         np.zeros((*size, bands), np.float32)
         for size in ((RADII, COSINES), (GROUND_SAMPLES,), (HEIGHTS, SUNS))

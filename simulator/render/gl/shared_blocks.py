@@ -65,7 +65,13 @@ GLOBE = (
     ),  # unit vector of the camera's longitude in the equator's plane; its longitude [rad]
     Field("vec4", "u_air_radius"),  # ground, top, camera [m]; angular radius of the Sun [rad]
     Field("vec4", "u_air_sun"),  # cosine of the Sun's angle from the camera's zenith
-    Field("vec4", "u_air_shape"),  # one over the scale heights of Rayleigh and aerosol [m-1]; asymmetry g
+    # lower edge of the airglow [m]; one over the aerosol's scale height [m-1]; asymmetry g; upper edge
+    Field("vec4", "u_air_shape"),
+    Field("vec4", "u_air_layers", 3),  # of the density: lowest heights [m]
+    Field(
+        "vec4", "u_air_falls", 3
+    ),  # by how much more of its logarithm is lost to a metre from there on [m-1]
+    Field("vec4", "u_airglow"),  # straight up over the Sun's irradiance, per band [sr-1]
     Field("vec4", "u_air_rayleigh"),  # per band, at sea level [m-1]
     Field("vec4", "u_air_mie_scattering"),
     Field("vec4", "u_air_mie_extinction"),

@@ -113,10 +113,17 @@ class FrameAir:
             self._framebuffer.viewport = (c0, first + r0, c1 - c0, r1 - r0)
             self._array.render(vertices=3)
 
+    @property
+    def static_tables(self) -> dict[str, moderngl.Texture]:
+        """The tables that no frame changes, by their samplers."""
+        return {
+            "t_transmittance": self._transmittance,
+            "t_ground": self.ground,
+            "t_multiple": self._multiple,
+        }
+
     def _bind(self, program: Program) -> None:
-        program.bind_textures(
-            t_transmittance=self._transmittance, t_ground=self.ground, t_multiple=self._multiple
-        )
+        program.bind_textures(**self.static_tables)
 
     def release(self) -> None:
         """Free the tables and what fills them."""

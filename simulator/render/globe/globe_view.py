@@ -171,8 +171,12 @@ def _rect(
     return rect if rect.width > 0 and rect.height > 0 else None
 
 
-def globe_values(view: View, earth: GlobeView, air: Atmosphere) -> dict[str, ArrayLike]:
-    """Members of the block ``Earth``."""
+def globe_values(
+    view: View, earth: GlobeView, air: Atmosphere, *, airglow: bool = False
+) -> dict[str, ArrayLike]:
+    """Members of the block ``Globe``."""
+    low_m, high_m = (air.radius_m + height for height in air.airglow_m)
+    glow = air.airglow_w_m2_sr / view.sun_at_globe_w_m2 * float(airglow and high_m <= air.top_m)
     matrix = np.eye(4)
     matrix[:3, :3] = earth.earth_from_camera
     radius = float(np.linalg.norm(earth.camera))
@@ -191,7 +195,10 @@ def globe_values(view: View, earth: GlobeView, air: Atmosphere) -> dict[str, Arr
         "u_globe_meridian": [np.cos(longitude), np.sin(longitude), longitude, 0.0],
         "u_air_radius": [air.radius_m, air.top_m, radius * equator_m, SUN_ANGULAR_RADIUS_RAD],
         "u_air_sun": [mu, 0.0, 0.0, 0.0],
-        "u_air_shape": [1 / air.rayleigh_height_m, 1 / air.mie_height_m, air.mie_g, 0.0],
+        "u_air_shape": [low_m, 1 / air.mie_height_m, air.mie_g, high_m],
+        "u_air_layers": air.layers_m.reshape(3, 4),
+        "u_air_falls": air.falls_m.reshape(3, 4),
+        "u_airglow": vec4_of_bands(glow),
         "u_air_rayleigh": vec4_of_bands(air.rayleigh_m),
         "u_air_mie_scattering": vec4_of_bands(air.mie_scattering_m),
         "u_air_mie_extinction": vec4_of_bands(air.mie_extinction_m),

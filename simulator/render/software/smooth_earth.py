@@ -99,7 +99,7 @@ class CornerAirPass(EarthAirPass):
         corners_do = tiles.all_smooth and r[GLOBE].sky_rows is None
         if not corners_do or (moon is not None and moon.in_front):
             super().run(r)
-        r[CORNER_AIR] = CornerAir.of(tiles, r[EARTH].air(r[SCENE].environment.atmosphere_thickness_km).frame)
+        r[CORNER_AIR] = CornerAir.of(tiles, r[EARTH].air(r[SCENE].environment).frame)
 
 
 class SmoothEarthPass(EarthPass):

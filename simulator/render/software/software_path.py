@@ -126,17 +126,13 @@ class ClearRestPass(Pass):
 def software_passes(device: Device, earths: Earths) -> FramePasses:
     """Return the passes for a driver that draws on the processor's own cores."""
     clear, earth = EarlyClearPass(device.images_for), SmoothEarthPass(device.context)
-    find = (
-        MoonViewPass(device.blocks.moon),
-        GlobeViewPass(device, earths),
-        SortedTilesPass(),
-        CornerAirPass(),
-    )
+    find = (MoonViewPass(device.blocks.moon), SortedTilesPass(), CornerAirPass())
     return FramePasses(
         device,
         earths,
         TileCulling(),
         clear=clear,
+        globe=GlobeViewPass(device, earths),
         views=(*find, ClearRestPass(clear), GlobeAirPass()),
         sky=(
             earth,

@@ -14,7 +14,7 @@ import numpy as np
 from flyaround.simulator.scene.illumination.bands import bands_of
 from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.constants import EARTH_RADIUS_M
-from flyaround.simulator.world.ephemeris.body import BodyAir
+from flyaround.simulator.world.ephemeris.body import MOST_LAYERS, BodyAir
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 SUN_ANGULAR_RADIUS_RAD = 0.004652  # IAU 2015 nominal solar radius at 1 au
 OZONE_HEIGHT_M, OZONE_HALF_WIDTH_M = 25_000.0, 15_000.0  # of a tent-shaped profile
+LAYERS = MOST_LAYERS - 1  # of the density of Rayleigh scatterers
 
 _NO_AIR = BodyAir(rayleigh_m_um4=0.0, rayleigh_height_m=1000.0, thickness_m=5000.0)
 
@@ -35,8 +36,11 @@ class Atmosphere:
     ----------
     rayleigh_m : (n,) scattering at sea level [m-1]. mie_scattering_m, mie_extinction_m : the same, aerosol.
     ozone_m : (n,) absorption at the peak of the layer [m-1].
-    rayleigh_height_m, mie_height_m : scale heights [m].
+    layers_m, falls_m : (LAYERS,) lowest heights [m] of layers of the Rayleigh scatterers, and by how much more of the
+        density's logarithm is lost to a metre from there on [m-1].
+    aerosol_depth : vertical optical depth of the aerosol at 550 nm. mie_height_m : its scale height [m].
     mie_g : asymmetry of the Cornette-Shanks phase function.
+    airglow_w_m2_sr : (n,) radiance of the airglow straight up [W m-2 sr-1]. airglow_m : its lower and upper edge [m].
     thickness_m : height of the top [m].
     """
 
@@ -44,10 +48,14 @@ class Atmosphere:
     mie_scattering_m: FloatArray
     mie_extinction_m: FloatArray
     ozone_m: FloatArray
-    rayleigh_height_m: float = 8000.0
-    mie_height_m: float = 1200.0
-    mie_g: float = 0.76
-    thickness_m: float = 100_000.0
+    layers_m: FloatArray
+    falls_m: FloatArray
+    aerosol_depth: float
+    mie_height_m: float
+    mie_g: float
+    airglow_w_m2_sr: FloatArray
+    airglow_m: tuple[float, float]
+    thickness_m: float
     radius_m: float = field(default=EARTH_RADIUS_M)
 
     @property
@@ -58,8 +66,11 @@ class Atmosphere:
     def density(self, height_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rayleigh, aerosol and ozone density relative to sea level (to the peak, ozone) at a height."""
         h = np.maximum(height_m, 0.0)
+        fall = np.zeros_like(h)
+        for layer, more in zip(self.layers_m, self.falls_m, strict=True):
+            fall += more * np.maximum(h - layer, 0.0)
         ozone = np.clip(1 - np.abs(h - OZONE_HEIGHT_M) / OZONE_HALF_WIDTH_M, 0, None)
-        return np.exp(-h / self.rayleigh_height_m), np.exp(-h / self.mie_height_m), ozone
+        return np.exp(-fall), np.exp(-h / self.mie_height_m), ozone
 
     def extinction_m(self, height_m: FloatArray) -> FloatArray:
         """Extinction (..., n) at a height [m-1]."""
@@ -71,37 +82,60 @@ class Atmosphere:
         )
 
 
-def earth_atmosphere(bands: Bands, thickness_m: float = 100_000.0) -> Atmosphere:
+def earth_atmosphere(
+    bands: Bands, thickness_m: float = 100_000.0, aerosol_depth: float | None = None
+) -> Atmosphere:
     """Return the Earth's air; parameters as of `body_atmosphere`."""
-    return body_atmosphere(EARTH, bands, thickness_m)
+    return body_atmosphere(EARTH, bands, thickness_m, aerosol_depth)
 
 
-def body_atmosphere(body: Body, bands: Bands, thickness_m: float | None = None) -> Atmosphere:
+def body_atmosphere(
+    body: Body, bands: Bands, thickness_m: float | None = None, aerosol_depth: float | None = None
+) -> Atmosphere:
     """Return the air of a body per band of the camera; one that scatters nothing where it has none.
+
+    Depths are means over a band's wavelengths. Weighted by the Sun's energy, the panchromatic Rayleigh depth would be
+    7 % more, by its photons 2 % less.
 
     Parameters
     ----------
     thickness_m : height at which it is cut off, in place of its own; its density up to there is the same.
+    aerosol_depth : vertical optical depth of the aerosol at 550 nm, in place of its own.
     """
     air = body.air or _NO_AIR
-    rayleigh, ozone = [], []
-    for band in bands_of(bands):
-        low, high = band.low_nm * 1e-3, band.high_nm * 1e-3
-        # mean of wavelength^-4 over the band
-        rayleigh.append(air.rayleigh_m_um4 * (low**-3 - high**-3) / (3 * (high - low)))
-        ozone.append(air.ozone_m.get(band.name, 0.0))
-    extinction = np.full(len(rayleigh), air.aerosol_m)
+    a, b = air.rayleigh_dispersion_um
+    aerosol_m = air.aerosol_m if aerosol_depth is None else aerosol_depth / air.aerosol_height_m
+    all_bands = bands_of(bands)
+    wavelengths_um = [1e-3 * (np.arange(band.low_nm, band.high_nm) + 0.5) for band in all_bands]
+    rayleigh = [float(np.mean((1 + a / um**2 + b / um**4) / um**4)) for um in wavelengths_um]
+    aerosol = [float(np.mean((um / 0.55) ** -air.aerosol_exponent)) for um in wavelengths_um]
+    extinction = aerosol_m * np.array(aerosol)
+    layers_m, falls_m = _layers(air)
     return Atmosphere(
-        rayleigh_m=np.array(rayleigh),
+        rayleigh_m=air.rayleigh_m_um4 * np.array(rayleigh),
         mie_scattering_m=air.aerosol_albedo * extinction,
         mie_extinction_m=extinction,
-        ozone_m=np.array(ozone),
-        rayleigh_height_m=air.rayleigh_height_m,
+        ozone_m=np.array([air.ozone_m.get(band.name, 0.0) for band in all_bands]),
+        layers_m=layers_m,
+        falls_m=falls_m,
+        aerosol_depth=round(aerosol_m * air.aerosol_height_m, 9),  # the number that was given
         mie_height_m=air.aerosol_height_m,
         mie_g=air.aerosol_g,
+        airglow_w_m2_sr=np.array([air.airglow_w_m2_sr.get(band.name, 0.0) for band in all_bands]),
+        airglow_m=air.airglow_m,
         thickness_m=air.thickness_m if thickness_m is None else thickness_m,
         radius_m=body.radius_m,
     )
+
+
+def _layers(air: BodyAir) -> tuple[FloatArray, FloatArray]:
+    """(LAYERS,) lowest heights and further falls of a density, as of `Atmosphere`."""
+    profile = air.density or ((0.0, 1.0), (air.rayleigh_height_m, float(np.exp(-1.0))))
+    height, density = np.array(profile).T
+    falls = np.diff(-np.diff(np.log(density)) / np.diff(height), prepend=0.0)
+    layers_m, falls_m = np.zeros(LAYERS), np.zeros(LAYERS)
+    layers_m[: len(falls)], falls_m[: len(falls)] = height[:-1], falls
+    return layers_m, falls_m
 
 
 def rayleigh_phase(cosine: FloatArray) -> FloatArray:
@@ -195,14 +229,20 @@ class MultipleScattering:
 
     def __call__(self, height_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
         """Linear between the table's entries: (..., n)."""
-        rows, columns, _ = self.psi.shape
-        y = np.sqrt(np.clip(height_m / self.thickness_m, 0, 1)) * (rows - 1)
-        x = sun_column(np.asarray(mu_sun, float)) * (columns - 1)
-        i, k = np.minimum(y.astype(int), rows - 2), np.minimum(x.astype(int), columns - 2)
-        fy, fx = (y - i)[..., None], (x - k)[..., None]
-        low = self.psi[i, k] * (1 - fx) + self.psi[i, k + 1] * fx
-        high = self.psi[i + 1, k] * (1 - fx) + self.psi[i + 1, k + 1] * fx
-        return np.asarray(low * (1 - fy) + high * fy)
+        row = np.sqrt(np.clip(height_m / self.thickness_m, 0, 1))
+        return between(self.psi, row, sun_column(np.asarray(mu_sun, float)))
+
+
+def between(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
+    """Entries (..., n) of a table (rows, columns, n) at shares 0..1 of its height and width, linear between."""
+    rows, columns, _ = table.shape
+    y, x = np.broadcast_arrays(row * (rows - 1), column * (columns - 1))
+    i, k = np.minimum(y.astype(int), max(rows - 2, 0)), np.minimum(x.astype(int), columns - 2)
+    below = np.minimum(i + 1, rows - 1)
+    fy, fx = (y - i)[..., None], (x - k)[..., None]
+    low = table[i, k] * (1 - fx) + table[i, k + 1] * fx
+    high = table[below, k] * (1 - fx) + table[below, k + 1] * fx
+    return np.asarray(low * (1 - fy) + high * fy)
 
 
 def sun_column(mu_sun: FloatArray) -> FloatArray:
@@ -240,20 +280,23 @@ def path_light(
         hit_ground, -b - np.sqrt(np.clip(to_ground, 0, None)), -b + np.sqrt(np.clip(to_top, 0, None))
     )
     length = np.where(hit_air, np.maximum(end - start, 0), 0)
+    inside = ~hit_ground & (start == 0)
     depth = np.zeros((len(d), len(air.rayleigh_m)))
     rayleigh, mie, more = (np.zeros((*sun.shape[:-1], *depth.shape)) for _ in range(3))
     for k in range(steps):
-        # ground rays: steps shorten towards the ground, where the aerosol is; others are even, which for the
-        # bell-shaped density about the perigee converges fast
+        # steps shorten towards the ground, where the aerosol is, and from a camera in the air; others are even, which
+        # for the bell-shaped density about the perigee converges fast
         x = (k + 0.5) / steps
-        t = start + length * np.where(hit_ground, 1 - (1 - x) ** 2, x)
-        dt = length / steps * np.where(hit_ground, 2 * (1 - x), 1.0)
+        t = start + length * np.where(hit_ground, 1 - (1 - x) ** 2, np.where(inside, x**2, x))
+        dt = length / steps * np.where(hit_ground, 2 * (1 - x), np.where(inside, 2 * x, 1.0))
         p = camera_m + t[:, None] * d
         r = np.linalg.norm(p, axis=1)
         density_r, density_m, _ = air.density(r - air.radius_m)
         step_depth = air.extinction_m(r - air.radius_m) * dt[:, None]
         mu_sun = sun @ p.T / r
-        arrives = np.exp(-(depth + 0.5 * step_depth)) * dt[:, None]
+        half2 = 0.25 * step_depth**2
+        # the mean over the step, whose light falls off exponentially: series of sinh(x) / x
+        arrives = np.exp(-(depth + 0.5 * step_depth)) * (1 + half2 * (1 / 6 + half2 / 120)) * dt[:, None]
         light = transmittance_to_sun(air, r, mu_sun) * arrives
         rayleigh += density_r[:, None] * light * air.rayleigh_m
         mie += density_m[:, None] * light * air.mie_scattering_m
@@ -262,6 +305,17 @@ def path_light(
             more += scatters * arrives * multiple(r - air.radius_m, mu_sun)
         depth += step_depth
     return PathLight(rayleigh, mie, np.exp(-depth), more)
+
+
+def airglow_path(air: Atmosphere, perigee_m: FloatArray) -> FloatArray:
+    """Path through the airglow over that straight up, of rays from space that miss the ground; by their least radii."""
+    low, high = (air.radius_m + height for height in air.airglow_m)
+    a, b = low**2 - perigee_m**2, high**2 - perigee_m**2
+    # emission (r^2 - low^2) (high^2 - r^2): its integral along the ray, from the perigee to each edge
+    t, u = (np.sqrt(np.maximum(v, 0)) for v in (a, b))
+    near, far = (x * (x * x * ((a + b) / 3 - 0.2 * x * x) - a * b) for x in (t, u))
+    middle, thick = 0.5 * (low + high), high - low
+    return np.asarray(3 * (far - near) / (middle**2 * thick**3))
 
 
 def ground_irradiance(

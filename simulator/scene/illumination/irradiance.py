@@ -92,21 +92,24 @@ def uniform_field(radiance_w_m2_sr: FloatArray) -> IrradianceField:
 def field_of_samples(
     directions: FloatArray,
     radiance: FloatArray,
-    solid_angle_sr: float,
+    solid_angle_sr: float | FloatArray,
     disc_cosine: float,
     axis: FloatArray,
     also_w_m2: FloatArray | None = None,
+    disc: int | None = None,
 ) -> IrradianceField:
-    """The field of a disc, fitted to samples of equal solid angle.
+    """The field of a disc, fitted to samples.
 
     Parameters
     ----------
-    directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1].
+    directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1]. solid_angle_sr : of each, or (K,).
     also_w_m2 : (P, n) irradiance of other light, as `moon_plate_irradiance` gives it.
+    disc : how many of them, the first, are of the disc; of equal solid angle. The others lie around it.
     """
-    falling = np.maximum(_NORMALS @ directions.T, 0) @ radiance * solid_angle_sr
+    falling = np.maximum(_NORMALS @ directions.T, 0) @ (radiance * np.reshape(solid_angle_sr, (-1, 1)))
     if also_w_m2 is not None:
         falling += also_w_m2
+    directions, radiance = directions[:disc], radiance[:disc]
     design = np.ones((len(directions), 4))
     design[:, :3] = directions
     # a little weight on the gradient: a small or evenly lit disc leaves it undetermined

@@ -1,19 +1,24 @@
-"""Light scattered twice or more: the table of Hillaire (2020), in double precision.
+"""Light scattered twice or more, in double precision, as a table of two numbers: height and the Sun's zenith angle.
 
-Every order after the first is taken as even in all directions, so that the orders form a geometric series.
-Hillaire (2020), A scalable and production ready sky and atmosphere rendering technique, Computer Graphics Forum 39(4),
-section 5.5.
+What arrives at a point after the first scattering is scattered on evenly, as in Hillaire (2020), A scalable and
+production ready sky and atmosphere rendering technique, Computer Graphics Forum 39(4), section 5.5; but order by order
+along the rays and with the sky's light on the ground, where he takes the orders as a geometric series at one place.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flyaround.simulator.scene.illumination.atmosphere import (
     MultipleScattering,
+    between,
+    mie_phase,
     optical_depth_to_top,
+    rayleigh_phase,
+    sun_column,
     sun_share,
 )
 from flyaround.simulator.world.bodies.earth import EARTH
@@ -24,6 +29,7 @@ if TYPE_CHECKING:
 
 HEIGHTS, SUNS = 24, 33
 _STEPS = 16
+_ORDERS = 12  # of scattering: blue light over snow has lost all but a thousandth of itself then
 _POLAR, _TURNS = 8, 6
 
 
@@ -37,9 +43,8 @@ def multiple_scattering(air: Atmosphere, ground_albedo: float = EARTH.albedo) ->
     height = np.clip(height, 1.0, air.thickness_m - 1.0)
     rays, weight = _sphere()
     suns = np.stack([np.sqrt(1 - mu_sun**2), np.zeros_like(mu_sun), mu_sun], axis=1)
-    sunlight = _SunTable(air)
-    psi = _second_and_on(air, sunlight, air.radius_m + height, rays, weight, suns, ground_albedo)
-    return MultipleScattering(psi, air.thickness_m)
+    paths = _paths(air, air.radius_m + height, rays, suns)
+    return _second_and_on(paths, rays[:, 2], weight, air.thickness_m, ground_albedo)
 
 
 def _sphere() -> tuple[FloatArray, FloatArray]:
@@ -77,25 +82,40 @@ class _SunTable:
         return np.asarray(np.exp(-depth) * sun_share(r, mu_sun, self._air.radius_m)[..., None])
 
 
-def _second_and_on(
-    air: Atmosphere,
-    sunlight: _SunTable,
-    radius_m: FloatArray,
-    rays: FloatArray,
-    weight: FloatArray,
-    suns: FloatArray,
-    albedo: float,
-) -> FloatArray:
-    """Mean radiance (H, SUNS, n) of all higher orders at some radii (H,), for every height of the Sun."""
+@dataclass(frozen=True, eq=False)
+class _Paths:
+    """Rays from each of H heights in K directions, for S Suns: what reaches their starts.
+
+    Parameters
+    ----------
+    first : (H, K, S, n) radiance of light scattered once. sunlit : (H, K, S, n) that of ground in direct sunlight.
+    scattered : (STEPS, H, K, n) share of the radiance from all around that each step scatters this way.
+    row, column : (STEPS, H, K), (STEPS, H, K, S) places of the steps in the table.
+    foot, foot_column : (H, K, n) radiance of white ground over its irradiance; (H, K, S) place there.
+    """
+
+    first: FloatArray
+    sunlit: FloatArray
+    scattered: FloatArray
+    row: FloatArray
+    column: FloatArray
+    foot: FloatArray
+    foot_column: FloatArray
+
+
+def _paths(air: Atmosphere, radius_m: FloatArray, rays: FloatArray, suns: FloatArray) -> _Paths:
+    sunlight = _SunTable(air)
     mu, at = rays[:, 2], radius_m[:, None]
     to_top = -at * mu + np.sqrt((at * mu) ** 2 + air.top_m**2 - at**2)
     under = (at * mu) ** 2 + air.radius_m**2 - at**2
     grounded = (under > 0) & (mu < 0)
     length = np.where(grounded, -at * mu - np.sqrt(np.clip(under, 0, None)), to_top)
+    angle = rays @ suns.T
+    phases = rayleigh_phase(angle)[..., None], mie_phase(angle, air.mie_g)[..., None]
     depth = np.zeros((*length.shape, len(air.rayleigh_m)))
     first = np.zeros((*length.shape, len(suns), len(air.rayleigh_m)))
-    scattered = np.zeros_like(depth)
     start = np.array([0.0, 0.0, 1.0]) * radius_m[:, None, None]
+    steps = []
     for k in range(_STEPS):
         # dense near the point, where most of the light is
         edge0, edge1 = (k / _STEPS) ** 2, ((k + 1) / _STEPS) ** 2
@@ -103,22 +123,39 @@ def _second_and_on(
         p = start + t[..., None] * rays
         r = np.linalg.norm(p, axis=-1)
         rayleigh, mie, _ = air.density(r - air.radius_m)
-        scatters = rayleigh[..., None] * air.rayleigh_m + mie[..., None] * air.mie_scattering_m
         extinction = air.extinction_m(r - air.radius_m)
         # analytic over the step: exact for even air, however thick
         through = np.exp(-extinction * dt[..., None])
-        arrives = np.exp(-depth) * scatters * (1 - through) / np.maximum(extinction, 1e-30)
+        arrives = np.exp(-depth) * (1 - through) / np.maximum(extinction, 1e-30)
         mu_sun = np.clip(p @ suns.T / r[..., None], -1, 1)
-        first += arrives[..., None, :] * sunlight(np.broadcast_to(r[..., None], mu_sun.shape), mu_sun)
-        scattered += arrives
+        light = sunlight(np.broadcast_to(r[..., None], mu_sun.shape), mu_sun)
+        by_kind = rayleigh[..., None] * air.rayleigh_m, mie[..., None] * air.mie_scattering_m
+        for kind, phase in zip(by_kind, phases, strict=True):
+            first += (arrives * kind)[..., None, :] * light * phase
+        height = np.clip((r - air.radius_m) / air.thickness_m, 0, 1)
+        steps.append((arrives * sum(by_kind), np.sqrt(height), sun_column(mu_sun)))
         depth += extinction * dt[..., None]
-    radiance = first / (4 * np.pi)
     foot = start + length[..., None] * rays
     mu_sun = np.clip(foot @ suns.T / air.radius_m, -1, 1)
-    ground = sunlight(np.full(mu_sun.shape, air.radius_m), mu_sun) * np.clip(mu_sun, 0, None)[..., None]
-    reflected = np.exp(-depth)[..., None, :] * ground * albedo / np.pi
-    radiance += np.where(grounded[..., None, None], reflected, 0.0)
-    second = np.stack([np.einsum("k,ksn->sn", weight, one) for one in radiance])
-    # share of light from all around that is scattered on to here
-    again = np.stack([weight @ one for one in scattered])[:, None]
-    return np.asarray(second / (1 - again))
+    white = np.where(grounded[..., None], np.exp(-depth) / np.pi, 0.0)
+    direct = sunlight(np.full(mu_sun.shape, air.radius_m), mu_sun) * np.clip(mu_sun, 0, None)[..., None]
+    scattered, row, column = (np.stack(part) for part in zip(*steps, strict=True))
+    return _Paths(first, white[..., None, :] * direct, scattered, row, column, white, sun_column(mu_sun))
+
+
+def _second_and_on(
+    paths: _Paths, mu: FloatArray, weight: FloatArray, thickness_m: float, albedo: float
+) -> MultipleScattering:
+    """Mean radiance of all higher orders, order by order; rays have zenith cosines ``mu``."""
+    up = np.clip(mu, 0, None) * weight * 4 * np.pi
+    known = paths.first + albedo * paths.sunlit
+    light = known
+    for _ in range(_ORDERS):
+        psi = np.stack([np.einsum("k,ksn->sn", weight, one) for one in light])
+        falling = np.einsum("k,ksn->sn", up, light[0])[None]  # on the ground
+        more = np.zeros_like(known)
+        for scattered, row, column in zip(paths.scattered, paths.row, paths.column, strict=True):
+            more += scattered[:, :, None] * between(psi, row[..., None], column)
+        ground = between(falling, np.zeros_like(paths.foot_column), paths.foot_column)
+        light = known + more + albedo * paths.foot[:, :, None] * ground
+    return MultipleScattering(psi, thickness_m)

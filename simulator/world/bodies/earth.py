@@ -23,8 +23,31 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.time.instant import Instant
 
-_AEROSOL_M = 4.44e-6
-"""Continental average, optical depth 0.05: Angstrom turbidity 0.0053, exponent 0, as in Bruneton (2017)."""
+_DENSITY_KG_M3 = (
+    (0.0, 1.2250),
+    (5e3, 0.73643),
+    (11e3, 0.36480),
+    (20e3, 0.088910),
+    (32e3, 0.013555),
+    (40e3, 3.9957e-3),
+    (47e3, 1.4275e-3),
+    (53e3, 7.1816e-4),
+    (60e3, 3.0968e-4),
+    (70e3, 8.2829e-5),
+    (80e3, 1.8458e-5),
+    (90e3, 3.416e-6),
+    (100e3, 5.604e-7),
+)
+"""Geometric height [m] and density: U.S. Standard Atmosphere, 1976 (NOAA-S/T 76-1562), table I."""
+_COLUMN_M = 8413.2
+"""Integral of that profile over its density at the ground."""
+_AEROSOL_DEPTH, _AEROSOL_HEIGHT_M = 0.05, 1200.0
+"""Vertical optical depth at 550 nm of clean air far from cities and deserts."""
+_AIRGLOW_W_M2_SR = {"panchromatic": 5.0e-7, "red": 1.29e-7, "green": 1.70e-7, "blue": 1.4e-7}
+"""Of 557.7 nm 250 R, sodium 50 R, a continuum of 0.3 R to an angstrom: Roach & Gordon (1973), The Light of the Night
+Sky, Leinert et al. (1998), Astron. Astrophys. Suppl. 127, sec. 6; OH 230 R in red, 680 R up to 750 nm and Chamberlain's
+bands 80 R: Johnston (1992), Spectroscopic observations of the night airglow from 3000 A to 9200 A, thesis. 1 R is
+1e10 / (4 pi) photons m-2 s-1 sr-1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,15 +85,21 @@ EARTH = Earth(
     reach_m=9.25e8,
     albedo=0.30,  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53
     air=BodyAir(
-        # Penndorf (1957), as in Bruneton & Neyret (2008)
-        rayleigh_m_um4=1.24062e-6,
-        rayleigh_height_m=8000.0,
-        aerosol_m=_AEROSOL_M,
+        # Hansen & Travis (1974), Light scattering in planetary atmospheres, Space Sci. Rev. 16, eq. 2.30
+        rayleigh_m_um4=0.008569 / _COLUMN_M,
+        rayleigh_dispersion_um=(0.0113, 0.00013),
+        rayleigh_height_m=_COLUMN_M,
+        density=tuple((height, rho / _DENSITY_KG_M3[0][1]) for height, rho in _DENSITY_KG_M3),
+        aerosol_m=_AEROSOL_DEPTH / _AEROSOL_HEIGHT_M,
         aerosol_albedo=0.93,
-        aerosol_height_m=1200.0,
+        aerosol_height_m=_AEROSOL_HEIGHT_M,
+        # rural aerosol: Shettle & Fenn (1979), as Bird & Riordan (1986) have it
+        aerosol_exponent=1.14,
+        aerosol_g=0.7,  # mean cosine 0.76: maritime clean, Hess et al. (1998), OPAC, Bull. Am. Meteorol. Soc. 79
         # 300 Dobson units; cross sections averaged over the band: Gorshelev et al. (2014), High spectral resolution
         # ozone absorption cross-sections, AMT 7
         ozone_m={"panchromatic": 1.18e-6, "red": 1.43e-6, "green": 1.75e-6, "blue": 1.67e-7},
+        airglow_w_m2_sr=_AIRGLOW_W_M2_SR,
     ),
     surface="earth",
     layer="earth",

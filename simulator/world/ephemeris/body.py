@@ -27,6 +27,8 @@ BUILT_IN = {
     "moon": ("flyaround.simulator.world.bodies.moon", "MOON"),
 }
 """Module and attribute of the bodies that every scene holds, in the order of `bodies_at`."""
+MOST_LAYERS = 13
+"""Heights of `BodyAir.density`: shaders hold a layer between each two, in three vectors of four."""
 _UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 SLOWEST_TURN_RAD_S = 1e-5
 """Turn below which ground seen from a low orbit moves by less than a hundredth of the orbit's own motion."""
@@ -34,25 +36,35 @@ SLOWEST_TURN_RAD_S = 1e-5
 
 @dataclass(frozen=True, kw_only=True)
 class BodyAir:
-    """Clear air of a body with one aerosol; densities fall off exponentially.
+    """Clear air of a body with one aerosol.
 
     Parameters
     ----------
     rayleigh_m_um4 : Rayleigh scattering at the ground times wavelength^4 [m-1 um^4].
-    aerosol_m, aerosol_albedo : extinction of the aerosol at the ground [m-1] and its single-scattering albedo.
+    rayleigh_dispersion_um : factors of wavelength^-2 [um^2] and wavelength^-4 [um^4] that are added to its 1.
     rayleigh_height_m, aerosol_height_m : scale heights [m].
-    aerosol_g : asymmetry of the aerosol's phase function.
+    density : heights, increasing from 0, and densities there, in place of ``rayleigh_height_m``; exponential between
+        and beyond them. At most `MOST_LAYERS` of them.
+    aerosol_m, aerosol_albedo : extinction of the aerosol at the ground at 550 nm [m-1], its single-scattering albedo.
+    aerosol_exponent : Angstrom's, of its fall with wavelength. aerosol_g : asymmetry of its phase function.
     ozone_m : absorption [m-1] at the peak, 25 km high, of a layer from 10 to 40 km, by the name of the band.
+    airglow_w_m2_sr : radiance of the night's glow straight up [W m-2 sr-1], by the name of the band. airglow_m : height
+        of its lower and upper edge [m].
     thickness_m : height of the top [m].
     """
 
     rayleigh_m_um4: float
     rayleigh_height_m: float
+    rayleigh_dispersion_um: tuple[float, float] = (0.0, 0.0)
+    density: tuple[tuple[float, float], ...] = ()
     aerosol_m: float = 0.0
     aerosol_albedo: float = 1.0
     aerosol_height_m: float = 1000.0
+    aerosol_exponent: float = 0.0
     aerosol_g: float = 0.76
     ozone_m: Mapping[str, float] = field(default_factory=dict, hash=False)
+    airglow_w_m2_sr: Mapping[str, float] = field(default_factory=dict, hash=False)
+    airglow_m: tuple[float, float] = (85_000.0, 100_000.0)
     thickness_m: float = 100_000.0
 
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Protocol
 
+import erfa
 import msgspec
 import numpy as np
 from msgspec import Meta
@@ -258,9 +259,9 @@ def light_pressure(craft: Surface, from_sun_m: FloatArray, seen: float) -> Float
 
 
 def geodetic_altitude_m(r_eci_m: FloatArray, along_pole_m: float) -> float:
-    """Height above the WGS 84 ellipsoid to first order in its flattening (30 m) [m]."""
-    r = float(np.linalg.norm(r_eci_m))
-    return r - EARTH_RADIUS_M * (1 - FLATTENING * (along_pole_m / r) ** 2)
+    """Height above the WGS 84 ellipsoid of a place at ``along_pole_m`` from the equator's plane [m]."""
+    across_m = math.sqrt(max(float(r_eci_m @ r_eci_m) - along_pole_m**2, 0.0))
+    return float(erfa.gc2gde(EARTH_RADIUS_M, FLATTENING, [across_m, 0.0, along_pole_m])[2])
 
 
 def density_kg_m3(altitude_m: float) -> float:

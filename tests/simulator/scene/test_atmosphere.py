@@ -6,12 +6,66 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.scene.illumination.atmosphere import (
+    airglow_path,
     earth_atmosphere,
     ground_irradiance,
+    optical_depth_to_top,
     path_light,
     rayleigh_phase,
 )
 from flyaround.simulator.scene.illumination.multiple_scattering import multiple_scattering
+
+DENSITY_KG_M3 = {
+    0: 1.2250, 2: 1.0066, 4: 0.81935, 6: 0.66011, 8: 0.52579, 10: 0.41351, 12: 0.31194, 15: 0.19476, 25: 0.040084,
+    30: 0.018410, 35: 8.4634e-3, 45: 1.9663e-3, 50: 1.0269e-3, 55: 5.6810e-4, 65: 1.6321e-4, 70: 8.2829e-5,
+    75: 3.9921e-5, 80: 1.8458e-5,
+}  # fmt: skip
+"""By geometric height [km]: U.S. Standard Atmosphere, 1976, table I."""
+
+
+def test_air_is_as_dense_as_the_standard_atmosphere():
+    heights = np.array(list(DENSITY_KG_M3), float)
+    density = earth_atmosphere("mono").density(heights * 1e3)[0] * 1.2250
+    assert density == pytest.approx(list(DENSITY_KG_M3.values()), rel=0.03)
+
+
+def test_rayleigh_depth_of_each_band_is_the_published_one():
+    """Bodhaine et al. (1999), J. Atmos. Oceanic Technol. 16, eq. 30, averaged over the bands' wavelengths."""
+    found = []
+    for bands in ("mono", "rgb"):
+        air = earth_atmosphere(bands)
+        none = np.zeros_like(air.rayleigh_m)
+        air = replace(air, mie_extinction_m=none, ozone_m=none)
+        found += optical_depth_to_top(air, np.array(air.radius_m), np.array(1.0), steps=400).tolist()
+    assert found == pytest.approx([0.0852, 0.0502, 0.0999, 0.2312], rel=0.02)
+
+
+@pytest.mark.parametrize("depth", [0.0, 0.05, 0.3])
+def test_the_aerosol_is_as_deep_as_it_is_asked_to_be(depth):
+    # the green band's middle is 550 nm; over the band the mean is 0.4 % more
+    air = earth_atmosphere("rgb", aerosol_depth=depth)
+    none = np.zeros_like(air.rayleigh_m)
+    air = replace(air, rayleigh_m=none, ozone_m=none)
+    found = optical_depth_to_top(air, np.array(air.radius_m), np.array(1.0), steps=400)
+    assert found[1] == pytest.approx(depth, rel=0.01)
+    # Angstrom's exponent between the middles of blue and red
+    if depth:
+        assert np.log(found[2] / found[0]) / np.log(650 / 450) == pytest.approx(1.14, abs=0.02)
+        assert earth_atmosphere("rgb").mie_extinction_m[1] * 1200 == pytest.approx(0.05, rel=0.01)
+
+
+def test_airglow_at_the_limb_is_the_path_through_its_layer():
+    air = earth_atmosphere("rgb")
+    low, high = (air.radius_m + h for h in air.airglow_m)
+    r = np.linspace(low, high, 2001)
+    straight_up = np.trapezoid((r**2 - low**2) * (high**2 - r**2), r)
+    perigee = air.radius_m + np.array([0.0, 40e3, 84e3, 88e3, 95e3])
+    along = np.linspace(-1.3e6, 1.3e6, 400_001)
+    r2 = perigee[:, None] ** 2 + along**2
+    expected = np.trapezoid(np.maximum((r2 - low**2) * (high**2 - r2), 0), along, axis=1) / straight_up
+    assert airglow_path(air, perigee) == pytest.approx(expected, rel=0.01)
+    # brighter at the limb than straight up by what observers report: forty times and more
+    assert 40 < airglow_path(air, air.radius_m + np.linspace(80e3, 100e3, 41)).max() < 65
 
 
 def test_what_enters_conservative_air_leaves_it_or_reaches_the_ground():
@@ -47,7 +101,7 @@ def test_share_of_the_sky_in_the_light_of_a_clear_day():
     # 400-500 nm: 0.084, 0.133, 0.228.
     air = earth_atmosphere("rgb")
     direct, sky = ground_irradiance(
-        air, np.array([np.cos(np.radians(48.2))]), multiple=multiple_scattering(air)
+        air, np.array([np.cos(np.radians(48.2))]), multiple=multiple_scattering(air, ground_albedo=0.15)
     )
     assert (sky / (direct + sky))[0] == pytest.approx([0.084, 0.133, 0.228], abs=0.035)
 
@@ -156,12 +210,12 @@ def test_higher_orders_brighten_the_blue_most():
     light = path_light(air, np.array([0, 0, air.radius_m + 1.0]), up, sun, multiple=table)
     first = light.rayleigh[0] * rayleigh_phase(np.array(0.5))
     share = light.multiple[0] / first
-    depth = air.rayleigh_m * air.rayleigh_height_m
+    depth = optical_depth_to_top(air, np.array(air.radius_m), np.array(1.0))
     assert share == pytest.approx([higher_orders(tau, 0.5) for tau in depth], abs=0.03)
 
 
 def test_the_table_is_smooth_and_dark_at_night():
     table = multiple_scattering(earth_atmosphere("mono"))
     assert np.all(table.psi >= 0)
-    assert table(np.array([0.0]), np.array([-0.9]))[0, 0] == 0
+    assert table(np.array([0.0]), np.array([-0.9]))[0, 0] < 1e-20
     assert np.all(np.diff(table(np.full(20, 500.0), np.linspace(-0.1, 1, 20))[:, 0]) > 0)

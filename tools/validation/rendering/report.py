@@ -13,6 +13,9 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.files import write_atomic
 from tools.validation.rendering import (
+    air as rendering_air,
+)
+from tools.validation.rendering import (
     craft as rendering_craft,
 )
 from tools.validation.rendering import (
@@ -31,6 +34,7 @@ PAGE = Path("docs/validation/rendering.md")
 Part = tuple[str, "Callable[[Renderer], list[Row]]", str]
 PARTS: tuple[Part, ...] = (
     ("Earth, air, Moon, Sun and stars", rendering_earth.rows, rendering_earth.NOTES),
+    ("Scattering in the air", rendering_air.rows, rendering_air.NOTES),
     ("Limb, star, penumbra, moonlight", rendering_sky.rows, rendering_sky.NOTES),
     ("The spacecraft", rendering_craft.rows, rendering_craft.NOTES),
 )

@@ -55,7 +55,7 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
     )  # the light changes much, and nowhere as the angle from the nadir does
     exact = np.interp(mu, np.linspace(GROUND_MU_MIN, 1, GROUND_SAMPLES), table)
     # the frame's table, even steps of the perigee's depth, was off by up to 8 % here
-    assert np.allclose(seen["air"][..., 2], exact, rtol=1e-3)
+    assert np.allclose(seen["air"][..., 2], exact, rtol=2e-3)
 
 
 def test_cubics_between_every_other_corner_are_nearer_than_a_tile_s_plane(renderer, draw_kit, monkeypatch):

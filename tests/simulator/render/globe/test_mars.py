@@ -169,7 +169,7 @@ def test_thin_air_adds_a_little_light(renderer, plan, mars, bands):
     assert light["full"].sum() == pytest.approx(light["airless"].sum(), rel=0.03)
     # beyond the limb there is nothing but air: at most what its slant optical depth sends from the whole of a pixel
     air = body_atmosphere(mars, bands)
-    depth = air.rayleigh_m[-1] * np.sqrt(2 * np.pi * RADIUS_M * air.rayleigh_height_m)
+    depth = air.rayleigh_m[-1] * np.sqrt(2 * np.pi * RADIUS_M * mars.air.rayleigh_height_m)
     most = sun_irradiance_w_m2(bands, 1.5 * AU_M)[-1] * depth * rayleigh_phase(np.float64(-0.8))
     beyond = light["full"][light["airless"] == 0].max()
     assert 0.1 * most < beyond < 1.1 * most

@@ -15,6 +15,7 @@ from flyaround.simulator.render.view import build_view
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.atmosphere import (
     MultipleScattering,
+    airglow_path,
     earth_atmosphere,
     mie_phase,
     path_light,
@@ -112,6 +113,32 @@ def test_limb_glow_is_the_double_precision_twins(renderer, draw_kit, speck, band
         assert 20 * np.log10(expected.max() / error) > 45
 
 
+@pytest.mark.parametrize("bands", ["mono", "rgb"])
+def test_the_nights_limb_has_the_airglows_line(renderer, draw_kit, speck, bands):
+    """As bright as its path is long: 5.0e-7 W m-2 sr-1 straight up over 450 to 750 nm, 1.7e-7 in green."""
+    glow = msgspec.structs.replace(draw_kit.nothing, earth=True, atmosphere=True, airglow=True)
+    place = {"t_m": FAR, "off_nadir_deg": 70.0, "sun_camera": (0.0, 1.0, 0.2), "bands": bands}
+    scene = draw_kit.scene(speck, **place, environment=glow)
+    image = renderer.render(scene, speck).radiance.astype(float).reshape(240, 320, -1)
+    stretch = np.array([1, 1, EQUATOR_M / POLE_M])
+    d = _rays(scene.camera) @ matrix_from_quat(scene.q_camera_from_eci_wxyz) * stretch
+    d /= np.linalg.norm(d, axis=-1, keepdims=True)
+    perigee = np.linalg.norm(np.cross(stretch * scene.r_camera_eci_m, d), axis=-1)
+    sky = (perigee > EQUATOR_M + 500) & (perigee < EQUATOR_M + 99e3)
+    air = earth_atmosphere(bands)
+    expected = (
+        airglow_path(air, perigee[sky])[:, None] * {"mono": [5.0e-7], "rgb": [1.29e-7, 1.7e-7, 1.4e-7]}[bands]
+    )
+    # linear between the table's rows, 2 km apart there
+    assert np.abs(image[sky] - expected).max() < 0.06 * expected.max()
+    assert image[sky].mean() == pytest.approx(expected.mean(), rel=0.01)
+    # in front of the ground there is one passage of the layer, above it two
+    above = expected[perigee[sky] < EQUATOR_M + 20e3]
+    assert np.all(image[perigee < EQUATOR_M - 5e3].max(axis=0) < 0.6 * above.min(axis=0))
+    dark = replace(scene, environment=msgspec.structs.replace(glow, airglow=False))
+    assert renderer.render(dark, speck).radiance.max() < 1e-12
+
+
 def test_target_hides_the_earth(renderer, draw_kit, speck):
     environment = msgspec.structs.replace(draw_kit.nothing, earth=True, atmosphere=True)
     scene = draw_kit.scene(speck, sun_camera=(0.3, 0.2, -1), environment=environment)
@@ -129,7 +156,7 @@ def test_target_hides_the_earth(renderer, draw_kit, speck):
 
 
 def test_night_is_dark_but_for_cities(renderer, draw_kit, speck):
-    lights = Environment(stars=False, sun=False)
+    lights = Environment(stars=False, sun=False, airglow=False)
     # above northern Italy, the Sun behind the Earth
     place = {"latitude_deg": 45.3, "longitude_deg": 9.5, "t_m": FAR, "sun_camera": (0.0, 0.0, 1.0)}
     night = renderer.render(draw_kit.scene(speck, **place, environment=lights), speck).radiance

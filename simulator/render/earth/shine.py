@@ -1,0 +1,118 @@
+"""Light of the drawn Earth on the target: its own shaders, at a few hundred directions around the nadir."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.simulator.geometry.directions import orthonormal_basis, spherical_fibonacci
+from flyaround.simulator.render.earth.earth_pass import ice_day, season_of
+from flyaround.simulator.render.earth.screen_tiles import TileKind
+from flyaround.simulator.scene.illumination.irradiance import field_of_samples
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from flyaround.simulator.render.device import Device
+    from flyaround.simulator.render.earth.earth_pass import Earth
+    from flyaround.simulator.render.gl.programs import Program
+    from flyaround.simulator.render.globe.globe_view import GlobeView
+    from flyaround.simulator.render.view import View
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.irradiance import IrradianceField
+    from flyaround.simulator.scene.state import SceneState
+
+GROUND_RAYS, LIMB_RAYS = 768, 48
+LIMB_KM = 60.0  # height up to which the air's light matters to a craft
+STEPS = 12  # along a ray through the air
+FOOTPRINT = 0.2  # of a sample over its share of the disc: clouds averaged over more reflect otherwise
+_KIND = TileKind(
+    air=False, fine=False, smooth=False, covered=False, night=True, icy=True, bright_water=False, level=0.0
+)
+"""Whatever ground there may be; shallow and turbid water is too little to light a craft."""
+
+
+class ShineSampler:
+    """Samples the drawn Earth from the camera's place, on the calling thread: what is being drawn delays nothing."""
+
+    def __init__(self, device: Device) -> None:
+        self._context, self._programs = device.context, device.programs
+        context = device.context
+        self._in = context.buffer(reserve=(GROUND_RAYS + LIMB_RAYS) * 16, dynamic=True)
+        self._out = context.buffer(reserve=(GROUND_RAYS + LIMB_RAYS) * 12, dynamic=True)
+        self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
+
+    def field(
+        self, scene: SceneState, view: View, globe: GlobeView, earth: Earth, also_w_m2: FloatArray
+    ) -> IrradianceField:
+        """Return the field of the Earth's light, and of other light as `field_of_samples` takes it."""
+        rays, share_sr, rim = _rays(globe, view.globe.radius_m)
+        program = self._program(scene, earth)
+        array = self._arrays.get(program.gl)
+        if array is None:
+            array = self._arrays[program.gl] = self._context.vertex_array(
+                program.gl, [(self._in, "4f", "in_ray")], mode=self._context.POINTS
+            )
+        self._in.write(rays.astype(np.float32).tobytes())
+        array.transform(self._out, vertices=len(rays))
+        light = np.frombuffer(self._out.read(len(rays) * earth.bands * 4), np.float32)
+        # out of the stretched space, whose angles are others
+        stretch = np.array([1.0, 1.0, view.globe.polar_radius_m / view.globe.radius_m])
+        directions = rays[:, :3] * stretch
+        length = np.sqrt(np.einsum("kc,kc->k", directions, directions))
+        directions /= length[:, None]
+        zenith = view.r_camera_globe_m / np.linalg.norm(view.r_camera_globe_m)
+        return field_of_samples(
+            directions @ view.R_camera_from_globe.T,
+            light.reshape(len(rays), -1).astype(float),
+            share_sr * stretch[2] / length**3,
+            rim,
+            -view.R_camera_from_globe @ zenith,
+            also_w_m2,
+            disc=GROUND_RAYS,
+        )
+
+    def _program(self, scene: SceneState, earth: Earth) -> Program:
+        """Return the program for a scene, its textures bound."""
+        context, month = self._context, season_of(scene)
+        textures = earth.ground_textures(month) | earth.air(scene.environment).frame.static_tables
+        textures["t_ice"] = earth.ice_texture(ice_day(scene))
+        textures["t_detail"] = earth.mipmapped_detail(context.LINEAR_MIPMAP_NEAREST)
+        for name in ("t_map", "t_colour"):
+            if name in textures:
+                textures[name].filter = context.LINEAR_MIPMAP_LINEAR, context.LINEAR
+        defines = earth.defines(scene.environment, _KIND, behind=False, high=False, quads=False, dark=True)
+        program = self._programs.get(
+            "earth/shine.vert", None, defines | {"STEPS": STEPS}, tuple(textures), varyings=("v_light",)
+        )
+        program.bind_textures(**textures)
+        program.set("u_season", month.share)
+        return program
+
+    def release(self) -> None:
+        """Free the buffers."""
+        for array in self._arrays.values():
+            array.release()
+        self._in.release()
+        self._out.release()
+
+
+def _rays(globe: GlobeView, radius_m: float) -> tuple[FloatArray, FloatArray, float]:
+    """Rays (K, 4) as the shader takes them, the solid angle (K,) of each in its space, cosine of the ground's rim."""
+    above = float(np.linalg.norm(globe.camera))
+    rim = float(np.sqrt(1 - 1 / above**2))
+    top = float(np.sqrt(max(1 - ((1 + LIMB_KM * 1e3 / radius_m) / above) ** 2, 0.0)))
+    ground, limb = spherical_fibonacci(GROUND_RAYS, rim), spherical_fibonacci(LIMB_RAYS)
+    cosine = top + (rim - top) * (0.5 + 0.5 * limb[:, 2])
+    limb[:, :2] *= np.sqrt((1 - cosine**2) / (1 - limb[:, 2] ** 2))[:, None]
+    limb[:, 2] = cosine
+    share = (
+        2 * np.pi * np.repeat([(1 - rim) / GROUND_RAYS, (rim - top) / LIMB_RAYS], [GROUND_RAYS, LIMB_RAYS])
+    )
+    axes = orthonormal_basis(globe.camera / above)
+    axes[2] *= -1
+    rays = np.empty((GROUND_RAYS + LIMB_RAYS, 4))
+    rays[:, :3] = np.concatenate([ground, limb]) @ axes
+    rays[:, 3] = FOOTPRINT * float(share[0]) ** 0.5
+    return rays, share, rim
