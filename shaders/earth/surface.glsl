@@ -45,7 +45,6 @@ const float FLOE = 0.62;      // reflectance of snow on ice, between winter's an
 const float WARP_KM = 9.0;   // HIGH: twice the largest displacement of the land's map
 const float SHARPEN = 0.75;   // HIGH: unsharp mask of the land's map
 const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as rough as can be
-const float CALM_MEAN = 0.659; // HIGH: logarithm of the mean of exp(-calm), negated, for even histograms
 const float GRAVEL = 0.55;    // HIGH: what valleys' floors reflect more than the rock beside
 const float RELIEF_KM = 0.35; // height of a deck's puffs of full contrast; of puffs that stand apart up to four times as much
 
@@ -162,9 +161,16 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
 
 // Reflectance of cloud over that of endless cloud; over: from its edge, 0, to the middle of the thickest, 1. Two-stream: for
 // thick cloud this is the asymptotic theory of King (1987).
-float cloud_reflectance(float over, Surface s, GroundPoint g) {
-    float depth = s.thick * over * over + s.veil;
-    return depth / (depth + g.thin * (1.15 - over));
+float cloud_reflectance(float over, float thick, float veil, float thin) {
+    float depth = thick * over * over + veil;
+    return depth / (depth + thin * (1.15 - over));
+}
+
+// Logarithm of how much less the slopes of the sea vary: wind in gusts and streaks, swell, slicks along the lines of
+// currents. The mean of the variance is kept. All from 0 to 1, of even histograms.
+float sea_calm(float gusts, float streaks, float swell, float current) {
+    float slick = 1.0 - min(14.0 * abs(current - 0.5), 1.0);
+    return 0.7 * gusts + 0.35 * streaks + 0.25 * swell + 0.5 * slick - 0.653;
 }
 
 // Radiance that a ground point sends to the camera [W m-2 sr-1].
@@ -191,12 +197,10 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
     color sea = s.sea + s.waves * under.x;
 #if GLINT && HIGH
-    // wind in streaks and gusts, slicks along the currents' lines, swell: the logarithm of the slopes' variance, its mean kept
     float streaks = textureLod(t_detail, mat2(2.2, 1.6, -0.30, 0.41) * g.plane, DETAIL_LEVEL + 0.6).x;
     float gusts = textureLod(t_detail, mat2(0.62, 0.35, -0.22, 0.39) * g.plane, DETAIL_LEVEL - 1.0).x;
     float swell = textureLod(t_detail, mat2(5.1, -3.3, 16.5, 25.5) * g.plane, DETAIL_LEVEL + 4.0).x;
-    float slick = 1.0 - min(14.0 * abs(under.x - 0.5), 1.0);
-    float calm = 0.7 * gusts + 0.35 * streaks + 0.25 * swell + 0.5 * slick - CALM_MEAN;
+    float calm = sea_calm(gusts, streaks, swell, under.x);
     sea += color(g.glint * exp(calm + (g.ripple + 1.0) * (1.0 - exp(calm))));
 #endif
 #if ICE
@@ -217,7 +221,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     s.veil *= 3.0 * fibre * fibre; // a mean of one for an even histogram
 #endif
     float over = (puff - 1.0 + s.share) * s.scale; // 0 at the cloud's edge, 1 at most
-    float cloud = cloud_reflectance(max(over, 0.0), s, g);
+    float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
 #if FAR
     // from far away the puffs are averaged before they are cut: their mean then is that of a cover
     cloud = mix(cloud, s.mean / (s.mean + g.thin), clamp(0.2 * KM_LEVEL - 0.2, 0.0, 1.0));
@@ -232,7 +236,8 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #if ONE_OPTICS
     ground = mix(ground, color(1.0), min(s.share, 1.0));
 #else
-    ground -= ground * (0.8 * cloud_reflectance(clamp(over + shading * s.scale, 0.0, 1.0), s, g));
+    float before = clamp(over + shading * s.scale, 0.0, 1.0);
+    ground -= ground * (0.8 * cloud_reflectance(before, s.thick, s.veil, g.thin));
     float relief = clamp(1.0 - RELIEF_KM * min(s.scale, 4.0) * rise, 0.5, 1.35);
     ground = mix(ground, color(g.white * relief), cloud);
 #endif
